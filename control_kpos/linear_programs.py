@@ -1,0 +1,249 @@
+"""Linear programs in floating point: fast, convenient and untrusted.
+
+    minimise c'x   subject to   A_ub x <= b_ub,   A_eq x = b_eq,   lower <= x <= upper
+
+solved by HiGHS.  Rows and columns are scaled by powers of two first, because HiGHS drops matrix
+entries below 1e-9 and takes 1e20 for infinity.  Whatever a solver answers is a proposal: the theorem
+modules prove it or throw it away, and "infeasible" is turned into a proof, or not, by
+`control_kpos.rational_programs`.
+"""
+
+from __future__ import annotations
+
+import threading
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias, TypeVar
+
+import highspy
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from .errors import ShapeError, SolverError
+
+T = TypeVar("T")
+Outcome: TypeAlias = Literal["optimal", "infeasible", "unbounded", "failed"]
+
+_OUTCOMES: dict[Any, Outcome] = {
+    highspy.HighsModelStatus.kOptimal: "optimal",
+    highspy.HighsModelStatus.kInfeasible: "infeasible",
+    highspy.HighsModelStatus.kUnbounded: "unbounded",
+    highspy.HighsModelStatus.kUnboundedOrInfeasible: "infeasible",
+}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a solver answered; a claim, not a fact.
+
+    Attributes
+    ----------
+    outcome : {"optimal", "infeasible", "unbounded", "failed"}
+        "failed" covers errors, time limits and answers that are not finite numbers.
+    x : ndarray, shape (n,)
+        The point found; empty unless the outcome is "optimal".
+    value : float
+        c'x; NaN unless the outcome is "optimal".
+    basic : ndarray of int
+        Basic variables, x first and the rows after them; empty where the method has no basis.
+    message : str
+        Why it failed.
+    """
+
+    outcome: Outcome
+    x: NDArray[np.float64]
+    value: float = np.nan
+    basic: NDArray[np.intp] | None = None
+    message: str = ""
+
+    def __bool__(self) -> bool:
+        return self.outcome == "optimal"
+
+
+def failure(message: str) -> Solution:
+    """A `Solution` without a point."""
+    return Solution("failed", np.empty(0), message=message)
+
+
+def solve(
+    c: ArrayLike,
+    A_ub: Any = None,
+    b_ub: ArrayLike | None = None,
+    A_eq: Any = None,
+    b_eq: ArrayLike | None = None,
+    bounds: tuple[ArrayLike, ArrayLike] = (0.0, np.inf),
+    *,
+    method: Literal["simplex", "ipm"] = "simplex",
+    time_limit: float = np.inf,
+) -> Solution:
+    """Solve a linear program with HiGHS after scaling it by powers of two.
+
+    Parameters
+    ----------
+    c : array_like, shape (n,)
+        Cost.
+    A_ub, A_eq : array_like or sparse, shape (k, n), optional
+        Rows of A_ub x <= b_ub and of A_eq x = b_eq.
+    b_ub, b_eq : array_like, shape (k,), optional
+        Right-hand sides.
+    bounds : pair of array_like, shape (n,) or scalars
+        Lower and upper bounds; infinities mean none.  The default is x >= 0.
+    method : {"simplex", "ipm"}
+        "ipm" is the interior point method without crossover: for large sparse problems whose
+        solution need not be a vertex.
+    time_limit : float
+        Seconds after which the outcome is "failed".  Kept also if the solver does not keep it.
+
+    Returns
+    -------
+    Solution
+        Never raises for a solver's sake.
+
+    Raises
+    ------
+    ShapeError
+        If the sizes do not fit.
+
+    Notes
+    -----
+    About a millisecond for a few dozen rows; linear in the number of nonzeros up to the solver's work.
+
+    Examples
+    --------
+    >>> solution = solve([1, 1], A_ub=[[-1, -2]], b_ub=[-2])
+    >>> solution.outcome, solution.value
+    ('optimal', 1.0)
+    """
+    cost = np.asarray(c, dtype=float)
+    n = cost.size
+    parts = [(A_ub, b_ub, -np.inf), (A_eq, b_eq, None)]
+    given = [(_rows(A, n), np.atleast_1d(np.asarray(b, dtype=float)), low) for A, b, low in parts if A is not None]
+    for A, b, _ in given:
+        if A.shape[0] != b.size or A.shape[1] != n:
+            raise ShapeError(f"a constraint matrix is {A.shape[0]} x {A.shape[1]}, but there are {n} variables and {b.size} bounds.")
+    matrix = sp.csr_array(sp.vstack([A for A, _, _ in given], format="csr")) if given else sp.csr_array((0, n))
+    upper = np.concatenate([b for _, b, _ in given]) if given else np.empty(0)
+    lower = np.concatenate([b if low is None else np.full(b.size, low) for _, b, low in given]) if given else np.empty(0)
+    box = [np.broadcast_to(np.asarray(side, dtype=float), n) for side in bounds]
+    if not all(np.isfinite(data).all() for data in (cost, matrix.data)) or np.isnan(upper).any():
+        return failure("the program has entries that are not finite")
+    answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, time_limit), time_limit)
+    return answer if isinstance(answer, Solution) else failure(answer)
+
+
+def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
+    """The result of `call`, or a sentence if it raised or did not return in time.
+
+    With a finite limit the call runs in a thread of its own, which is left behind when the limit
+    passes: solvers do not keep their own limits reliably.
+    """
+    outcome: list[T | str] = []
+
+    def run() -> None:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                outcome.append(call())
+        except (KeyboardInterrupt, SolverError):
+            raise
+        except BaseException as error:  # a solver may raise anything, MemoryError and SystemExit included
+            outcome.append(f"the solver raised {type(error).__name__}: {error}")
+
+    if not np.isfinite(time_limit):
+        run()
+        return outcome[0]
+    worker = threading.Thread(target=run, daemon=True)
+    worker.start()
+    worker.join(max(time_limit, 0.0) + 0.5)
+    return outcome[0] if outcome else f"the solver did not answer within {time_limit:g} s"
+
+
+def _rows(A: Any, n: int) -> sp.csr_array:
+    if sp.issparse(A):
+        return sp.csr_array(A, dtype=float)
+    return sp.csr_array(np.asarray(A, dtype=float).reshape(-1, n)) if np.ndim(A) < 2 else sp.csr_array(np.asarray(A, dtype=float))
+
+
+def _run_highs(
+    cost: NDArray[np.float64],
+    matrix: sp.csr_array,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    box: list[NDArray[np.float64]],
+    method: str,
+    time_limit: float,
+) -> Solution:
+    rows, columns = balance(matrix)
+    right = np.concatenate([np.ldexp(upper, rows), *(np.ldexp(side, -columns) for side in box)])
+    size = -_exponent(right[np.isfinite(right)])
+    objective = np.ldexp(cost, columns)
+    price = -_exponent(objective)
+    scaled = np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices])
+
+    program = highspy.HighsLp()
+    program.num_col_, program.num_row_ = cost.size, lower.size
+    program.col_cost_ = np.ldexp(objective, price)
+    program.col_lower_, program.col_upper_ = (np.ldexp(side, size - columns) for side in box)
+    program.row_lower_, program.row_upper_ = np.ldexp(lower, rows + size), np.ldexp(upper, rows + size)
+    program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
+    program.a_matrix_.start_, program.a_matrix_.index_ = matrix.indptr, matrix.indices
+    program.a_matrix_.value_ = scaled
+
+    solver = highspy.Highs()
+    solver.setOptionValue("output_flag", False)
+    solver.setOptionValue("threads", 1)
+    if method == "ipm":
+        solver.setOptionValue("solver", "ipm")
+        solver.setOptionValue("run_crossover", "off")
+    if np.isfinite(time_limit):
+        solver.setOptionValue("time_limit", float(max(time_limit, 1e-3)))
+    if solver.passModel(program) == highspy.HighsStatus.kError:
+        return failure("HiGHS refused the program")
+    solver.run()
+    outcome = _OUTCOMES.get(solver.getModelStatus(), "failed")
+    if outcome == "infeasible" and not lower.size:
+        outcome = "unbounded"
+    if outcome != "optimal":
+        return Solution(outcome, np.empty(0), message=f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
+    x = np.ldexp(np.asarray(solver.getSolution().col_value, dtype=float), columns - size)
+    if not np.isfinite(x).all():
+        return failure("HiGHS returned numbers that are not finite")
+    basic = None
+    if method == "simplex":
+        _, index = solver.getBasicVariables()
+        index = np.asarray(index, dtype=np.intp)
+        basic = np.where(index >= 0, index, cost.size - 1 - index)
+    return Solution("optimal", x, float(cost @ x), basic)
+
+
+def _exponent(values: NDArray[np.float64]) -> int:
+    """e with 2**e about the largest magnitude; 0 for zeros."""
+    return int(np.frexp(np.abs(values).max(initial=0.0))[1])
+
+
+def balance(matrix: sp.csr_array, sweeps: int = 4) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Exponents r, c that bring 2**r_i |a_ij| 2**c_j close to 1: geometric means in turns.
+
+    Parameters
+    ----------
+    matrix : csr_array, shape (m, n)
+    sweeps : int
+        Passes over rows and columns.
+
+    Returns
+    -------
+    rows, columns : ndarray of int32, shapes (m,), (n,)
+    """
+    m, n = matrix.shape
+    held = matrix.data != 0
+    row = np.repeat(np.arange(m), np.diff(matrix.indptr))[held]
+    column = matrix.indices[held]
+    size = np.frexp(matrix.data[held])[1].astype(float)
+    r, c = np.zeros(m), np.zeros(n)
+    per_row, per_column = np.maximum(np.bincount(row, minlength=m), 1), np.maximum(np.bincount(column, minlength=n), 1)
+    for _ in range(sweeps):
+        r = -np.bincount(row, size + c[column], minlength=m) / per_row
+        c = -np.bincount(column, size + r[row], minlength=n) / per_column
+    return np.rint(r).astype(np.int32), np.rint(c).astype(np.int32)
