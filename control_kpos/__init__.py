@@ -1,0 +1,1 @@
+"""Analysis and design of cone-invariant (K-positive) linear systems on top of python-control."""

@@ -1,0 +1,1 @@
+"""What a verdict is: proven signs, certificates, and their files."""

@@ -1,0 +1,251 @@
+"""Verdicts: conditions that are recomputed from data, never remembered.
+
+A certificate holds data (matrices, cones, vectors).  Its status follows from conditions, sets of
+inequalities whose signs the kernel in `exact` proves.  PROVED: every condition of the claim holds.
+REFUTED: a witness is present and every condition on the witness holds.  UNDECIDED: neither.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from enum import Enum
+from functools import cached_property
+from os import PathLike
+from typing import Any, ClassVar, Literal, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .exact import UNKNOWN, BilinearForms
+from .files import register_claim, save_certificate
+
+Relation = Literal[">", ">=", "<", "<=", "=="]
+_ALLOWED: dict[str, tuple[int, ...]] = {">": (1,), ">=": (0, 1), "<": (-1,), "<=": (-1, 0), "==": (0,)}
+# Stored and recomputed residuals may differ by the rounding of another machine's matrix product.
+_SAME_RESIDUAL = 1e-11
+
+
+class Status(Enum):
+    """Outcome of a question: what is claimed, and whether it has been proven."""
+
+    PROVED = "proved: the inequalities hold for the exact data"
+    REFUTED = "refuted: the witness shows that the claim is false"
+    UNDECIDED = "undecided: neither a proof nor a counterexample was found"
+
+    def __bool__(self) -> bool:
+        return self is Status.PROVED
+
+
+@dataclass(frozen=True, eq=False)
+class Condition:
+    """The requirement z_ki (relation) 0 for bilinear forms z_ki = l_k' M r_i.
+
+    Attributes
+    ----------
+    name : str
+        The inequality in words, such as "h'A x >= 0".
+    forms : BilinearForms
+    relation : {">", ">=", "<", "<=", "=="}
+    where : ndarray of bool, or None
+        Entries required, shaped like `forms.values` (like its `data` if sparse); None: all.
+    """
+
+    name: str
+    forms: BilinearForms
+    relation: Relation
+    where: NDArray[np.bool_] | None = None
+
+    @cached_property
+    def _signs(self) -> NDArray[np.int8]:
+        signs = self.forms.signs(self.where)
+        return signs.data if self.forms.is_sparse else signs
+
+    @cached_property
+    def _failing(self) -> NDArray[np.bool_]:
+        bad = ~np.isin(self._signs, _ALLOWED[self.relation])
+        return bad if self.where is None else bad & self.where
+
+    def verdict(self) -> bool | None:
+        """True if proven everywhere, False if proven to fail somewhere, None if unknown."""
+        outside = self.forms.is_sparse and self.relation in "<>" and self.forms.pattern.nnz < np.prod(self.forms.pattern.shape)
+        if outside or (self._failing & (self._signs != UNKNOWN)).any():
+            return False
+        return None if self._failing.any() else True
+
+    def worst_violation(self) -> tuple[int, ...] | None:
+        """Index of the proven violation of largest relative size, or None."""
+        bad = self._failing & (self._signs != UNKNOWN)
+        if not bad.any():
+            return None
+        size = np.where(bad, self._oriented(), np.inf)
+        flat = int(np.argmin(size))
+        if self.forms.is_sparse:
+            row = int(np.searchsorted(self.forms.pattern.indptr, flat, side="right")) - 1
+            return row, int(self.forms.pattern.indices[flat])
+        return tuple(int(i) for i in np.unravel_index(flat, size.shape))
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """The forms in floating point, 0 where nothing is required."""
+        z = self.forms.values.data if self.forms.is_sparse else self.forms.values
+        return z if self.where is None else np.where(self.where, z, 0.0)
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Sizes against which the residuals are to be judged."""
+        m = self.forms.magnitudes
+        return m.data if self.forms.is_sparse else m
+
+    def _oriented(self) -> NDArray[np.float64]:
+        relative = self.forms.relative()
+        relative = relative.data if self.forms.is_sparse else relative
+        if self.relation == "==":
+            return -np.abs(relative)
+        return relative if self.relation[0] == ">" else -relative
+
+    @property
+    def margin(self) -> float:
+        """Smallest relative distance to violation, in [-1, 1]; negative if violated."""
+        relative = self._oriented()
+        if self.where is not None:
+            relative = relative[self.where]
+        return float(relative.min(initial=1.0))
+
+
+def all_hold(conditions: Sequence[Condition]) -> bool:
+    """True if every condition is proven."""
+    return all(condition.verdict() is True for condition in conditions)
+
+
+C = TypeVar("C", bound="Certificate")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Certificate(ABC):
+    """A verdict with the data that prove it.
+
+    `bool(certificate)` is True only for PROVED.
+
+    Attributes
+    ----------
+    status : Status
+        PROVED, REFUTED or UNDECIDED, about the exact value of the data.
+    witness : object or None
+        For REFUTED: what breaks the claim; itself checkable.
+    residuals : mapping of str to ndarray
+        The numbers whose signs matter, in floating point, by the name of their condition.
+    """
+
+    status: Status = Status.UNDECIDED
+    witness: Any = None
+    residuals: Mapping[str, NDArray[np.float64]] | None = None
+
+    claim: ClassVar[str]
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "claim" in cls.__dict__:
+            register_claim(cls.claim, lambda data: cls.settle(**data))
+
+    @classmethod
+    def settle(cls: type[C], **data: Any) -> C:
+        """The certificate for these data, with the status that follows from them."""
+        draft = cls(**data)
+        status, conditions = draft._evaluate()
+        residuals = {condition.name: condition.residual for condition in conditions}
+        settled = cls(**data, status=status, residuals=residuals)
+        settled.__dict__["_own_conditions"] = conditions  # spares a second evaluation
+        return settled
+
+    @abstractmethod
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+
+    @abstractmethod
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the witness, or None if the witness is not valid."""
+
+    @abstractmethod
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+
+    def parts(self) -> Sequence[Certificate]:
+        """Certificates that this one rests on."""
+        return ()
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is not None:
+            conditions = self.refutation()
+            refuted = conditions is not None and all_hold(conditions)
+            return (Status.REFUTED if refuted else Status.UNDECIDED), conditions or ()
+        if not all(part.status is Status.PROVED for part in self.parts()):
+            return Status.UNDECIDED, ()
+        conditions = self.conditions()
+        return (Status.PROVED if all_hold(conditions) else Status.UNDECIDED), conditions
+
+    @cached_property
+    def _own_conditions(self) -> Sequence[Condition]:
+        return self._evaluate()[1]
+
+    @cached_property
+    def margin(self) -> float:
+        """Scale-free distance to the boundary, at most 1; 0 on it, negative beyond it.
+
+        The smallest |z| / (|l|'|M||r|) of the inequalities of the claim, or of the witness with a
+        minus sign.
+        """
+        smallest = min((condition.margin for condition in self._own_conditions), default=0.0)
+        return -abs(smallest) if self.witness is not None else smallest
+
+    def check(self) -> bool:
+        """Recompute the verdict from the data, without any solver.
+
+        Returns
+        -------
+        bool
+            True if the stated status, witness and residuals are those of the data.
+        """
+        try:
+            if not all(part.check() for part in self.parts()):
+                return False
+            status, conditions = self._evaluate()
+            return status is self.status and _agree(conditions, self.residuals)
+        except (ValueError, TypeError, IndexError, AttributeError, ArithmeticError):
+            return False  # data that do not even fit together prove nothing
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the certificate as JSON (format ``kpos-certificate/1``); see `load_certificate`.
+
+        Parameters
+        ----------
+        path : path-like
+            Written whole or not at all.
+        """
+        save_certificate(self.claim, self.status.name, self.data(), path)
+
+    def __bool__(self) -> bool:
+        return self.status is Status.PROVED
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.status.name}, margin {self.margin:.3g}>"
+
+    def data(self) -> dict[str, Any]:
+        """The fields that determine the verdict, by name."""
+        derived = ("status", "residuals")
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in derived}
+
+
+def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.float64]] | None) -> bool:
+    if residuals is None or set(residuals) != {condition.name for condition in conditions}:
+        return False
+    for condition in conditions:
+        stored, fresh = np.asarray(residuals[condition.name]), condition.residual
+        if stored.shape != fresh.shape:
+            return False
+        with np.errstate(invalid="ignore", over="ignore"):
+            apart = np.abs(stored - fresh) > _SAME_RESIDUAL * condition.scale
+        if (apart & (stored != fresh)).any():
+            return False
+    return True

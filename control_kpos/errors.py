@@ -1,0 +1,45 @@
+"""Errors that say which argument is wrong, what was found, and what to do.
+
+All of them are `ValueError` subclasses: python-control's `feedback` swallows `TypeError` and
+`AttributeError`, and a refused cone must never turn into a silently different result.
+"""
+
+
+class KposError(ValueError):
+    """Base class of the errors raised by control_kpos."""
+
+
+class DataError(KposError):
+    """An argument holds something that is not a finite real number."""
+
+
+class ShapeError(KposError):
+    """An argument has the wrong shape, or is empty."""
+
+
+class NotProperConeError(KposError):
+    """A cone that must be proper contains a line (not pointed) or has no interior (not solid)."""
+
+
+class ConeMismatchError(KposError):
+    """The sizes of cones, matrices or coupling do not fit together."""
+
+
+class TimebaseError(KposError):
+    """Systems with different sampling times were combined."""
+
+
+class UndecidedError(KposError):
+    """A question with a yes/no answer could not be settled by proof."""
+
+
+class TooLargeError(KposError):
+    """A dense array was asked for where only sparse data are affordable."""
+
+
+class CertificateFileError(KposError):
+    """A certificate file is damaged, hostile, or of an unknown version."""
+
+
+class SolverError(KposError):
+    """No usable solver, or one that is not installed."""

@@ -1,0 +1,108 @@
+"""The trusted kernel against rational arithmetic."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from control_kpos.arrays import ExactMatrix, concatenate, exact_matrix, integers_of_doubles
+from control_kpos.certificates.exact import UNKNOWN, BilinearForms
+
+doubles = st.one_of(
+    st.integers(-3, 3).map(float),
+    st.floats(-1e3, 1e3, allow_nan=False),
+    st.floats(allow_nan=False, allow_infinity=False),
+    st.sampled_from([0.1, -0.1, 0.3, 1e-320, -1e-320, 1e150, -1e150, 1e-150, 2.0**-1074]),
+)
+
+
+def matrices(rows, columns):
+    return st.lists(
+        st.lists(doubles, min_size=columns, max_size=columns), min_size=rows, max_size=rows
+    ).map(lambda m: np.array(m, dtype=float).reshape(rows, columns))
+
+
+def truth(L, M, R):
+    L, M, R = ([[Fraction(x) for x in row] for row in np.atleast_2d(m).tolist()] for m in (L, M, R))
+    sign = lambda z: (z > 0) - (z < 0)  # noqa: E731
+    return np.array(
+        [[sign(sum(a * M[i][j] * b for i, a in enumerate(l) for j, b in enumerate(r))) for r in R] for l in L]
+    )
+
+
+@st.composite
+def problems(draw):
+    k, a, b, p = (draw(st.integers(1, 4)) for _ in range(4))
+    return draw(matrices(k, a)), draw(matrices(a, b)), draw(matrices(p, b))
+
+
+@given(problems())
+@settings(max_examples=400)
+def test_signs_are_those_of_the_exact_numbers(problem):
+    L, M, R = problem
+    expected = truth(L, M, R)
+    forms = BilinearForms(*map(ExactMatrix, (L, M, R)))
+    np.testing.assert_array_equal(forms.signs(), expected)
+
+    thin = BilinearForms(*(ExactMatrix(sp.csr_array(m)) for m in (L, M, R)))
+    np.testing.assert_array_equal(thin.signs().toarray(), expected)
+
+    row = BilinearForms(ExactMatrix(L[:1]), ExactMatrix(sp.csr_array(M)), ExactMatrix(sp.csr_array(R)))
+    np.testing.assert_array_equal(row.signs(), expected[:1])
+
+
+@given(st.lists(problems(), min_size=1, max_size=1), st.integers(1, 3), st.randoms())
+def test_stacks_agree_with_single_problems(problem, size, random):
+    L, M, R = problem[0]
+    scale = np.array([random.choice([1.0, -3.0, 0.1, 2.0**-70]) for _ in range(size)])
+    with np.errstate(over="ignore"):
+        stack = scale[:, None, None] * M
+    if not np.isfinite(stack).all():
+        return
+    expected = np.array([truth(L, m, R) for m in stack])
+    np.testing.assert_array_equal(BilinearForms(ExactMatrix(L), ExactMatrix(stack), ExactMatrix(R)).signs(), expected)
+    lefts = np.broadcast_to(L, (size, *L.shape)).copy()
+    np.testing.assert_array_equal(BilinearForms(ExactMatrix(lefts), ExactMatrix(stack), ExactMatrix(R)).signs(), expected)
+
+
+def test_cancellation_below_rounding_is_seen():
+    # 0.1 + 0.2 - 0.3 is not zero for the doubles, and is zero for the decimals
+    row, ones = [["0.1", "0.2", "-0.3"]], [[1, 1, 1]]
+    decimals = BilinearForms(exact_matrix(row, "row"), None, exact_matrix(ones, "ones"))
+    assert decimals.signs().tolist() == [[0]]
+    assert BilinearForms(exact_matrix([[0.1, 0.2, -0.3]], "row"), None, exact_matrix(ones, "ones")).signs() == [[1]]
+
+
+def test_sums_of_forms_through_stacked_matrices():
+    # v'A x + v'x / 3 for v = (3, 1), A = diag(-1, -1), x = (1, 1): -4 + 4/3 < 0; with rate 1 it vanishes
+    v, A = exact_matrix([[3, 1]], "v"), exact_matrix([[-1, 0], [0, -1]], "A")
+    x = exact_matrix([[1, 1]], "x")
+    for rate, sign in (("1/3", -1), ("1", 0), ("4/3", 1)):
+        shift = exact_matrix([[rate, 0], [0, rate]], "shift")
+        forms = BilinearForms(concatenate([v, v], -1), concatenate([A, shift], -2), x)
+        assert forms.signs().tolist() == [[sign]]
+
+
+def test_radius_of_inexact_rows_is_respected():
+    # the doubles say +1e-17, the radius says the true value may be negative, the integers say zero
+    class Zero:
+        def __call__(self, index):
+            return np.zeros((len(index), 2), dtype=object)
+
+    left = ExactMatrix(np.array([[1e-17, 0.0]]), np.array([[1e-16, 0.0]]), integer_rows=Zero())
+    assert BilinearForms(left, None, ExactMatrix(np.eye(2)[:1])).signs().tolist() == [[0]]
+
+
+def test_entries_that_do_not_matter_are_not_computed_exactly():
+    forms = BilinearForms(ExactMatrix(np.array([[0.1, -0.1]])), None, ExactMatrix(np.array([[0.3, 0.3]])))
+    assert forms.signs(where=np.array([[False]])).tolist() == [[UNKNOWN]]
+    assert forms.signs().tolist() == [[0]]
+
+
+@pytest.mark.parametrize("value", [0.1, -1e-310, 1e300, 0.0, -7.0])
+def test_integers_of_doubles_are_exact(value):
+    ints, exponent = integers_of_doubles(np.array([value, 0.75]))
+    assert [Fraction(int(i)) * Fraction(2) ** int(exponent.item()) for i in ints] == [Fraction(value), Fraction(3, 4)]
