@@ -1,0 +1,195 @@
+"""Command line: the mass-spring examples of the paper, and `check` for saved certificates.
+
+The demo follows Kawano and Forni, section II (no feedback on the orthant), V.A (one node) and V.B
+(a ring of nodes).
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from .certificates.files import load_certificate
+from .certificates.result import Status
+from .cones import orthant, product
+from .errors import CertificateFileError
+from .examples import mass_spring, mass_spring_node, paper_cone, paper_gain, ring
+from .plotting import phase_portrait
+from .positivity import state_positivity
+from .stability import LyapunovCertificate, linear_lyapunov
+
+# All eigenvalues of a larger dense matrix would take minutes.
+MOST_DENSE_NODES = 1500
+PROVED, REFUTED, UNREADABLE = 0, 1, 2
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit status.
+
+    Parameters
+    ----------
+    arguments : sequence of str, optional
+        Default: those of the process.
+
+    Returns
+    -------
+    int
+        Of the demo 0 if every verdict is as expected; of `check` 0 for PROVED, 1 for REFUTED,
+        UNDECIDED or wrong, 2 for a file that cannot be read.
+    """
+    parser = argparse.ArgumentParser(
+        prog="python -m control_kpos",
+        description="Mass-spring systems that keep a cone invariant: one node, a ring of nodes, and a phase portrait.",
+    )
+    parser.add_argument(
+        "--output",
+        type=Path,
+        default=Path("kpos-demo"),
+        metavar="DIR",
+        help="folder for the figure and the certificates (default: kpos-demo)",
+    )
+    parser.add_argument(
+        "--nodes", type=_positive_integer, default=1000, metavar="N", help="nodes of the ring (default: 1000)"
+    )
+    commands = parser.add_subparsers(title="other commands", dest="command", metavar="")
+    check = commands.add_parser(
+        "check",
+        help="check a saved certificate again",
+        description="Check a saved certificate again, from its data and without any solver. "
+        "Exit status: 0 proved, 1 refuted or wrong, 2 unreadable.",
+    )
+    check.add_argument("file", type=Path, metavar="FILE", help="a file written by certificate.save(FILE)")
+    options = parser.parse_args(arguments)
+    return check_file(options.file) if options.command == "check" else demo(options.output, options.nodes)
+
+
+def check_file(path: Path) -> int:
+    """Check a saved certificate, say what it shows, and return the exit status."""
+    try:
+        certificate = load_certificate(path)
+    except (CertificateFileError, OSError) as error:
+        print(f"UNREADABLE {error}")
+        return UNREADABLE
+    print(f"{certificate.status.name:10s} {certificate.explain()}")
+    return PROVED if certificate.status is Status.PROVED and certificate.check() else REFUTED
+
+
+def demo(output: Path, n_nodes: int) -> int:
+    """Run the examples of the paper, print an account, and return the exit status."""
+    output.mkdir(parents=True, exist_ok=True)
+    as_expected = all([orthant_is_too_small(), one_node(output), ring_of_nodes(output, n_nodes)])
+    print(f"\nCertificates and figure are in {output}/; check one again with")
+    print(f"  python -m control_kpos check {output / 'ring.json'}")
+    return PROVED if as_expected else REFUTED
+
+
+def orthant_is_too_small() -> bool:
+    """Section II: on the orthant, no feedback makes the mass-spring system positive and stable."""
+    A, B, _, _ = mass_spring()
+    _heading("1. On the orthant no feedback makes a mass on a spring positive and stable")
+    print("Plant x1' = x2, x2' = -(k/m) x1 + u with k = m = 1, feedback u = F1 x1 + F2 x2.")
+    # The argument for every F at once: the first entries of A e1 and of B are zero.
+    argument_holds = A[0, 0] == 0 and B[0, 0] == 0 and B[1, 0] == 1
+    print(f"For every F the state e1 = (1, 0) moves along (A + B F) e1 = ({A[0, 0]:g}, F1 - {-A[1, 0]:g}).")
+    print(f"  positive requires F1 - {-A[1, 0]:g} >= 0, else the trajectory from e1 leaves the orthant;")
+    print(f"  stable   requires F1 - {-A[1, 0]:g} <  0, else (A + B F) e1 lies in the orthant and e1 cannot decay.")
+    print("Both together are impossible. For instance")
+    refuted = []
+    for F in ([2.0, -13.0], [1.0, -13.0], [-21.0, -13.0]):
+        certificate = linear_lyapunov(A + B @ [F], orthant(2))
+        refuted.append(certificate.status is Status.REFUTED)
+        what = "not positive" if not certificate.positivity else "positive, not stable"
+        print(f"  F = [{F[0]:g}, {F[1]:g}]: {what}; {certificate.witness}")
+    return bool(argument_holds and all(refuted))
+
+
+def one_node(output: Path) -> bool:
+    """Section V.A: on a wider cone, F = [-21, -13] does."""
+    _heading("2. On the cone generated by (0, 1) and (1, -2), F = [-21, -13] does")
+    node = mass_spring_node(name="mass on a spring, u = [-21, -13] x")
+    positive, stable = node.cone_positivity(), node.linear_lyapunov(rate="max")
+    print(f"Theorem 1: {positive.explain()}")
+    A, B, _, _ = mass_spring()
+    for change in (-1e-10, 1e-10):
+        verdict = state_positivity(A + B @ (paper_gain() + [0, change]), paper_cone())
+        print(f"  F2 = -13 {'-+'[change > 0]} 1e-10: {verdict.status.name}")
+    print(f"Theorem 2: {stable.explain()}")
+    print(f"  v = ({_numbers(_scaled(stable))}), decay rate {stable.decay_rate:.10g}")
+    print(f"  poles {_numbers(np.sort(node.poles().real))}")
+    paper_v = np.array([5.09, 0.836])
+    values, slopes = paper_cone().rays @ paper_v, paper_cone().rays @ node.A.T @ paper_v
+    print("  The paper's v = (5.09, 0.836) is one too: on the generators")
+    print(f"  v'x = {_numbers(values)} and v'Ax = {_numbers(slopes)}.")
+    print(f"Theorem 3: from force to position the induced gain is {node.gain('L1'):.6g} = 1/22.")
+    cplt = phase_portrait(node, pointdata=[-1, 2, -5, 5], title="Closed loop, F = [-21, -13], in its cone")
+    cplt.figure.savefig(output / "phase_portrait.png", dpi=150)
+    print(f"Phase portrait: {output / 'phase_portrait.png'}")
+    positive.save(output / "positive.json")
+    stable.save(output / "stable.json")
+    return bool(positive and stable and positive.check() and stable.check())
+
+
+def ring_of_nodes(output: Path, n_nodes: int) -> bool:
+    """Section V.B: the same gain stabilises a ring of any size."""
+    _heading(f"3. A ring of {n_nodes} such nodes, u_j = F x_j + y_(j+1)")
+    A, B, C, _ = mass_spring()
+    A_ring = sp.csr_array(sp.kron(sp.eye_array(n_nodes), A + B @ paper_gain()) + sp.kron(ring(n_nodes), B @ C))
+    with _progress(f"Proving the {2 * n_nodes} states positive and stable"):
+        stable = linear_lyapunov(A_ring, product([paper_cone()] * n_nodes), rate="max")
+    print(f"Theorem 2: {stable.explain()}")
+    with _progress("Checking the certificate again"):
+        checked = stable.check()
+    stable.save(output / "ring.json")
+    exact = (-13 + np.sqrt(85)) / 2
+    if n_nodes <= MOST_DENSE_NODES:
+        with _progress(f"Computing all {2 * n_nodes} eigenvalues"):
+            rightmost = np.linalg.eigvals(A_ring.toarray()).real.max()
+        print(f"Largest real part of the eigenvalues, computed: {rightmost:.6f}")
+    print("  For every N it is that of lambda^2 + 13 lambda + 22 - omega = 0 at omega = 1,")
+    print(f"  (-13 + sqrt(85))/2 = {exact:.6f}.")
+    print("  The paper prints -1.48 for N = 1000; that is wrong (F = [-17, -13] would give -1.475).")
+    return bool(stable and checked and abs(stable.decay_rate + exact) < 1e-6)
+
+
+# -- printing
+
+
+def _heading(text: str) -> None:
+    print(f"\n{text}\n{'-' * len(text)}")
+
+
+def _numbers(values: np.ndarray) -> str:
+    return ", ".join(f"{value:.6g}" for value in values)
+
+
+def _scaled(certificate: LyapunovCertificate) -> np.ndarray:
+    """The Lyapunov vector with its largest entry 1; its length has no meaning."""
+    return certificate.v / np.abs(certificate.v).max()
+
+
+@contextmanager
+def _progress(what: str) -> Iterator[None]:
+    """Say what is being done, and then how long it took."""
+    print(f"{what} ...", end="", file=sys.stderr, flush=True)
+    start = time.perf_counter()
+    try:
+        yield
+    finally:
+        print(f" {time.perf_counter() - start:.1f} s", file=sys.stderr, flush=True)
+
+
+def _positive_integer(text: str) -> int:
+    if not text.isdigit() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive whole number")
+    return int(text)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
