@@ -1,0 +1,9 @@
+"""Polyhedral cones: geometry that knows no system."""
+
+from .base import Cone
+from .lorentz import lorentz
+from .orthant import Orthant, orthant
+from .polyhedral import PolyhedralCone
+from .product import ProductCone, product
+
+__all__ = ["Cone", "Orthant", "PolyhedralCone", "ProductCone", "lorentz", "orthant", "product"]

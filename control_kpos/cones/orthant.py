@@ -1,0 +1,128 @@
+"""The nonnegative orthant, which holds its dimension only."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix
+from ..errors import DataError, ShapeError, UndecidedError
+from .base import Cone
+
+
+class Orthant(Cone):
+    """The nonnegative orthant {x in R^n : x_i >= 0}; its own dual.
+
+    Parameters
+    ----------
+    n : int
+        Dimension, at least 1.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> X = kp.orthant(3)
+    >>> X.n_facets, X.dual == X, X.contains([1, 0, 2])
+    (3, True, True)
+    """
+
+    def __init__(self, n: int) -> None:
+        if isinstance(n, bool) or not isinstance(n, (int, np.integer)):
+            raise DataError(f"n is {n!r}; the dimension of an orthant must be an integer.")
+        if n < 1:
+            raise ShapeError(f"n is {n}; the dimension of an orthant must be at least 1.")
+        self._n = int(n)
+
+    @property
+    def dim(self) -> int:
+        return self._n
+
+    @cached_property
+    def exact_rays(self) -> ExactMatrix:
+        n = self._n
+        return ExactMatrix(sp.csr_array((np.ones(n), np.arange(n), np.arange(n + 1)), shape=(n, n)))
+
+    @property
+    def exact_facets(self) -> ExactMatrix:
+        return self.exact_rays
+
+    @property
+    def dual(self) -> Orthant:
+        return self
+
+    @property
+    def is_pointed(self) -> bool:
+        return True
+
+    @property
+    def is_solid(self) -> bool:
+        return True
+
+    @property
+    def n_rays(self) -> int:
+        return self._n
+
+    @property
+    def n_facets(self) -> int:
+        return self._n
+
+    @property
+    def incidence(self) -> NDArray[np.bool_]:
+        self._refuse_large((self._n, self._n), "incidence")
+        return ~np.eye(self._n, dtype=bool)
+
+    @property
+    def interior_point(self) -> NDArray[np.float64]:
+        return np.ones(self._n)
+
+    def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
+        if points.is_sparse:
+            return super()._contains_rows(points, strict)
+        x = np.asarray(points.values if points.numerators is None else points.numerators)
+        if points.integer_rows is not None:
+            open_ = (
+                ~(np.abs(x) > points.radius).all(axis=1) if points.radius is not None else np.zeros(len(x), dtype=bool)
+            )
+            out = (x > 0).all(axis=1) if strict else (x >= 0).all(axis=1)
+            if open_.any():
+                exact = points.integer_rows(np.flatnonzero(open_))
+                out[open_] = ((exact > 0) if strict else (exact >= 0)).all(axis=1)
+            return out
+        return (x > 0).all(axis=1).astype(bool) if strict else (x >= 0).all(axis=1).astype(bool)
+
+    def __neg__(self) -> Cone:
+        return Cone._product([Cone._from_rays(ExactMatrix(np.array([[-1.0]])))] * self._n)
+
+    def _describe_line(self) -> str:
+        raise UndecidedError("an orthant contains no line.")
+
+    def _describe_hyperplane(self) -> str:
+        raise UndecidedError("an orthant lies in no hyperplane.")
+
+    def __repr__(self) -> str:
+        return f"orthant({self._n})"
+
+
+def orthant(n: int) -> Orthant:
+    """The nonnegative orthant in R^n, which holds n only, whatever the size.
+
+    Parameters
+    ----------
+    n : int
+        Dimension, at least 1.
+
+    Returns
+    -------
+    Orthant
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> kp.orthant(2).rays
+    array([[1., 0.],
+           [0., 1.]])
+    """
+    return Orthant(n)

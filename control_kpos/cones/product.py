@@ -1,0 +1,271 @@
+"""Products of cones, kept as factors and counts."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix, Integers
+from ..errors import DataError, ShapeError
+from .base import Cone
+from .orthant import Orthant
+from .rows import dense_rows
+
+
+class ProductCone(Cone):
+    """The product X_1 x X_2 x ... of cones, in the order of the factors; made by `product`.
+
+    Attributes
+    ----------
+    factors : tuple of Cone
+        Factors in order, equal neighbours named once.  None of them is a product.
+    counts : tuple of int
+        How many times each factor stands in a row.
+
+    Notes
+    -----
+    Rays and facets are block diagonal.  Nothing is enumerated before it is asked for, and then in sparse
+    form (`exact_rays`, `exact_facets`); the dense `rays`, `facets`, `incidence` are refused for large
+    products.
+    """
+
+    def __init__(self, factors: Sequence[Cone], counts: Sequence[int]) -> None:
+        self.factors = tuple(factors)
+        self.counts = tuple(int(c) for c in counts)
+
+    @cached_property
+    def dim(self) -> int:
+        return self._total(lambda X: X.dim)
+
+    @cached_property
+    def n_rays(self) -> int:
+        return self._total(lambda X: X.n_rays)
+
+    @cached_property
+    def n_facets(self) -> int:
+        return self._total(lambda X: X.n_facets)
+
+    def _total(self, size: Callable[[Cone], int]) -> int:
+        return sum(c * size(X) for X, c in zip(self.factors, self.counts, strict=True))
+
+    @cached_property
+    def _kinds(self) -> tuple[list[Cone], list[NDArray[np.intp]], NDArray[np.intp]]:
+        """Different factors, the numbers of the blocks that are copies of each, and the factor of each block."""
+        number: dict[int, int] = {}
+        kinds: list[Cone] = []
+        run = np.empty(len(self.factors), dtype=np.intp)
+        for k, X in enumerate(self.factors):
+            key = -X.dim if isinstance(X, Orthant) else id(X)
+            if key not in number:
+                number[key] = len(kinds)
+                kinds.append(X)
+            run[k] = number[key]
+        kind = np.repeat(run, self.counts)
+        order = np.argsort(kind, kind="stable")
+        blocks = np.split(order, np.cumsum(np.bincount(kind, minlength=len(kinds)))[:-1])
+        return kinds, blocks, kind
+
+    def _starts(self, size: Callable[[Cone], int]) -> NDArray[np.intp]:
+        """First row (or coordinate) of each block."""
+        kinds, _, kind = self._kinds
+        sizes = np.array([size(X) for X in kinds], dtype=np.intp)[kind]
+        return np.cumsum(sizes) - sizes
+
+    @cached_property
+    def _coordinates(self) -> NDArray[np.intp]:
+        return self._starts(lambda X: X.dim)
+
+    @cached_property
+    def exact_rays(self) -> ExactMatrix:
+        return self._block_diagonal(lambda X: X.exact_rays)
+
+    @cached_property
+    def exact_facets(self) -> ExactMatrix:
+        return self._block_diagonal(lambda X: X.exact_facets)
+
+    def _block_diagonal(self, part: Callable[[Cone], ExactMatrix]) -> ExactMatrix:
+        kinds, blocks, _ = self._kinds
+        row_starts = self._starts(lambda X: part(X).shape[0])
+        rows, columns, values, radii = [], [], [], []
+        for X, block in zip(kinds, blocks, strict=True):
+            exact = part(X)
+            pattern = sp.coo_array(abs(exact.values) + (0 if exact.radius is None else exact.radius))
+            i, j = pattern.coords
+            value = np.asarray(sp.csr_array(exact.values)[i, j]).ravel() if len(i) else np.zeros(0)
+            radius = np.zeros(len(i)) if exact.radius is None else np.asarray(sp.csr_array(exact.radius)[i, j]).ravel()
+            rows.append((row_starts[block][:, None] + i).ravel())
+            columns.append((self._coordinates[block][:, None] + j).ravel())
+            values.append(np.tile(value, len(block)))
+            radii.append(np.tile(radius, len(block)))
+        shape = (self._total(lambda X: part(X).shape[0]), self.dim)
+        at = np.concatenate(rows), np.concatenate(columns)
+        matrix = sp.csr_array((np.concatenate(values), at), shape=shape)
+        if all(part(X).is_double for X in kinds):
+            return ExactMatrix(matrix)
+        radius = sp.csr_array((np.concatenate(radii), at), shape=shape)
+        exact_parts = [dense_rows(part(X)) for X in kinds]
+        return ExactMatrix(
+            matrix,
+            radius,
+            integer_rows=_BlockRows(exact_parts, self._kinds[2], row_starts, self._coordinates, self.dim),
+        )
+
+    @property
+    def incidence(self) -> NDArray[np.bool_]:
+        self._refuse_large((self.n_facets, self.n_rays), "incidence")
+        out = np.ones((self.n_facets, self.n_rays), dtype=bool)
+        facet, ray = self._starts(lambda X: X.n_facets), self._starts(lambda X: X.n_rays)
+        kinds, blocks, _ = self._kinds
+        for X, block in zip(kinds, blocks, strict=True):
+            rows = facet[block][:, None] + np.arange(X.n_facets)
+            columns = ray[block][:, None] + np.arange(X.n_rays)
+            out[rows[:, :, None], columns[:, None, :]] = X.incidence
+        return out
+
+    @cached_property
+    def dual(self) -> Cone:
+        duals = {id(X): X.dual for X in self.factors}
+        out = ProductCone([duals[id(X)] for X in self.factors], self.counts)
+        out.__dict__["dual"] = self
+        return out
+
+    @cached_property
+    def is_pointed(self) -> bool:
+        return all(X.is_pointed for X in self._kinds[0])
+
+    @cached_property
+    def is_solid(self) -> bool:
+        return all(X.is_solid for X in self._kinds[0])
+
+    @cached_property
+    def interior_point(self) -> NDArray[np.float64]:
+        out = np.empty(self.dim)
+        kinds, blocks, _ = self._kinds
+        for X, block in zip(kinds, blocks, strict=True):
+            out[self._coordinates[block][:, None] + np.arange(X.dim)] = X.interior_point
+        out.flags.writeable = False
+        return out
+
+    def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
+        if points.is_sparse or points.integer_rows is not None:
+            return super()._contains_rows(points, strict)
+        values = np.asarray(points.values)
+        out = np.ones(len(values), dtype=bool)
+        kinds, blocks, _ = self._kinds
+        for X, block in zip(kinds, blocks, strict=True):
+            at = self._coordinates[block][:, None] + np.arange(X.dim)
+            parts = [
+                None if m is None else np.asarray(m)[:, at].reshape(-1, X.dim)
+                for m in (values, points.radius, points.numerators)
+            ]
+            inside = X._contains_rows(ExactMatrix(parts[0], parts[1], parts[2], points.denominator), strict)
+            out &= inside.reshape(len(values), len(block)).all(axis=1)
+        return out
+
+    def __neg__(self) -> Cone:
+        negative = {id(X): -X for X in self._kinds[0]}
+        return product([negative[id(X)] for X, c in zip(self.factors, self.counts, strict=True) for _ in range(c)])
+
+    def _first_block(self, wanted: Callable[[Cone], bool]) -> tuple[int, Cone]:
+        k = next(k for k, X in enumerate(self.factors) if wanted(X))
+        return sum(self.counts[:k]), self.factors[k]
+
+    def _describe_line(self) -> str:
+        number, X = self._first_block(lambda X: not X.is_pointed)
+        return f"in factor {number} of the product, {X._describe_line()}"
+
+    def _describe_hyperplane(self) -> str:
+        number, X = self._first_block(lambda X: not X.is_solid)
+        return f"in factor {number} of the product, {X._describe_hyperplane()}"
+
+    def __repr__(self) -> str:
+        runs = [
+            f"{X!r}" if c == 1 else f"{X!r} ({c} times)" for X, c in zip(self.factors[:3], self.counts[:3], strict=True)
+        ]
+        more = f", and {len(self.factors) - 3} more" if len(self.factors) > 3 else ""
+        return f"<ProductCone in R^{self.dim}: {', '.join(runs)}{more}>"
+
+
+@dataclass(frozen=True, eq=False)
+class _BlockRows:
+    """Exact rows of a block diagonal matrix."""
+
+    parts: Sequence[ExactMatrix]
+    kind: NDArray[np.intp]
+    row_starts: NDArray[np.intp]
+    coordinates: NDArray[np.intp]
+    dim: int
+
+    def __call__(self, index: NDArray[np.intp]) -> Integers:
+        block = np.searchsorted(self.row_starts, index, side="right") - 1
+        out = np.zeros((len(index), self.dim), dtype=object)
+        for k in np.unique(self.kind[block]):
+            at = np.flatnonzero(self.kind[block] == k)
+            rows = self.parts[k].rows_as_integers(index[at] - self.row_starts[block[at]])
+            out[at[:, None], self.coordinates[block[at]][:, None] + np.arange(rows.shape[1])] = rows
+        return out
+
+
+def product(factors: Iterable[Cone]) -> Cone:
+    """The product X_1 x X_2 x ... in R^(n_1 + n_2 + ...), with its block structure kept.
+
+    Parameters
+    ----------
+    factors : iterable of Cone
+        At least one.  Products among them are taken apart, neighbouring orthants merge.  Factors that
+        are one and the same object are stored once: `product([X] * 1000000)` takes a moment.
+
+    Returns
+    -------
+    Cone
+        A `ProductCone`; an `Orthant` for a product of orthants; the factor itself if there is only one.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> X = kp.PolyhedralCone([[0, 1], [1, -2]])
+    >>> P = kp.product([X] * 1000 + [kp.orthant(2)])
+    >>> P.dim, P.n_rays, P.counts
+    (2002, 2002, (1000, 1))
+    """
+    runs: list[tuple[Cone, int]] = []
+    position = 0
+    for _, group in groupby(factors, key=id):
+        same = list(group)
+        X: Any = same[0]
+        if not isinstance(X, Cone):
+            raise DataError(f"factor {position} is of type {type(X).__name__}; give cones.")
+        position += len(same)
+        parts = list(zip(X.factors, X.counts, strict=True)) if isinstance(X, ProductCone) else [(X, 1)]
+        if len(parts) == 1:
+            _append(runs, parts[0][0], parts[0][1] * len(same))
+        else:
+            for _ in same:
+                for factor, count in parts:
+                    _append(runs, factor, count)
+    if not runs:
+        raise ShapeError("the list of factors is empty; give at least one cone.")
+    if len(runs) == 1 and runs[0][1] == 1:
+        return runs[0][0]
+    return ProductCone([X for X, _ in runs], [c for _, c in runs])
+
+
+def _append(runs: list[tuple[Cone, int]], X: Cone, count: int) -> None:
+    """Add copies of a factor; orthants merge, equal neighbours are counted."""
+    if isinstance(X, Orthant):
+        X, count = Orthant(X.dim * count), 1
+        if runs and isinstance(runs[-1][0], Orthant):
+            X = Orthant(runs.pop()[0].dim + X.dim)
+    elif runs and runs[-1][0] is X:
+        count += runs.pop()[1]
+    runs.append((X, count))
+
+
+Cone._product = staticmethod(product)
