@@ -1,0 +1,266 @@
+"""Operations on systems with cones: python-control's, and cones for the result where they follow.
+
+Every method calls the one it overrides, so that values, names, state order and refusals are
+python-control's own.  If the result is a plain StateSpace, `connections` says whether it has cones.
+"""
+
+from __future__ import annotations
+
+import numbers
+from abc import abstractmethod
+from collections.abc import Callable
+from typing import Any
+
+import control as ct
+import numpy as np
+from control import StateSpace
+from numpy.typing import ArrayLike
+
+from . import connections
+from .arrays import ExactMatrix, exact_matrix, identity, require_shape
+from .connections import Model
+from .errors import DataError, KposError, TimebaseError
+
+# Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
+_POSITIVE_HOLDS = ("zoh", "foh", "impulse")
+
+
+class ConeOperations(StateSpace):
+    """What a StateSpace with cones does differently: results keep cones where positivity is kept."""
+
+    @abstractmethod
+    def _model(self, tracked: bool) -> Model:
+        """The cones, and exact matrices if they are to be tracked."""
+
+    @abstractmethod
+    def _exact(self) -> dict[str, ExactMatrix]:
+        """Matrices that doubles cannot hold."""
+
+    @abstractmethod
+    def _with_cones(self, result: StateSpace, model: Model | None) -> StateSpace:
+        """The result as a system with cones; as it is if there are none."""
+
+    def _adopt(self, result: Any, rule: Callable[..., Model | None], *others: ConeOperations, gain: ExactMatrix | None = None) -> Any:
+        """The result with the cones that `rule` finds from the operands, if they follow."""
+        if type(result) is not StateSpace:
+            return result  # NotImplemented, or an interconnection with a nonlinear system
+        operands = (self, *others)
+        if any(s.nstates and bool(s.dt) != bool(result.dt) for s in operands):
+            return result  # a system without timebase was positive as a continuous one
+        if not all(np.isfinite(m).all() for m in (result.A, result.B, result.C, result.D)):
+            return result  # overflow
+        tracked = any(s._exact() for s in operands) or not (gain is None or gain.is_double)
+        return self._with_cones(result, rule(*(s._model(tracked) for s in operands)))
+
+    def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, ExactMatrix], Model | None]) -> Any:
+        """Cones of s * factor or factor * s for a number or an array."""
+        if isinstance(factor, numbers.Real):
+            return self._adopt(result, lambda s: connections.scale(s, float(factor)))
+        gain = _gain(factor)
+        return result if gain is None else self._adopt(result, lambda s: rule(s, gain), gain=gain)
+
+    def _require_timebase(self, other: Any) -> None:
+        if isinstance(other, (StateSpace, ct.TransferFunction)):
+            try:
+                ct.common_timebase(self.dt, other.dt)
+            except ValueError:
+                raise TimebaseError(
+                    f"incompatible timebases: {self.name} has dt = {self.dt}, {other.name} has dt = {other.dt}; "
+                    "sample one of them, or build both with the same dt."
+                ) from None
+
+    # -- arithmetic
+
+    def __neg__(self) -> StateSpace:
+        return self._adopt(super().__neg__(), connections.negate)
+
+    def __add__(self, other: Any) -> Any:
+        self._require_timebase(other)
+        result = super().__add__(other)
+        if isinstance(other, ConeOperations):
+            return self._adopt(result, connections.parallel, other)
+        if isinstance(other, numbers.Real):
+            other = np.full((self.noutputs, self.ninputs), float(other))
+        gain = _gain(other)
+        return result if gain is None else self._adopt(result, lambda s: connections.add_gain(s, gain), gain=gain)
+
+    def __radd__(self, other: Any) -> Any:
+        if isinstance(other, StateSpace):
+            # Python asks the subclass first; `self + other` would swap the states
+            return StateSpace.__add__(other, self)
+        return super().__radd__(other)
+
+    def __mul__(self, other: Any) -> Any:
+        self._require_timebase(other)
+        result = super().__mul__(other)
+        if isinstance(other, ConeOperations):
+            return self._adopt(result, connections.series, other)
+        return self._scaled(result, other, connections.input_gain)
+
+    def __rmul__(self, other: Any) -> Any:
+        if isinstance(other, StateSpace):
+            # the base class evaluates `other * self`, which would come straight back here
+            return StateSpace.__mul__(other, self)
+        return self._scaled(super().__rmul__(other), other, connections.output_gain)
+
+    def __pow__(self, other: Any) -> Any:
+        result = super().__pow__(other)  # products of ours, except for powers 0 and -1
+        return self._adopt(result, connections.unit) if type(other) is int and other == 0 else result
+
+    # -- connections
+
+    def append(self, other: Any) -> StateSpace:
+        """Systems side by side, with products of cones.
+
+        Parameters
+        ----------
+        other : StateSpace or what python-control converts into one
+
+        Returns
+        -------
+        StateSpace
+            With cones if `other` has them.
+        """
+        self._require_timebase(other)
+        dt = self.dt
+        try:
+            result = super().append(other)
+        finally:
+            self.dt = dt  # python-control changes it
+        return self._adopt(result, connections.append, other) if isinstance(other, ConeOperations) else result
+
+    def feedback(self, other: Any = 1, sign: float = -1) -> Any:
+        """The loop u = r + sign * y2, where `other` maps y to y2.
+
+        Parameters
+        ----------
+        other : StateSpace, number, array_like, or what python-control accepts
+        sign : float
+            +1 for positive feedback; the default is python-control's.
+
+        Returns
+        -------
+        StateSpace
+            With cones (X1 x X2, U1, Y1) if Y1 lies in U2, sign * Y2 in U1 and the direct terms allow it.
+        """
+        self._require_timebase(other)
+        result = super().feedback(other, sign)
+        gain = None if isinstance(other, ct.InputOutputSystem) else _gain(other)
+        if not isinstance(sign, numbers.Real) or not (isinstance(other, ConeOperations) or gain is not None):
+            return result
+        k, direct = float(sign), exact_matrix(self._direct(), "D")
+        if isinstance(other, ConeOperations):
+            return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, direct, other._direct(), k), other)
+        return self._adopt(result, lambda s: connections.feedback_gain(s, gain, direct, k), gain=gain)
+
+    def _direct(self) -> ExactMatrix:
+        return self._exact().get("D") or ExactMatrix(self.D)
+
+    def __getitem__(self, key: Any) -> StateSpace:
+        result = super().__getitem__(key)
+        inputs = [self.input_index[label] for label in result.input_labels]
+        outputs = [self.output_index[label] for label in result.output_labels]
+        if (len(inputs), len(outputs)) != (result.ninputs, result.noutputs) or not inputs or not outputs:
+            return result
+        return self._adopt(result, lambda s: connections.select(s, inputs, outputs))
+
+    # -- other forms of the same system
+
+    def sample(self, Ts: float, method: str = "zoh", *args: Any, **kwargs: Any) -> StateSpace:
+        """Discrete-time system at the sampling times.
+
+        Parameters
+        ----------
+        Ts : float
+            Sampling period.
+        method : str
+            Cones are kept by "zoh", "foh" and "impulse"; see `control.StateSpace.sample`.
+        *args, **kwargs
+            As in `control.StateSpace.sample`.
+
+        Returns
+        -------
+        StateSpace
+        """
+        result = super().sample(Ts, method, *args, **kwargs)
+        follows = method in _POSITIVE_HOLDS and all(np.isfinite(m).all() for m in (result.A, result.B, result.C, result.D))
+        return self._with_cones(result, self._model(tracked=False)) if follows and Ts > 0 else result
+
+    def linearize(self, x0: Any, *args: Any, **kwargs: Any) -> StateSpace:
+        """The system itself: python-control differentiates it numerically, which costs ten digits.
+
+        Parameters
+        ----------
+        x0 : array_like or OperatingPoint
+        *args, **kwargs
+            As in `control.NonlinearIOSystem.linearize`.
+
+        Returns
+        -------
+        StateSpace
+        """
+        result = super().linearize(x0, *args, **kwargs)
+        result.A, result.B, result.C, result.D = self.A, self.B, self.C, self.D
+        return self._adopt(result, lambda s: s)
+
+    def to_ss(self, *args: Any, **kwargs: Any) -> StateSpace:
+        """A copy.
+
+        Parameters
+        ----------
+        *args, **kwargs
+            As in `control.ss`.
+
+        Returns
+        -------
+        StateSpace
+        """
+        return self._adopt(super().to_ss(*args, **kwargs), lambda s: s)
+
+    def similarity_transform(self, T: ArrayLike, timescale: float = 1, inverse: bool = False) -> StateSpace:
+        """The same system in states z = T x, with the cone T X.
+
+        Parameters
+        ----------
+        T : array_like, shape (n, n)
+            Invertible; numbers, fractions or decimal text.
+        timescale : float
+            The new clock shows timescale * t.
+        inverse : bool
+            True: x = T z.
+
+        Returns
+        -------
+        StateSpace
+
+        Raises
+        ------
+        ShapeError, DataError
+            T has the wrong size, or is singular.
+
+        Examples
+        --------
+        >>> import control_kpos as kp
+        >>> s = kp.ConeStateSpace([[-2, 1], [1, -2]], [[1], [0]], [[1, 0]], 0)
+        >>> z = s.similarity_transform([[1, 1], [0, 1]])
+        >>> z.X == kp.PolyhedralCone([[1, 0], [1, 1]]), z.is_cone_positive()
+        (True, True)
+        """
+        n = self.nstates
+        exact = require_shape(exact_matrix(T, "T"), "T", (n, n), "the number of states")
+        try:
+            result = ct.similarity_transform(self, exact.values, timescale, inverse)
+        except np.linalg.LinAlgError:
+            raise DataError("T is singular; a change of coordinates must be invertible.") from None
+        return self._adopt(result, lambda s: connections.transform(s, exact, timescale, inverse), gain=exact)
+
+
+def _gain(factor: Any) -> ExactMatrix | None:
+    """A number or array as a matrix; None if it is no finite real matrix."""
+    if isinstance(factor, ct.InputOutputSystem):
+        return None
+    try:
+        gain = exact_matrix(np.atleast_2d(factor), "gain")
+    except (KposError, ValueError, TypeError):
+        return None
+    return gain if len(gain.shape) == 2 and 0 not in gain.shape else None

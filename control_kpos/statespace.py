@@ -1,0 +1,442 @@
+"""ConeStateSpace: a python-control StateSpace that knows its cones.
+
+    x' = A x + B u  (or x[k+1] = A x[k] + B u[k]),   y = C x + D u,   x in X,  u in U,  y in Y.
+
+Verdicts are those of Theorems 1 to 3, in `positivity`, `stability` and `dissipativity`.  Operations are
+python-control's; their results keep cones wherever positivity of the operands implies positivity of the
+result; see `operations` and `connections`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import dataclass
+from html import escape
+from typing import Any, Literal
+
+import numpy as np
+import scipy.sparse as sp
+from control import StateSpace
+from control.exception import ControlDimension
+from numpy.typing import ArrayLike, NDArray
+
+from .arrays import ExactMatrix, dense, exact_matrix
+from .certificates.result import Status
+from .cones import Cone, Orthant, PolyhedralCone, orthant
+from .connections import Model, image, preimage
+from .dissipativity import DissipativityCertificate, dissipativity, induced_gain
+from .errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TimebaseError, UndecidedError
+from .operations import ConeOperations
+from .positivity import PositivityCertificate, cone_positivity
+from .stability import LyapunovCertificate, linear_lyapunov
+
+_MATRICES = ("A", "B", "C", "D")
+
+
+class ComplexDataError(DataError, TypeError):
+    """Complex data: a TypeError as well, which is what python-control raises for them."""
+
+
+class SystemSizeError(ShapeError, ControlDimension):
+    """A, B, C, D do not fit together: a ControlDimension as well, as python-control has it."""
+
+
+class ConeStateSpace(ConeOperations):
+    """ConeStateSpace(A, B, C, D[, dt], X=None, U=None, Y=None)
+
+    Linear system with polyhedral proper cones for states, inputs and outputs.
+
+    Carrying cones is no claim: `is_cone_positive` and the certificates say whether the system leaves them
+    invariant.  It is a `control.StateSpace`, and everything python-control does with one works.
+
+    Parameters
+    ----------
+    A, B, C, D : array_like, shapes (n, n), (n, m), (q, n), (q, m)
+        Real numbers; integers, `Fraction` and decimal text such as "1/3" or "-21.3" are kept exactly and
+        stay exact through connections.  D = 0 stands for zeros of the right shape.  A single argument is a
+        `StateSpace` (also a `LinearICSystem`) to copy, with its names, timebase and, if it has any, cones.
+    dt : None, True or float, optional
+        As in `control.StateSpace`: 0 continuous time, True or a positive number discrete time.  None, no
+        timebase, is read as continuous time, as python-control's simulations read it.
+    X, U, Y : Cone or array_like of rays, shapes (p, n), (p, m), (p, q), optional
+        Default: nonnegative orthants.
+    **names
+        Keywords of `control.StateSpace`: name, inputs, outputs, states, dt, remove_useless_states, ...
+
+    Attributes
+    ----------
+    X, U, Y : Cone
+        State, input and output cone.  To change them make a copy: ``ConeStateSpace(sys, X=...)``.
+
+    Raises
+    ------
+    DataError
+        NaN, infinite or complex entries, text that is no number.
+    ShapeError
+        Matrices that do not fit together.
+    ConeMismatchError, NotProperConeError
+        A cone of the wrong dimension, or one that is not pointed or not solid.
+    TypeError
+        Unknown keywords, wrong number of arguments.
+
+    Notes
+    -----
+    ::
+
+        u in U ---> [ x' = A x + B u, x in X ] ---> y = C x + D u in Y
+
+    `+ * - append feedback [] sample copy` and pickling keep the class where cones follow; a plain
+    `StateSpace` is returned otherwise, in particular if the other operand is plain.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> node = kp.ConeStateSpace([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    >>> node.is_cone_positive()
+    True
+    >>> node.X.contains([1, -1])
+    True
+    >>> type(node.feedback(node, sign=1)).__name__, type(node.feedback(node)).__name__
+    ('ConeStateSpace', 'StateSpace')
+    """
+
+    def __init__(
+        self,
+        *args: Any,
+        X: Cone | ArrayLike | None = None,
+        U: Cone | ArrayLike | None = None,
+        Y: Cone | ArrayLike | None = None,
+        **names: Any,
+    ) -> None:
+        source = args[0] if len(args) == 1 else None
+        exact: Mapping[str, ExactMatrix] = {}
+        if len(args) in (4, 5):
+            read = [_read(data, name) for data, name in zip(args, _MATRICES)]  # noqa: B905  (dt is last)
+            exact = {name: m for name, (_, m) in zip(_MATRICES, read, strict=True) if m is not None}
+            args = (*(values for values, _ in read), *args[4:])
+            _require_timebase(args[4] if len(args) == 5 else names.get("dt"))
+        elif isinstance(source, ConeStateSpace):
+            X, U, Y = (own if own is not None else old for own, old in zip((X, U, Y), source.cones, strict=True))
+            exact = source._exact()
+        elif source is not None and not isinstance(source, StateSpace):
+            raise TypeError(
+                "the one-argument constructor can only take in a StateSpace object; "
+                f"received {type(source)}. Convert transfer functions with control.ss first."
+            )
+        try:
+            super().__init__(*args, **names)
+        except ControlDimension as error:
+            sizes = ", ".join(f"{n} {_size(a)}" for n, a in zip(_MATRICES, args)) if len(args) > 1 else ""  # noqa: B905
+            raise SystemSizeError(
+                f"{error}. A must be n x n, B n x m, C q x n and D q x m{f'; here {sizes}' if sizes else ''}."
+            ) from None
+        for name in _MATRICES:
+            if not np.isfinite(getattr(self, name)).all():
+                exact_matrix(getattr(self, name), name)  # raises, naming the entry
+        removal = self.__dict__.pop("_removal", None)
+        self._given = {name: (getattr(self, name), self._as_stored(name, m, removal)) for name, m in exact.items()}
+        self._cones = (
+            _cone(X, "X", self.nstates, "states", removal),
+            _cone(U, "U", self.ninputs, "inputs"),
+            _cone(Y, "Y", self.noutputs, "outputs"),
+        )
+
+    def _as_stored(self, name: str, m: ExactMatrix, removal: _Removal | None) -> ExactMatrix:
+        """Exact data in the shape python-control has given to the matrix."""
+        if removal is not None and name != "D":
+            return removal.matrix(name, m, self.ninputs if name == "B" else self.noutputs)
+        return ExactMatrix.from_fractions(m.fractions().reshape(getattr(self, name).shape))
+
+    # -- cones and verdicts
+
+    @property
+    def X(self) -> Cone:
+        """State cone."""
+        return self._cones[0]
+
+    @property
+    def U(self) -> Cone:
+        """Input cone."""
+        return self._cones[1]
+
+    @property
+    def Y(self) -> Cone:
+        """Output cone."""
+        return self._cones[2]
+
+    @property
+    def cones(self) -> tuple[Cone, Cone, Cone]:
+        """(X, U, Y)."""
+        return self._cones
+
+    def is_cone_positive(self) -> bool:
+        """Decide whether x stays in X and y in Y for all x(0) in X and u(t) in U.
+
+        Returns
+        -------
+        bool
+
+        Raises
+        ------
+        UndecidedError
+            Some sign is out of reach of exact arithmetic (very large dense systems with full mantissas).
+        """
+        verdict = self.cone_positivity()
+        if verdict.status is Status.UNDECIDED:
+            raise UndecidedError(f"{self.name}: {verdict.explain()}")
+        return bool(verdict)
+
+    def cone_positivity(self) -> PositivityCertificate:
+        """Theorem 1: proof that the system is positive, or the facet and generator that break it.
+
+        Returns
+        -------
+        PositivityCertificate
+            See `control_kpos.positivity.cone_positivity`.
+        """
+        return cone_positivity(*self._data(), *self._cones, discrete=self._discrete)
+
+    def linear_lyapunov(self, rate: Literal["max"] | None = None) -> LyapunovCertificate:
+        """Theorem 2: proof that X is invariant and x' = A x exponentially stable, or that one of them fails.
+
+        Parameters
+        ----------
+        rate : {"max"}, optional
+            "max": the fastest decay rate that can be proven.
+
+        Returns
+        -------
+        LyapunovCertificate
+            See `control_kpos.stability.linear_lyapunov`.
+        """
+        return linear_lyapunov(self._data()[0], self.X, discrete=self._discrete, rate=rate)
+
+    def dissipativity(self, q: ArrayLike | None = None, r: ArrayLike | None = None) -> DissipativityCertificate:
+        """Theorem 3: exponential dissipativity with storage v'x and supply rate r'u + q'y.
+
+        Parameters
+        ----------
+        q : array_like, shape (noutputs,), optional
+        r : array_like, shape (ninputs,), optional
+            What is not given is found.
+
+        Returns
+        -------
+        DissipativityCertificate
+            See `control_kpos.dissipativity.dissipativity`.
+        """
+        return dissipativity(*self._data(), *self._cones, q=q, r=r, discrete=self._discrete)
+
+    def gain(
+        self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None
+    ) -> float:
+        """Induced gain from inputs in U to outputs in Y; inf if the system is not stable.
+
+        Parameters
+        ----------
+        norm : {"L1", "Linf"}
+        e : array_like, shape (ninputs,), optional
+        f : array_like, shape (noutputs,), optional
+            Weights for general cones, see `control_kpos.dissipativity.induced_gain`.
+
+        Returns
+        -------
+        float
+        """
+        return induced_gain(*self._data(), *self._cones, norm=norm, e=e, f=f, discrete=self._discrete)
+
+    @property
+    def _discrete(self) -> bool:
+        return bool(self.dt)  # None and 0 are continuous time
+
+    def _exact(self) -> dict[str, ExactMatrix]:
+        """Exact data of those matrices that have not been assigned or changed since they were given."""
+        out = {}
+        for name, (array, exact) in self._given.items():
+            if getattr(self, name) is array and np.array_equal(array, exact.values):
+                out[name] = exact
+        return out
+
+    def _data(self) -> tuple[ExactMatrix, ...]:
+        """A, B, C, D as they are now."""
+        exact = self._exact()
+        return tuple(exact.get(name) or exact_matrix(getattr(self, name), name) for name in _MATRICES)
+
+    def _model(self, tracked: bool) -> Model:
+        if not tracked:
+            return Model(*self._cones)
+        A, B, C, D = (m.fractions() for m in self._data())
+        return Model(*self._cones, (A, B, C, D))
+
+    def _model(self, tracked: bool) -> Model:
+        if not tracked:
+            return Model(*self._cones)
+        A, B, C, D = (m.fractions() for m in self._data())
+        return Model(*self._cones, (A, B, C, D))
+
+    def _with_cones(self, result: StateSpace, model: Model | None) -> StateSpace:
+        if model is None:
+            return result
+        X = model.X
+        if X.dim != result.nstates:  # python-control was told to remove useless states
+            if not isinstance(X, Orthant):
+                return result
+            X = orthant(result.nstates)
+        cones = {"X": X, "U": model.U, "Y": model.Y, "remove_useless_states": False}
+        if model.matrices is None or model.matrices[0].shape != result.A.shape:
+            return ConeStateSpace(result, **cones)
+        labels = {"inputs": result.input_labels, "outputs": result.output_labels, "states": result.state_labels}
+        data = (ExactMatrix.from_fractions(m) for m in model.matrices)
+        return ConeStateSpace(*data, result.dt, name=result.name, **labels, **cones)
+
+    def _remove_useless_states(self) -> None:
+        # runs inside the constructor of the base class, before there are cones
+        labels, full = self.state_labels, self.nstates
+        constant = ~self.A.any(axis=1) & ~self.B.any(axis=1)
+        super()._remove_useless_states()
+        self._removal = _Removal(full, constant, np.array([labels.index(label) for label in self.state_labels], dtype=int))
+
+    # -- copies
+
+    def __getstate__(self) -> dict[str, Any]:
+        # the functions the base class makes hold on to the original system, and cannot be pickled
+        return {name: value for name, value in self.__dict__.items() if name not in ("updfcn", "outfcn")}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.updfcn = lambda t, x, u, params: self.A @ np.atleast_1d(x) + self.B @ np.atleast_1d(u)
+        self.outfcn = lambda t, x, u, params: self.C @ np.atleast_1d(x) + self.D @ np.atleast_1d(u)
+
+    # -- text
+
+    def _shown_cones(self) -> dict[str, Cone]:
+        """Cones worth mentioning: all but nonnegative orthants."""
+        return {name: cone for name, cone in zip("XUY", self._cones, strict=True) if not isinstance(cone, Orthant)}
+
+    def _repr_eval_(self) -> str:
+        exact = self._exact()
+        with np.printoptions(floatmode="unique") if _default_print_options() else nullcontext():
+            text, at = super()._repr_eval_().removeprefix("StateSpace").removesuffix(")"), 0
+            for name in _MATRICES:
+                doubles = repr(getattr(self, name))
+                shown = repr(exact[name].fractions().astype(str).tolist()) if name in exact else doubles
+                at = text.index(doubles, at)
+                text = text[:at] + shown + text[at + len(doubles) :]
+                at += len(shown)
+        cones = "".join(f",\n{name}={cone!r}" for name, cone in self._shown_cones().items())
+        return f"{type(self).__name__}{text}{cones})"
+
+    def _repr_html_(self) -> str | None:
+        text = super()._repr_html_()
+        shown = ", ".join(f"{name}: {escape(_described(cone))}" for name, cone in self._shown_cones().items())
+        return f"{text}\n<br>Cones {shown}" if text and shown else text
+
+    def __str__(self) -> str:
+        return "\n\n".join([super().__str__(), *(f"{n}: {_described(c)}" for n, c in self._shown_cones().items())])
+
+
+@dataclass(frozen=True)
+class _Removal:
+    """Which states python-control removed as useless: constant ones, and others that nothing depends on."""
+
+    full: int
+    constant: NDArray[np.bool_]
+    kept: NDArray[np.intp]
+
+    def matrix(self, name: str, m: ExactMatrix, width: int) -> ExactMatrix:
+        """What remains of A, B or C, given flat or not; `width` is the number of inputs or outputs."""
+        every = np.arange(width)
+        shape, rows, columns = {
+            "A": ((self.full, self.full), self.kept, self.kept),
+            "B": ((self.full, width), self.kept, every),
+            "C": ((width, self.full), every, self.kept),
+        }[name]
+        return ExactMatrix.from_fractions(m.fractions().reshape(shape)[np.ix_(rows, columns)])
+
+    def cone(self, X: Cone) -> Cone:
+        """X where the constant states are 0, seen from the states that are kept."""
+        axes = np.eye(self.full)
+        moving = np.flatnonzero(~self.constant)
+        section = preimage(ExactMatrix(axes[:, moving]), X)
+        shadow = None if section is None else image(ExactMatrix(axes[self.kept][:, moving]), section)
+        if shadow is None:
+            raise NotProperConeError(
+                f"X: what is left of it after useless states are removed is not proper; keep states "
+                f"{sorted(set(range(self.full)) - set(self.kept.tolist()))} with remove_useless_states=False."
+            )
+        return shadow
+
+
+def _read(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
+    """Values for python-control, and the exact matrix if these are not exact."""
+    if isinstance(data, ExactMatrix):
+        exact = data
+    else:
+        kind, wide = _kind(data)
+        if not wide and kind in "fiub":
+            return data, None
+        if kind == "c":
+            raise ComplexDataError(f"{name} is complex; each entry must be a real number, not 'complex'.")
+        array = None if sp.issparse(data) else _as_array(data)
+        if array is not None and array.ndim > 2:
+            raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")
+        exact = exact_matrix(data, name, ndim=2 if array is None else array.ndim)
+    values = dense(exact.values)
+    return (values if values.ndim else float(values)), (None if exact.is_double else exact)
+
+
+def _require_timebase(dt: Any) -> None:
+    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf)):
+        raise TimebaseError(
+            f"invalid timebase, dt = {dt}: give 0 for continuous time, a sampling time or True for discrete time, or None."
+        )
+
+
+def _as_array(data: Any) -> NDArray[Any] | None:
+    try:
+        return np.asarray(data)
+    except (ValueError, TypeError):
+        return None  # ragged
+
+
+def _kind(data: Any) -> tuple[str, bool]:
+    """Kind of numbers as numpy letters them, and whether they may not fit into doubles."""
+    array = None if sp.issparse(data) or np.ma.isMaskedArray(data) else _as_array(data)
+    if array is None or array.ndim > 2:
+        return "O", True
+    kind = array.dtype.kind
+    if kind == "f":
+        return ("f", False) if array.dtype.itemsize <= 8 else ("O", True)
+    return kind, kind in "iu" and array.size > 0 and (array.max() > 2**53 or array.min() < -(2**53))
+
+
+def _cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, removal: _Removal | None = None) -> Cone:
+    if given is None:
+        return orthant(size)
+    cone = given if isinstance(given, Cone) else PolyhedralCone(given)
+    if removal is not None and cone.dim == removal.full != size:
+        return orthant(size) if isinstance(cone, Orthant) else removal.cone(cone)
+    if cone.dim != size:
+        raise ConeMismatchError(f"{name} is a cone in {cone.dim} dimensions, but the system has {size} {of}.")
+    cone.require_proper(name)
+    return cone
+
+
+def _size(data: Any) -> str:
+    array = _as_array(data)
+    return " x ".join(map(str, array.shape)) or "a number" if array is not None else "ragged"
+
+
+def _default_print_options() -> bool:
+    """True if numpy would cut doubles at 8 digits only because nobody has asked for anything else.
+
+    Read back with fewer digits a system is another system, and may have another verdict.
+    """
+    options = np.get_printoptions()
+    return (options["precision"], options["floatmode"], options["suppress"]) == (8, "maxprec", False)
+
+
+def _described(cone: Cone) -> str:
+    text = repr(cone)
+    return text if len(text) <= 72 else f"{type(cone).__name__} in {cone.dim} dimensions with {cone.n_rays} rays"
