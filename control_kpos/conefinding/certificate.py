@@ -1,0 +1,149 @@
+"""Proof that a proper polyhedral cone is invariant, from generators alone.
+
+    A R = R P,  P off-diagonal >= 0  (discrete time: P >= 0),
+    w'R > 0                          (the cone is pointed),
+    R Y = I for some Y               (the cone is solid)
+
+prove e^{At} X inside X (A X inside X) for X = cone of the columns of R, without a facet: in dimension
+30 a cone with 45 generators has far too many of them.  The sign conditions are proven in floating
+point with rounding bounds; see `enclosure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
+from ..certificates.result import Certificate, Condition
+from .enclosure import Generators
+from .existence import layer, transposed
+
+
+@runtime_checkable
+class Obstruction(Protocol):
+    """Why no invariant cone exists: a witness that can be checked against the matrices."""
+
+    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """What has to hold for the obstruction to be real; None if the data do not fit."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ConeCertificate(Certificate):
+    """Proof that one proper polyhedral cone is invariant under every A_s, or that none exists.
+
+    Attributes
+    ----------
+    matrices : ExactMatrix, shape (M, n, n)
+        A_1..A_M.
+    discrete : bool
+        True: A_s X in X; False: e^{A_s t} X in X.
+    rays : ExactMatrix, shape (N, n), or None
+        Generators, one a row: R transposed.
+    multipliers : ExactMatrix, shape (M, N, N)
+        P_s with A_s R = R P_s up to an error that the proof takes up.
+    pointing : ndarray, shape (n,)
+        w with w'x > 0 for every generator.
+    right_inverse : ndarray, shape (N, n)
+        Y with R Y close to the identity.
+    contains : ExactMatrix, shape (k, n), or None
+        Vectors that lie in the cone, such as the columns of B.
+    shares : ExactMatrix, shape (k, N), or None
+        Each of them (`by_facets`: each row of `within`) as a combination of the generators.
+    within : ExactMatrix, shape (r, n), or None
+        Normals of half-spaces that hold the cone, such as the rows of C.
+    by_facets : bool
+        True: `rays` holds the facet normals of the cone instead, and the proof is about the dual cone
+        and the transposed matrices, which is the same claim.
+    v : ndarray, shape (n,), or None
+        Common Lyapunov vector: v'x > 0, v'A_s x < 0 (discrete: v'A_s x < v'x) on the cone.
+    witness : Obstruction or None
+        Why no such cone exists.
+    """
+
+    claim: ClassVar[str] = "invariant-cone"
+
+    matrices: ExactMatrix
+    discrete: bool = False
+    rays: ExactMatrix | None = None
+    multipliers: ExactMatrix | None = None
+    pointing: NDArray[np.float64] | None = None
+    right_inverse: NDArray[np.float64] | None = None
+    contains: ExactMatrix | None = None
+    shares: ExactMatrix | None = None
+    within: ExactMatrix | None = None
+    by_facets: bool = False
+    v: NDArray[np.float64] | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        if self.rays is None or self.multipliers is None or self.pointing is None or self.right_inverse is None:
+            return [Condition("no cone", _forms(ExactMatrix(np.ones((1, 1))), ExactMatrix(np.ones((1, 1)))), "<")]
+        rays = self.rays
+        matrices = transposed(self.matrices) if self.by_facets else self.matrices
+        contains, within = (self.within, self.contains) if self.by_facets else (self.contains, self.within)
+        basis = Generators(rays, self.right_inverse)
+        out: list[Condition] = [
+            Condition("w'x > 0", _forms(_row(self.pointing), rays), ">"),
+            basis.solid(),
+        ]
+        off_diagonal = (
+            np.ones((rays.shape[0],) * 2, dtype=bool) if self.discrete else ~np.eye(rays.shape[0], dtype=bool)
+        )
+        for s in range(self.matrices.shape[0]):
+            P = layer(self.multipliers, s)
+            out.append(basis.combination(f"A{s} R = R P{s}", [(layer(matrices, s), rays)], P, off_diagonal))
+        if contains is not None:
+            if self.shares is None:
+                raise ValueError("vectors to contain come without their combinations")
+            shares = transposed(self.shares)
+            eye = ExactMatrix(np.eye(rays.shape[1]))
+            everywhere = np.ones(shares.shape, dtype=bool)
+            out.append(basis.combination("b = R q", [(eye, contains)], shares, everywhere))
+        if within is not None:
+            out.append(Condition("c'x >= 0", _forms(within, rays), ">="))
+        if self.v is not None and not self.by_facets:
+            out.append(Condition("v'x > 0", _forms(_row(self.v), rays), ">"))
+            for s in range(self.matrices.shape[0]):
+                out.append(self._decrease(s, self.v, rays))
+        return out
+
+    def _decrease(self, s: int, v: NDArray[np.float64], rays: ExactMatrix) -> Condition:
+        A = layer(self.matrices, s)
+        if not self.discrete:
+            return Condition(f"v'A{s} x < 0", BilinearForms(_row(v), A, rays), "<")
+        from_identity = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
+        return Condition(f"v'(A{s} - I) x < 0", BilinearForms(_row(v), from_identity, rays), "<")
+
+    def refutation(self) -> Sequence[Condition] | None:
+        if not isinstance(self.witness, Obstruction):
+            return None
+        return self.witness.conditions(self.matrices, discrete=self.discrete)
+
+    def explain(self) -> str:
+        if self.witness is not None:
+            return f"No invariant proper polyhedral cone exists: {self.witness}."
+        if not self:
+            return "Undecided: no cone was proven, and none was excluded."
+        n_rays, n = self.rays.shape if self.rays is not None else (0, 0)
+        family = "A" if self.matrices.shape[0] == 1 else f"each of the {self.matrices.shape[0]} matrices"
+        more = "" if self.contains is None else f", holds the {self.contains.shape[0]} vectors asked for"
+        more += "" if self.within is None else f", lies in the {self.within.shape[0]} half-spaces asked for"
+        more += "" if self.v is None else "; v'x is a common Lyapunov function on it"
+        return (
+            f"Proved: the cone of {n_rays} {'facets' if self.by_facets else 'generators'} in dimension {n} is pointed, solid and invariant under {family}{more}. "
+            f"Scale-free margin {self.margin:.3g}."
+        )
+
+
+def _forms(left: ExactMatrix, right: ExactMatrix) -> BilinearForms:
+    return BilinearForms(left, None, right)
+
+
+def _row(v: NDArray[np.float64]) -> ExactMatrix:
+    return ExactMatrix(np.asarray(v, dtype=float)[None, :])

@@ -1,0 +1,199 @@
+"""Nonnegative solutions of R Q = T, proven in floating point.
+
+Given a float Q, the exact residual E = T - R Q is enclosed with an a-priori rounding bound, and so
+is D = I - R Y for an approximate right inverse Y of R.  If |D| < 1 in the row-sum norm, then R has
+full row rank and
+
+    Q* = Q + Y (I - D)^-1 E      solves      R Q* = T      exactly,
+
+with |Q* - Q|_ij <= |row i of Y|_1 |column j of E|_max / (1 - |D|).  Entries of Q above that are
+positive in Q*.  A column whose residual is exactly zero (decided in integers) needs only Q >= 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, concatenate
+from ..certificates.exact import BilinearForms
+from ..certificates.result import Condition
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Bounds(Condition):
+    """Numbers proven to be at least `lower`, required to be positive (or proven nonnegative by `exact`).
+
+    Attributes
+    ----------
+    lower, size : ndarray
+        Proven lower bounds, and the sizes they are to be judged against.
+    exact : ndarray of bool
+        Entries known to be nonnegative in exact arithmetic, whatever `lower` says.
+    """
+
+    lower: Array = None  # type: ignore[assignment]
+    size: Array = None  # type: ignore[assignment]
+    exact: NDArray[np.bool_] | bool = False
+
+    @classmethod
+    def of(cls, name: str, lower: Array, size: Array, exact: NDArray[np.bool_] | bool = False) -> Bounds:
+        empty = ExactMatrix(np.zeros((0, 1)))
+        return cls(name, BilinearForms(empty, None, empty), ">", None, lower, size, exact)
+
+    def verdict(self) -> bool | None:
+        return True if bool(((self.lower > 0) | self.exact).all()) else None
+
+    def worst_violation(self) -> None:
+        return None
+
+    @property
+    def residual(self) -> Array:
+        return self.lower
+
+    @property
+    def scale(self) -> Array:
+        return self.size
+
+    @property
+    def margin(self) -> float:
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = np.where(self.size > 0, self.lower / self.size, 0.0)
+        ratio = np.where(self.exact, np.maximum(ratio, 0.0), ratio)
+        return float(min(1.0, ratio.min(initial=1.0)))
+
+
+def enclosed_product(left: ExactMatrix, right: ExactMatrix) -> tuple[Array, Array]:
+    """left @ right' in floating point, and a bound on its distance from the exact product."""
+    a, b = np.asarray(left.values), np.asarray(right.values)
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        size = np.abs(a) @ np.abs(b).T
+        count = (2 * a.shape[1] + 16) * HALF_ULP
+        bound = count / (1 - count) * size + 4 * SMALLEST_NORMAL * (a.shape[1] + 1)
+        if left.radius is not None:
+            bound = bound + 1.01 * (left.radius @ np.abs(b).T)
+        if right.radius is not None:
+            reach = np.abs(a) if left.radius is None else np.abs(a) + left.radius
+            bound = bound + 1.01 * (reach @ right.radius.T)
+        return a @ b.T, bound
+
+
+class Generators:
+    """Generators with an approximate right inverse, in coordinates equilibrated by powers of two.
+
+    Parameters
+    ----------
+    rays : ExactMatrix, shape (N, n)
+    right_inverse : ndarray, shape (N, n)
+        Y with rays' Y close to the identity.
+    """
+
+    def __init__(self, rays: ExactMatrix, right_inverse: Array) -> None:
+        self.rays = rays
+        top = np.abs(rays.values).max(axis=0, initial=0.0)
+        self.exponent = np.where(top > 0, -np.frexp(np.where(top > 0, top, 1.0))[1], 0)
+        # What is scaled by powers of two stays exact unless it underflows, which `_scaled` rules out.
+        self.equilibrated = _scaled(rays, self.exponent)
+        self.inverse = np.ldexp(right_inverse, -self.exponent)
+        product, bound = enclosed_product(_transposed(self.equilibrated), ExactMatrix(self.inverse.T))
+        with np.errstate(over="ignore", invalid="ignore"):
+            defect = np.abs(np.eye(len(product)) - product) * (1 + 4 * HALF_ULP) + bound + 2 * HALF_ULP
+            self.defect = defect.sum(axis=1) * (1 + 2.0**-40)
+
+    def solid(self) -> Bounds:
+        """The generators span the whole space."""
+        return Bounds.of("R Y = I", 1 - self.defect - 2.0**-50, np.ones_like(self.defect))
+
+    def combination(
+        self,
+        name: str,
+        targets: list[tuple[ExactMatrix, ExactMatrix]],
+        multipliers: ExactMatrix,
+        required: NDArray[np.bool_],
+    ) -> Bounds:
+        """Sum of the products M x' over `targets` = R Q with Q >= 0 where `required`.
+
+        Parameters
+        ----------
+        targets : list of (M, x)
+            The columns T = sum of M x', M of shape (n, k), x of shape (c, k).
+        multipliers : ExactMatrix, shape (N, c)
+        required : ndarray of bool, shape (N, c)
+        """
+        Q = np.asarray(multipliers.values)
+        parts = [(_scaled_rows(M, self.exponent), x) for M, x in targets]
+        parts.append((-_transposed(self.equilibrated), _transposed(multipliers)))
+        residual = np.zeros((self.rays.shape[1], Q.shape[1]))
+        error = np.zeros_like(residual)
+        for M, x in parts:
+            value, bound = enclosed_product(M, x)
+            residual, error = residual + value, error + bound + (np.abs(residual) + np.abs(value)) * (4 * HALF_ULP)
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            worst = (np.abs(residual) + error).max(axis=0, initial=0.0)
+            spread = np.abs(self.inverse).sum(axis=1) / (1 - self.defect.max(initial=0.0))
+            correction = np.outer(spread, worst) * (1 + 2.0**-30)
+            correction = correction if self.defect.max(initial=0.0) < 0.9 else np.full_like(correction, np.inf)
+            lower = np.where(required, Q - correction - np.abs(Q) * (4 * HALF_ULP), np.inf)
+        exact = np.zeros(Q.shape, dtype=bool)
+        open_ = np.flatnonzero(((~(lower > 0)) & required).any(axis=0))
+        good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
+        if good.size:
+            zero = _exactly_zero(targets, self.rays, multipliers, good)
+            exact[:, good[zero]] = True
+        lower = np.where(required, lower, 1.0)
+        return Bounds.of(name, lower, _size(self.rays, Q, lower), exact)
+
+
+def _size(rays: ExactMatrix, Q: Array, lower: Array) -> Array:
+    """Sizes of the entries of Q that do not depend on the lengths of the generators."""
+    length = np.linalg.norm(rays.values, axis=1)
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        size = (length[:, None] * np.abs(Q)).sum(axis=0)[None, :] / length[:, None]
+    return np.where(np.isfinite(size) & (size > 0), size, np.maximum(np.abs(lower), 1.0))
+
+
+def _exactly_zero(
+    targets: list[tuple[ExactMatrix, ExactMatrix]],
+    rays: ExactMatrix,
+    multipliers: ExactMatrix,
+    columns: NDArray[np.intp],
+) -> NDArray[np.bool_]:
+    """Which columns of T - R Q vanish, decided in exact arithmetic."""
+    left = concatenate([*(M for M, _ in targets), -_transposed(rays)], axis=-1)
+    right = concatenate([*(_rows(x, columns) for _, x in targets), _rows(_transposed(multipliers), columns)], axis=-1)
+    return (BilinearForms(left, None, right).signs() == 0).all(axis=0)
+
+
+def _transposed(m: ExactMatrix) -> ExactMatrix:
+    return ExactMatrix(
+        np.asarray(m.values).T,
+        None if m.radius is None else m.radius.T,
+        None if m.numerators is None else m.numerators.T,
+        m.denominator,
+    )
+
+
+def _rows(m: ExactMatrix, index: NDArray[np.intp]) -> ExactMatrix:
+    return ExactMatrix(
+        np.asarray(m.values)[index],
+        None if m.radius is None else m.radius[index],
+        None if m.numerators is None else m.numerators[index],
+        m.denominator,
+    )
+
+
+def _scaled(rays: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
+    """Columns times powers of two, with a radius where bits were lost."""
+    values = np.ldexp(np.asarray(rays.values), exponent)
+    radius = None if rays.radius is None else np.ldexp(rays.radius, exponent) + SMALLEST_NORMAL
+    if not np.array_equal(np.ldexp(values, -exponent), rays.values):
+        radius = (np.zeros_like(values) if radius is None else radius) + SMALLEST_NORMAL
+    return ExactMatrix(values, radius)
+
+
+def _scaled_rows(m: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
+    return _transposed(_scaled(_transposed(m), exponent))

@@ -1,0 +1,89 @@
+"""Cones known by generators that are proven extreme, for dimensions where facets are out of reach."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
+from ..cones import PolyhedralCone
+from .enclosure import Generators
+
+
+class GeneratedCone(PolyhedralCone):
+    """A `PolyhedralCone` known to be proper, with generators (or, as a dual, normals) known to be extreme.
+
+    What it was made from costs nothing to read; the other description is enumerated when first asked for.
+    Made by `proper_cone`.
+    """
+
+    _interior: NDArray[np.float64] | None = None
+
+    @property
+    def exact_rays(self) -> ExactMatrix:
+        return self._faces.rays if self._is_swapped else self._conversion.generators
+
+    @property
+    def exact_facets(self) -> ExactMatrix:
+        return self._conversion.generators if self._is_swapped else self._faces.facets
+
+    @property
+    def n_rays(self) -> int:
+        return self.exact_rays.shape[0]
+
+    @property
+    def n_facets(self) -> int:
+        return self.exact_facets.shape[0]
+
+    @property
+    def is_pointed(self) -> bool:
+        return True
+
+    @property
+    def is_solid(self) -> bool:
+        return True
+
+    @cached_property
+    def interior_point(self) -> NDArray[np.float64]:
+        return PolyhedralCone.interior_point.func(self) if self._interior is None else self._interior  # type: ignore[attr-defined]
+
+    def __repr__(self) -> str:
+        known = f"{self._conversion.generators.shape[0]} {'facets' if self._is_swapped else 'rays'}"
+        return f"<PolyhedralCone in R^{self.dim}: {known}>"
+
+
+def proper_cone(
+    rays: ExactMatrix, separators: NDArray[np.float64] | None, right_inverse: NDArray[np.float64]
+) -> PolyhedralCone:
+    """The cone of generators that are already proven to span a proper cone.
+
+    Parameters
+    ----------
+    rays : ExactMatrix, shape (N, n)
+    separators : ndarray, shape (N, n), or None
+        Row i should be negative on generator i and positive on all others, which proves generator i
+        extreme.  Where this fails, or without them, redundant generators are found by enumeration.
+    right_inverse : ndarray, shape (N, n)
+        Y with rays' Y close to the identity.
+    """
+    if separators is None or rays.shape[0] != len(separators):
+        return PolyhedralCone(rays)
+    signs = BilinearForms(ExactMatrix(separators), None, rays).signs()
+    if not np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)):
+        return PolyhedralCone(rays)
+    cone = GeneratedCone(rays)
+    values = np.asarray(rays.values)
+    weights = np.ldexp(1.0, -np.frexp(np.abs(values).max(axis=1))[1])
+    point = weights @ values
+    weights = np.ldexp(weights, -np.frexp(np.abs(point).max())[1])
+    point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
+    column = (ExactMatrix(np.eye(rays.shape[1])), ExactMatrix(point[None, :]))
+    everywhere = np.ones((len(values), 1), dtype=bool)
+    inside = Generators(rays, right_inverse).combination("x = R q", [column], ExactMatrix(weights[:, None]), everywhere)
+    if inside.verdict() and (inside.lower > 0).all():
+        point.flags.writeable = False
+        cone._interior = point
+    return cone

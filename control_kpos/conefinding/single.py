@@ -1,0 +1,119 @@
+"""A proper polyhedral cone for one matrix: what to try, in which order.
+
+1. The modes of A and polygons, where eigenvectors are well conditioned (`explicit`).
+2. A Schur form, where they are not (`schur`).
+3. Exact rational modes, where A has several dominant eigenvalues (`rational_modes`).
+Every candidate is put to the proof; the first one proven wins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.linalg as sl
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix
+from .certificate import ConeCertificate
+from .existence import layer
+from .explicit import Candidate, modal_cone
+from .modes import Modes, modes
+from .multipliers import multipliers
+from .rational_modes import rational_cones
+
+# Beyond this, eigenvectors are given up for a Schur form.
+_ILL_CONDITIONED = 1e8
+
+
+def balanced(A: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A in units where its rows and columns have similar size, and the units (powers of two).
+
+    Returns
+    -------
+    matrix : ndarray, shape (n, n)
+        diag(units)^-1 A diag(units).
+    units : ndarray, shape (n,)
+    """
+    values = np.asarray(A.values)
+    _, (units, _) = sl.matrix_balance(values, permute=False, separate=True)
+    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
+        matrix = values * units / units[:, None]
+    return (matrix, units) if np.isfinite(matrix).all() else (values, np.ones(len(values)))
+
+
+def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[Candidate]:
+    """Cones worth proving, the most economic first."""
+    if m is not None and m.conditioning < _ILL_CONDITIONED:
+        found = modal_cone(m, discrete=discrete, max_rays=max_rays)
+        if found is not None:
+            yield found
+
+
+def find_single(
+    A: ExactMatrix, *, discrete: bool, max_rays: int | None
+) -> tuple[ConeCertificate, NDArray[np.float64] | None, float]:
+    """Certificate (PROVED or UNDECIDED), separators and conditioning of the first proven cone."""
+    matrix, units = balanced(A)
+    m = modes(matrix, discrete=discrete)
+    stack = as_stack([A])
+    for candidate in candidates(matrix, m, discrete=discrete, max_rays=max_rays):
+        certificate = prove(stack, candidate, units, discrete=discrete)
+        if certificate:
+            separators = None if candidate.separators is None else candidate.separators / units
+            return certificate, separators, flatness(candidate.R)
+    for rays, pointing in rational_cones(A, discrete=discrete):
+        if max_rays is None or rays.shape[0] <= max_rays:
+            certificate = _prove(stack, rays, pointing, np.linalg.pinv(rays.values.T), discrete=discrete)
+            if certificate:
+                return certificate, None, flatness(np.asarray(rays.values).T)
+    return ConeCertificate.settle(matrices=stack, discrete=discrete), None, np.inf
+
+
+def prove(stack: ExactMatrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool) -> ConeCertificate:
+    """Put a candidate in balanced coordinates to the proof."""
+    rays = ExactMatrix(np.ascontiguousarray(candidate.R.T * units))
+    pointing = candidate.pointing / units
+    inverse = np.linalg.pinv(candidate.R) / units
+    P = None if candidate.P is None else ExactMatrix(candidate.P[None])
+    certificate = ConeCertificate.settle(
+        matrices=stack, discrete=discrete, rays=rays, multipliers=P, pointing=pointing, right_inverse=inverse
+    )
+    if certificate:
+        return certificate
+    return _prove(stack, rays, pointing, inverse, discrete=discrete)
+
+
+def _prove(
+    stack: ExactMatrix,
+    rays: ExactMatrix,
+    pointing: NDArray[np.float64],
+    inverse: NDArray[np.float64],
+    *,
+    discrete: bool,
+) -> ConeCertificate:
+    """A certificate for generators whose multipliers are still to be found."""
+    P = multipliers(layer(stack, 0), rays, pointing, discrete=discrete)
+    if P is None:
+        return ConeCertificate.settle(matrices=stack, discrete=discrete)
+    return ConeCertificate.settle(
+        matrices=stack,
+        discrete=discrete,
+        rays=rays,
+        multipliers=as_stack([P]),
+        pointing=pointing,
+        right_inverse=inverse,
+    )
+
+
+def flatness(R: NDArray[np.float64]) -> float:
+    """Condition number of generators scaled to length 1: large means nearly in a hyperplane, or nearly a line."""
+    lengths = np.linalg.norm(R, axis=0)
+    return float(np.linalg.cond(R / lengths)) if (lengths > 0).all() else np.inf
+
+
+def as_stack(matrices: list[ExactMatrix]) -> ExactMatrix:
+    """Matrices of one shape as a stack."""
+    if all(m.is_double for m in matrices):
+        return ExactMatrix(np.array([np.asarray(m.values) for m in matrices]))
+    return ExactMatrix.from_fractions(np.array([m.fractions() for m in matrices], dtype=object))
