@@ -13,11 +13,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, Integers
+from ..arrays import ExactMatrix, Integers, rounding_radius
 from .elimination import divide_by_content, echelon
-from .hull import Lines, beneath_beyond
-from .rows import exact_rows, negative_rows, select_rows, stack_rows
+from .hull import Facets, Lines, beneath_beyond
+from .hyperplanes import Hyperplanes
+from .rows import equilibrate, exact_rows, negative_rows, select_rows, stack_rows, unit_rows
 from .simplicial import LARGE, simplicial_facets
+
+# Normals of all facets are computed exactly at once if they cost fewer multiplications than this.
+_CHEAP = 200_000
+# Normals with a larger error, relative to their largest entry, are replaced by exact ones.
+_POOR = 2.0**-30
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,25 +94,78 @@ def convert(generators: ExactMatrix) -> Faces:
 
     in_lines = np.flatnonzero(~(current != 0).any(axis=1))
     lines = in_lines[echelon(rows[in_lines]).pivot_rows]
-    if hull is None or isinstance(hull, Lines):
-        kept, normals, positive = (
-            np.zeros(0, dtype=np.intp),
-            np.zeros((0, n), dtype=object),
-            np.zeros((0, 0), dtype=bool),
-        )
-    else:
+    if isinstance(hull, Facets):
         extreme = _extreme(hull.positive)
-        kept, positive = first[extreme], hull.positive[:, extreme]
-        order = np.lexsort(~positive.T[::-1])
-        positive = positive[order]
-        normals = _in_given_units(hull.normals[order] @ project.T, shift)
+        kept = first[extreme]
+        order = np.lexsort(~hull.positive[:, extreme].T[::-1])
+        positive = hull.positive[order][:, extreme]
+        normals = _normals(FacetNormals(hull.hyperplanes, hull.vertices[order], project, shift))
+    else:
+        kept, positive, normals = np.zeros(0, dtype=np.intp), np.zeros((0, 0), dtype=bool), _no_rows(n)
 
     basis = select_rows(generators, lines)
     rays = stack_rows([select_rows(generators, kept), basis, negative_rows(basis)])
-    facets = exact_rows(np.concatenate([normals, equations, -equations]))
+    facets = stack_rows([normals, exact_rows(np.concatenate([equations, -equations]))])
     incidence = np.ones((facets.shape[0], rays.shape[0]), dtype=bool)
-    incidence[: len(normals), : len(kept)] = ~positive
+    incidence[: len(positive), : len(kept)] = ~positive
     return Faces(rays, facets, _frozen(incidence), len(lines), len(equations))
+
+
+@dataclass(frozen=True, eq=False)
+class FacetNormals:
+    """Inner normals of facets in the given coordinates, as integers when asked for.
+
+    Attributes
+    ----------
+    hyperplanes : Hyperplanes
+        In the coordinates in which the cone is pointed and solid.
+    vertices : ndarray of int, shape (r, m - 1)
+        Independent generators on each facet.
+    project : ndarray of int (object), shape (n, m)
+        Those coordinates are x @ project for balanced coordinates x.
+    shift : ndarray of int, shape (n,)
+        Given coordinates are 2**shift times balanced ones.
+    """
+
+    hyperplanes: Hyperplanes
+    vertices: NDArray[np.intp]
+    project: Integers
+    shift: NDArray[np.int64]
+
+    def __call__(self, index: NDArray[np.intp]) -> Integers:
+        """Exact normals of some facets, without common factors."""
+        return _in_given_units(self.hyperplanes.exact(self.vertices[index]) @ self.project.T, self.shift)
+
+    def approximate(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """All normals in floating point, largest entries in [1/2, 1), and bounds of their errors."""
+        h, error = self.hyperplanes.approximate(self.vertices)
+        back, lengths = unit_rows(self.project @ self.hyperplanes.T)
+        with np.errstate(all="ignore"):
+            values = h @ back.T
+            radius = error[:, None] * np.abs(back).sum(axis=1)
+            scale = lengths - self.shift
+            top = np.where(values != 0, np.frexp(values)[1] + scale, np.iinfo(np.int64).min // 4).max(axis=1)
+            move = np.clip(scale - top[:, None], -5000, 5000)
+            return np.ldexp(values, move), np.ldexp(radius, move) * (1 + 1e-9) + 2.0**-1073
+
+
+def _normals(facets: FacetNormals) -> ExactMatrix:
+    """Facet normals as rows; exact integers only where they are cheap, or floating point is too poor."""
+    count, size = facets.vertices.shape
+    if count * size**3 <= _CHEAP:
+        return exact_rows(facets(np.arange(count)))
+    values, radius = facets.approximate()
+    poor = np.flatnonzero(~(radius.max(axis=1) < _POOR))
+    if len(poor):
+        values[poor] = unit_rows(facets(poor))[0]
+        radius[poor] = rounding_radius(values[poor])
+    values.flags.writeable = False
+    radius.flags.writeable = False
+    return ExactMatrix(values, radius, integer_rows=facets)
+
+
+def _no_rows(n: int) -> ExactMatrix:
+    return ExactMatrix(np.zeros((0, n)))
 
 
 def _distinct(rows: Integers) -> NDArray[np.intp]:
@@ -119,9 +178,8 @@ def _distinct(rows: Integers) -> NDArray[np.intp]:
 
 def _extreme(positive: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Extreme generators of a pointed cone: those whose smallest face holds no other generator."""
-    incident = (~positive).astype(np.float64)
-    common = incident.T @ incident
-    return np.flatnonzero((common == np.diag(common)[:, None]).sum(axis=1) == 1)
+    smallest_face = [~positive[~positive[:, i]].any(axis=0) for i in range(positive.shape[1])]
+    return np.flatnonzero([face.sum() == 1 for face in smallest_face])
 
 
 def _balanced(rows: Integers) -> tuple[Integers, NDArray[np.int64]]:
@@ -133,13 +191,9 @@ def _balanced(rows: Integers) -> tuple[Integers, NDArray[np.int64]]:
     flat = [int(x) for x in rows.ravel()]
     nonzero = np.array([x != 0 for x in flat], dtype=bool).reshape(shape)
     size = np.array([x.bit_length() for x in flat], dtype=np.int64).reshape(shape)
-    shift = np.zeros(shape[1], dtype=np.int64)
-    far = np.iinfo(np.int64).min // 4
-    for _ in range(3):
-        top = np.where(nonzero, size - shift, far).max(axis=1, keepdims=True, initial=far)
-        shift = np.where(nonzero.any(axis=0), np.where(nonzero, size - top, far).max(axis=0, initial=far), 0)
+    _, shift = equilibrate(size, nonzero)
     zeros = np.array([(x & -x).bit_length() - 1 if x else 0 for x in flat], dtype=np.int64).reshape(shape)
-    lift = np.where(nonzero, shift - zeros, far).max(axis=1, keepdims=True, initial=far)
+    lift = np.where(nonzero, shift - zeros, -(2**60)).max(axis=1, keepdims=True, initial=-(2**60))
     move = np.where(nonzero, zeros + lift - shift, 0)
     return divide_by_content((rows >> zeros.astype(object)) << move.astype(object)), shift
 

@@ -7,9 +7,6 @@ Simplices with h'x = 0 stay: the joined ones beside them lie in the same facet, 
 need no special treatment.  The method is right for any order and any degeneracy provided the signs
 of h'x are right, so each sign is proven: in floating point with an error bound where that decides,
 by integers elsewhere.
-
-The floating point filter works in coordinates in which the cone is round.  A linear map changes no
-sign, so this only makes the filter decide more; thin cones and mixed units need no tolerance.
 """
 
 from __future__ import annotations
@@ -20,11 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from ..arrays import HALF_ULP, Integers, integers_of_doubles
-from .elimination import divide_by_content, echelon, inverse_rows, normals
+from ..arrays import Integers
+from .elimination import echelon, inverse_rows
+from .hyperplanes import Hyperplanes, round_map
 from .rows import unit_rows
 
-UNKNOWN = 2
+_UNKNOWN = 2
 _CHUNK = 2_000_000
 
 
@@ -34,13 +32,16 @@ class Facets:
 
     Attributes
     ----------
-    normals : ndarray of int (object), shape (r, n)
-        Inner normals without common factors.
+    hyperplanes : Hyperplanes
+        Computes normals.
+    vertices : ndarray of int, shape (r, n - 1)
+        Independent generators on each facet.
     positive : ndarray of bool, shape (r, p)
         h_k'x_i > 0; elsewhere h_k'x_i = 0.
     """
 
-    normals: Integers
+    hyperplanes: Hyperplanes
+    vertices: NDArray[np.intp]
     positive: NDArray[np.bool_]
 
 
@@ -64,21 +65,15 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
     Costs about 10 microseconds per simplex ever made in moderate dimensions: 0.2 s for 60 random
     generators in R^8.
     """
-    if G.shape[0] == G.shape[1]:
-        inverse = inverse_rows(G)
-        if inverse is not None:
-            return Facets(inverse, np.eye(len(G), dtype=bool))
     boundary = _Boundary(G)
     inside = list(boundary.first)
     for x in boundary.order:
         sign = boundary.signs_at(x)
-        if (sign >= 0).all():
-            inside.append(x)
-            continue
-        if not (sign > 0).any():
-            # -x lies in the cone; the smallest face that holds it makes up lines with x
-            return Lines(np.append(boundary.in_face(sign == 0, np.array(inside)), x))
-        boundary.join(sign < 0, x)
+        if (sign < 0).any():
+            if not (sign > 0).any():
+                # -x lies in the cone; the smallest face that holds it makes up lines with x
+                return Lines(np.append(boundary.in_face(sign == 0, np.array(inside)), x))
+            boundary.join(sign < 0, x)
         inside.append(x)
     return boundary.facets()
 
@@ -88,46 +83,45 @@ class _Boundary:
 
     Attributes
     ----------
+    first, order : ndarray of int
+        Generators of the first, simplicial cone; all others in the order to add them.  A random order
+        makes few simplices whatever the input (Clarkson and Shor, 1989).
     vertices : ndarray of int, shape (k, n - 1)
         Generators of each simplex, ascending.
     signs : ndarray of int8, shape (k, p)
-        Sign of h'x for the inner normal h of each simplex and every generator x, or UNKNOWN.
+        Sign of h'x for the inner normal h of each simplex and every generator x, or _UNKNOWN.
     exact : ndarray of int (object), shape (k, n)
         Inner normals, once they are needed; zero before.
     """
 
     def __init__(self, G: Integers) -> None:
         p, n = G.shape
-        self.G = G
-        shape = round_map(G)
-        Z, lengths = unit_rows(G @ shape)
-        pivoted = qr(Z.T, mode="r", pivoting=True)[1]
-        first = np.sort(pivoted[:n])
+        T = round_map(G)
+        Z, lengths = unit_rows(G @ T)
+        preferred = qr(Z.T, mode="r", pivoting=True)[1]
+        first = np.sort(preferred[:n])
         inverse = inverse_rows(G[first])
         if inverse is None:  # only rounding made them look independent
-            preferred = np.concatenate([pivoted[:n], np.setdiff1d(np.arange(p), pivoted[:n])])
+            preferred = np.concatenate([first, np.setdiff1d(np.arange(p), first)])
             first = np.sort(preferred[echelon(G[preferred]).pivot_rows])
             inverse = inverse_rows(G[first])
-        self.first = first
         rest = np.setdiff1d(np.arange(p), first)
-        self.order = rest[np.random.default_rng(0).permutation(len(rest))]
 
-        # a point inside the first simplex, and so inside every later cone
+        # a point inside the first cone, and so inside every later one
         weight = (int(lengths[first].max()) - lengths[first]).astype(object)
-        center = (G[first] * (1 << weight)[:, None]).sum(axis=0)
-        self.center = center
-        self.Z = Z
-        self.z_center = unit_rows((center @ shape)[None])[0]
+        center = (G[first] << weight[:, None]).sum(axis=0)
+        self.hyperplanes = Hyperplanes(G, T, center)
 
+        self.first, self.order = first, rest[np.random.default_rng(0).permutation(len(rest))]
         self.vertices = np.array([np.delete(first, k) for k in range(n)], dtype=np.intp).reshape(n, n - 1)
         self.exact = inverse
-        self.signs = np.full((n, p), UNKNOWN, dtype=np.int8)
+        self.signs = np.empty((n, p), dtype=np.int8)
         self.signs[:, first] = np.eye(n, dtype=np.int8)
         self.signs[:, rest] = self._filtered(self.vertices)[:, rest]
 
     def signs_at(self, x: int) -> NDArray[np.int8]:
         """Proven signs of h'x for all simplices."""
-        self._decide(np.flatnonzero(self.signs[:, x] == UNKNOWN), np.array([x]))
+        self._decide(np.arange(len(self.signs)), np.array([x]))
         return self.signs[:, x]
 
     def in_face(self, simplices: NDArray[np.bool_], candidates: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -139,123 +133,58 @@ class _Boundary:
         """Replace the simplices that see x by those joining x to the horizon."""
         ridges = _horizon(self.vertices[seen])
         new = np.sort(np.concatenate([ridges, np.full((len(ridges), 1), x)], axis=1), axis=1)
-        signs = self._filtered(new)
-        keep = ~seen
-        self.vertices = np.concatenate([self.vertices[keep], new])
-        self.signs = np.concatenate([self.signs[keep], signs])
-        self.exact = np.concatenate([self.exact[keep], np.zeros((len(new), self.G.shape[1]), dtype=object)])
+        self.vertices = np.concatenate([self.vertices[~seen], new])
+        self.signs = np.concatenate([self.signs[~seen], self._filtered(new)])
+        self.exact = np.concatenate([self.exact[~seen], np.zeros((len(new), self.exact.shape[1]), dtype=object)])
 
     def facets(self) -> Facets:
-        """Simplices in the same hyperplane put together."""
-        self._decide(np.arange(len(self.signs)), np.arange(len(self.G)))
+        """The facets, one simplex taken from each."""
+        self._decide(np.arange(len(self.signs)), np.arange(self.signs.shape[1]))
         positive = self.signs > 0
-        packed = np.packbits(positive, axis=1)
-        # descending: facet k of a simplicial cone is the one opposite to generator k
-        _, index = np.unique(255 - packed, axis=0, return_index=True)
-        return Facets(self._exact_normals(index), positive[index])
+        index = np.unique(np.packbits(positive, axis=1), axis=0, return_index=True)[1]
+        return Facets(self.hyperplanes, self.vertices[index], positive[index])
 
     def _filtered(self, vertices: NDArray[np.intp]) -> NDArray[np.int8]:
         """Signs of h'x as far as floating point proves them; 0 for the generators of the simplex itself."""
-        p, n = self.Z.shape
-        signs = np.empty((len(vertices), p), dtype=np.int8)
-        step = max(1, _CHUNK // max(p, n * n))
+        Z = self.hyperplanes.Z
+        signs = np.full((len(vertices), len(Z)), _UNKNOWN, dtype=np.int8)
+        step = max(1, _CHUNK // max(Z.shape[0], Z.shape[1] ** 2))
         for s in range(0, len(vertices), step):
-            h, error = self._float_normals(vertices[s : s + step])
+            h, error = self.hyperplanes.approximate(vertices[s : s + step])
             part = signs[s : s + step]
-            part[:] = UNKNOWN
             with np.errstate(over="ignore", invalid="ignore"):
-                value = h @ self.Z.T
-                part[value > error] = 1
-                part[value < -error] = -1
+                value = h @ Z.T
+                part[value > error[:, None]] = 1
+                part[value < -error[:, None]] = -1
         np.put_along_axis(signs, vertices, 0, axis=1)
         return signs
 
-    def _float_normals(self, vertices: NDArray[np.intp]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Inner normals h with h'center = 1, and a bound on the error of h'z for every row z of Z.
-
-        With M = [simplex; center], h solves M h = e_n.  If N is the computed inverse and |I - N M| <= eta,
-        then |h - h_exact| <= |N| |e_n - M h| / (1 - eta) in the maximum norm.
-        """
-        n = self.Z.shape[1]
-        M = np.concatenate([self.Z[vertices], np.broadcast_to(self.z_center, (len(vertices), 1, n))], axis=1)
-        N = _inverses(M)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            h = N[:, :, -1]
-            size_h = np.abs(h).max(axis=1)
-            unit = np.eye(n)
-            norm_N = np.abs(N).sum(axis=2).max(axis=1) * (1 + 1e-9)
-            # 2 n + 8 roundings cover the products, the rounding of Z, and these bounds themselves
-            small = (2 * n + 8) * HALF_ULP
-            eta = np.abs(unit - N @ M).sum(axis=2).max(axis=1) * (1 + 1e-9) + small * n * norm_N
-            residual = np.abs(unit[-1] - (M @ h[:, :, None])[:, :, 0]).max(axis=1) + small * n * size_h
-            error = n * (norm_N * residual / (1 - eta) + small * size_h) * (1 + 1e-9)
-            error = np.where(eta < 0.5, error, np.inf)
-        return h, error[:, None]
-
     def _decide(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
         """Settle unknown signs by integers."""
-        at, to = np.nonzero(self.signs[np.ix_(rows, columns)] == UNKNOWN)
+        at, to = np.nonzero(self.signs[np.ix_(rows, columns)] == _UNKNOWN)
         if not len(at):
             return
         at, to = rows[at], columns[to]
         needed, place = np.unique(at, return_inverse=True)
-        h = self._exact_normals(needed)
-        step = max(1, _CHUNK // self.G.shape[1])
+        missing = needed[~(self.exact[needed] != 0).any(axis=1)]
+        if len(missing):
+            self.exact[missing] = self.hyperplanes.exact(self.vertices[missing])
+        G, h = self.hyperplanes.G, self.exact[needed]
+        step = max(1, _CHUNK // G.shape[1])
         for s in range(0, len(at), step):
             part = slice(s, s + step)
-            value = (h[place[part]] * self.G[to[part]]).sum(axis=1)
+            value = (h[place[part]] * G[to[part]]).sum(axis=1)
             self.signs[at[part], to[part]] = np.sign(value).astype(np.int8)
-
-    def _exact_normals(self, index: NDArray[np.intp]) -> Integers:
-        """Inner normals of some simplices as integers; computed once."""
-        missing = index[~(self.exact[index] != 0).any(axis=1)]
-        if len(missing):
-            h = normals(self.G[self.vertices[missing]])
-            inward = (h * self.center).sum(axis=1) > 0
-            self.exact[missing] = np.where(inward[:, None], h, -h)
-        return self.exact[index]
 
 
 def _horizon(simplices: NDArray[np.intp]) -> NDArray[np.intp]:
     """Ridges (one generator less) that belong to exactly one of the simplices."""
     k, size = simplices.shape
     ridges = np.stack([np.delete(simplices, j, axis=1) for j in range(size)], axis=1).reshape(k * size, size - 1)
-    order = np.lexsort(ridges.T[::-1]) if size > 1 else np.arange(k)
-    ridges = ridges[order]
+    if size > 1:
+        ridges = ridges[np.lexsort(ridges.T[::-1])]
     same = (ridges[1:] == ridges[:-1]).all(axis=1)
     alone = np.ones(len(ridges), dtype=bool)
     alone[1:] &= ~same
     alone[:-1] &= ~same
     return ridges[alone]
-
-
-def _inverses(M: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverses of a stack; NaN, which decides nothing, for the singular ones."""
-    try:
-        return np.linalg.inv(M)
-    except np.linalg.LinAlgError:
-        regular = np.linalg.det(M) != 0
-        out = np.full_like(M, np.nan)
-        if regular.any() and not regular.all():
-            out[regular] = _inverses(M[regular])
-        return out
-
-
-def round_map(G: Integers) -> Integers:
-    """Integer matrix T that makes the directions of G @ T spread out evenly.
-
-    Directions are scaled to length one and whitened, again and again; the map is applied exactly, so
-    that cones thinner than the precision of doubles open up as well.
-    """
-    n = G.shape[1]
-    T = np.eye(n, dtype=int).astype(object)
-    for _ in range(6):
-        Z, _ = unit_rows(G @ T)
-        length = np.linalg.norm(Z, axis=1, keepdims=True)
-        Z = Z / np.where(length > 0, length, 1)
-        _, size, directions = np.linalg.svd(Z, full_matrices=False)
-        if size[0] < 4 * size[-1]:
-            break
-        step, _ = integers_of_doubles(directions.T / np.maximum(size, size[0] * 2.0**-60))
-        T = T @ step
-    return divide_by_content(T.ravel()[None]).reshape(n, n)

@@ -11,6 +11,7 @@ from ..arrays import ExactMatrix
 from ..errors import NotProperConeError, UndecidedError
 from .base import Cone, decide_membership, nonzero_rows
 from .conversion import Faces, convert
+from .rows import equilibrate
 
 
 class _Conversion:
@@ -177,20 +178,18 @@ class PolyhedralCone(Cone):
 
 
 def _interior_point(rays: ExactMatrix, facets: ExactMatrix) -> NDArray[np.float64]:
-    """The sum of the rays, each scaled by a power of two to largest entry in [1/2, 1); proven interior."""
+    """A sum of the rays, scaled by powers of two to similar length in balanced units; proven interior."""
     values = np.asarray(rays.values)
-    if not len(values):
-        return np.zeros(rays.shape[1])
-    values = np.ldexp(values, -np.frexp(np.abs(values).max(axis=1, keepdims=True))[1])
+    length, _ = equilibrate(np.frexp(values)[1].astype(np.int64), values != 0)
+    scale = length - int(np.median(length)) if len(length) else length
+    values = np.ldexp(values, -scale)
     rng = np.random.default_rng(0)
     weights = np.ones(len(values))
     for _ in range(100):
         point = weights @ values
-        if not point.any():  # only for cones with lines
-            point = values[0] * 0 if not facets.shape[0] else point
         point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
-        point.flags.writeable = False
         if decide_membership(facets, ExactMatrix(point[None]), True)[0]:
+            point.flags.writeable = False
             return point
         weights = np.exp2(rng.integers(-6, 7, len(values)) + rng.random(len(values)))
     raise UndecidedError("the cone is too thin for an interior point in double precision; rescale the coordinates.")

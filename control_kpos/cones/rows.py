@@ -57,6 +57,30 @@ class SelectedRows:
         return self.matrix.rows_as_integers(self.index[index])
 
 
+def equilibrate(size: NDArray[np.int64], nonzero: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Exponents r, c such that entries of binary size `size` times 2**-(r_i + c_j) have size about 1.
+
+    Parameters
+    ----------
+    size : ndarray of int, shape (p, n)
+        Binary exponents of the entries.
+    nonzero : ndarray of bool, shape (p, n)
+        Entries that count.
+
+    Returns
+    -------
+    rows, columns : ndarray of int, shapes (p, 1), (n,)
+    """
+    far = np.int64(-(2**60))
+    rows, columns = np.zeros((len(size), 1), dtype=np.int64), np.zeros(size.shape[1], dtype=np.int64)
+    for _ in range(3):
+        columns = np.where(nonzero, size - rows, far).max(axis=0, initial=far)
+        columns = np.where(nonzero.any(axis=0), columns, 0)
+        rows = np.where(nonzero, size - columns, far).max(axis=1, keepdims=True, initial=far)
+        rows = np.where(nonzero.any(axis=1, keepdims=True), rows, 0)
+    return rows, columns
+
+
 def unit_rows(rows: Integers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Integer rows as doubles, correctly rounded, times 2**-length so that entries are below 1."""
     lengths = np.array([max((int(x).bit_length() for x in row), default=0) for row in rows], dtype=np.int64)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..arrays import HALF_ULP, ExactMatrix, Integers, dense
 from .elimination import divide_by_content, inverse_rows, normals
+from .rows import equilibrate
 
 # Up to this dimension exact elimination is cheap.
 LARGE = 24
@@ -85,16 +86,10 @@ def _scaled(generators: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.fl
     """
     values = dense(generators.values)
     radius = np.zeros_like(values) if generators.radius is None else dense(generators.radius)
-    size = np.frexp(values)[1].astype(np.int64)
-    columns = np.zeros(values.shape[1], dtype=np.int64)
-    rows = np.zeros((len(values), 1), dtype=np.int64)
     nonzero = values != 0
     if not (nonzero.any(axis=0).all() and nonzero.any(axis=1).all()):
         return None
-    far = -(10**6)
-    for _ in range(3):
-        rows = np.where(nonzero, size - columns, far).max(axis=1, keepdims=True)
-        columns = np.where(nonzero, size - rows, far).max(axis=0)
+    rows, columns = equilibrate(np.frexp(values)[1].astype(np.int64), nonzero)
     move = -(rows + columns)
     with np.errstate(all="ignore"):
         scaled = np.ldexp(values, move)
