@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -51,14 +52,30 @@ class Model:
     matrices: Realization | None = None
 
 
+class Origin(Orthant):
+    """The cone {0} of R^0: the states of a static gain, the inputs of an autonomous system."""
+
+    def __init__(self) -> None:
+        self._n = 0
+
+
+@cache
+def nonnegative(n: int) -> Orthant:
+    """The nonnegative orthant of R^n, for n = 0 as well."""
+    return orthant(n) if n else Origin()
+
+
 def stacked(*cones: Cone) -> Cone:
     """Product of cones, in order; an orthant if all of them are."""
-    parts = [cone for cone in cones if cone.dim]
-    if len(parts) == 1:
-        return parts[0]
-    if all(isinstance(cone, Orthant) for cone in parts):
-        return orthant(sum(cone.dim for cone in parts))
-    return product(parts)
+    if all(isinstance(cone, Orthant) for cone in cones):
+        return nonnegative(sum(cone.dim for cone in cones))
+    return product([cone for cone in cones if cone.dim])
+
+
+def lies_in(inner: Cone, outer: Cone) -> bool:
+    """True if the inner cone is a subset of the outer one."""
+    same = inner is outer or (isinstance(inner, Orthant) and isinstance(outer, Orthant))
+    return (same and inner.dim == outer.dim) or outer.contains(inner)
 
 
 def opposite(cone: Cone) -> Cone:
@@ -82,7 +99,7 @@ def _orthant_sign(cone: Cone) -> int:
     """1 for the nonnegative orthant, -1 for the nonpositive one, else 0."""
     if isinstance(cone, Orthant):
         return 1
-    return -1 if cone == opposite(orthant(cone.dim)) else 0
+    return -1 if cone == opposite(nonnegative(cone.dim)) else 0
 
 
 def _common_sign(M: ExactMatrix) -> int:
@@ -91,7 +108,7 @@ def _common_sign(M: ExactMatrix) -> int:
 
 
 def _signed_orthant(n: int, sign: int) -> Cone:
-    return orthant(n) if sign > 0 else opposite(orthant(n))
+    return nonnegative(n) if sign > 0 else opposite(nonnegative(n))
 
 
 def _proper(cone: Cone) -> Cone | None:
@@ -137,7 +154,7 @@ def unit(s: Model) -> Model:
     """The gain 1 from the inputs of a system to themselves."""
     m = s.U.dim
     gain = (_zeros(0, 0), _zeros(0, m), _zeros(m, 0), _identity(m))
-    return Model(orthant(0), s.U, s.U, None if s.matrices is None else gain)
+    return Model(nonnegative(0), s.U, s.U, None if s.matrices is None else gain)
 
 
 def _is_siso(s: Model) -> bool:
@@ -228,15 +245,11 @@ def parallel(first: Model, second: Model) -> Model | None:
 
 
 def _narrower(a: Cone, b: Cone) -> Cone | None:
-    if a is b or b.contains(a):
-        return a
-    return b if a.contains(b) else _proper(a & b)
+    return a if lies_in(a, b) else b if lies_in(b, a) else _proper(a & b)
 
 
 def _wider(a: Cone, b: Cone) -> Cone | None:
-    if a is b or a.contains(b):
-        return a
-    return b if b.contains(a) else _proper(a + b)
+    return a if lies_in(b, a) else b if lies_in(a, b) else _proper(a + b)
 
 
 def series(outer: Model, inner: Model) -> Model | None:
@@ -245,7 +258,7 @@ def series(outer: Model, inner: Model) -> Model | None:
         outer = copies(outer, inner.Y.dim)
     elif _is_siso(inner) and not _is_siso(outer):
         inner = copies(inner, outer.U.dim)
-    if outer.U is not inner.Y and not outer.U.contains(inner.Y):
+    if not lies_in(inner.Y, outer.U):
         return None
     X = stacked(inner.X, outer.X)
     if outer.matrices is None or inner.matrices is None:
@@ -273,7 +286,7 @@ def feedback(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign:
         does (I - sign D2 D1)^-1 = I + sign D2 D1 + ... map U1 into U1.
     """
     returned = other.Y if sign >= 0 else opposite(other.Y)
-    if not other.U.contains(plant.Y) or not (sign == 0 or plant.U.contains(returned)):
+    if not lies_in(plant.Y, other.U) or not (sign == 0 or lies_in(returned, plant.U)):
         return None
     return _closed(plant, other, D1, D2, sign)
 
@@ -283,7 +296,7 @@ def feedback_gain(plant: Model, K: ExactMatrix, D1: ExactMatrix, sign: float) ->
     signed = ExactMatrix.from_fractions(K.fractions() * Fraction(sign))
     if not maps_into(signed, plant.Y, plant.U):
         return None
-    none = orthant(0)
+    none = nonnegative(0)
     gain = (_zeros(0, 0), _zeros(0, K.shape[1]), _zeros(K.shape[0], 0), K.fractions())
     # the cones of K are those of the plant, the other way round
     return _closed(plant, Model(none, plant.Y, plant.U, gain), D1, K, sign)

@@ -17,7 +17,7 @@ from control import StateSpace
 from numpy.typing import ArrayLike
 
 from . import connections
-from .arrays import ExactMatrix, exact_matrix, identity, require_shape
+from .arrays import ExactMatrix, exact_matrix, require_shape
 from .connections import Model
 from .errors import DataError, KposError, TimebaseError
 
@@ -40,14 +40,16 @@ class ConeOperations(StateSpace):
     def _with_cones(self, result: StateSpace, model: Model | None) -> StateSpace:
         """The result as a system with cones; as it is if there are none."""
 
-    def _adopt(self, result: Any, rule: Callable[..., Model | None], *others: ConeOperations, gain: ExactMatrix | None = None) -> Any:
+    def _adopt(
+        self, result: Any, rule: Callable[..., Model | None], *others: ConeOperations, gain: ExactMatrix | None = None
+    ) -> Any:
         """The result with the cones that `rule` finds from the operands, if they follow."""
         if type(result) is not StateSpace:
             return result  # NotImplemented, or an interconnection with a nonlinear system
         operands = (self, *others)
         if any(s.nstates and bool(s.dt) != bool(result.dt) for s in operands):
             return result  # a system without timebase was positive as a continuous one
-        if not all(np.isfinite(m).all() for m in (result.A, result.B, result.C, result.D)):
+        if not _is_finite(result):
             return result  # overflow
         tracked = any(s._exact() for s in operands) or not (gain is None or gain.is_double)
         return self._with_cones(result, rule(*(s._model(tracked) for s in operands)))
@@ -183,8 +185,8 @@ class ConeOperations(StateSpace):
         StateSpace
         """
         result = super().sample(Ts, method, *args, **kwargs)
-        follows = method in _POSITIVE_HOLDS and all(np.isfinite(m).all() for m in (result.A, result.B, result.C, result.D))
-        return self._with_cones(result, self._model(tracked=False)) if follows and Ts > 0 else result
+        follows = method in _POSITIVE_HOLDS and Ts > 0 and _is_finite(result)
+        return self._with_cones(result, self._model(tracked=False)) if follows else result
 
     def linearize(self, x0: Any, *args: Any, **kwargs: Any) -> StateSpace:
         """The system itself: python-control differentiates it numerically, which costs ten digits.
@@ -253,6 +255,10 @@ class ConeOperations(StateSpace):
         except np.linalg.LinAlgError:
             raise DataError("T is singular; a change of coordinates must be invertible.") from None
         return self._adopt(result, lambda s: connections.transform(s, exact, timescale, inverse), gain=exact)
+
+
+def _is_finite(s: StateSpace) -> bool:
+    return all(bool(np.isfinite(m).all()) for m in (s.A, s.B, s.C, s.D))
 
 
 def _gain(factor: Any) -> ExactMatrix | None:

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from .arrays import ExactMatrix, dense, exact_matrix
 from .certificates.result import Status
-from .cones import Cone, Orthant, PolyhedralCone, orthant
-from .connections import Model, image, preimage
+from .cones import Cone, Orthant, PolyhedralCone
+from .connections import Model, image, nonnegative, preimage
 from .dissipativity import DissipativityCertificate, dissipativity, induced_gain
 from .errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TimebaseError, UndecidedError
 from .operations import ConeOperations
@@ -32,6 +32,8 @@ from .positivity import PositivityCertificate, cone_positivity
 from .stability import LyapunovCertificate, linear_lyapunov
 
 _MATRICES = ("A", "B", "C", "D")
+# As numpy summarises larger arrays, a cone with more numbers is described rather than listed.
+_MOST_RAY_ENTRIES = 1000
 
 
 class ComplexDataError(DataError, TypeError):
@@ -195,7 +197,7 @@ class ConeStateSpace(ConeOperations):
         PositivityCertificate
             See `control_kpos.positivity.cone_positivity`.
         """
-        return cone_positivity(*self._data(), *self._cones, discrete=self._discrete)
+        return cone_positivity(*self._question(), discrete=self._discrete)
 
     def linear_lyapunov(self, rate: Literal["max"] | None = None) -> LyapunovCertificate:
         """Theorem 2: proof that X is invariant and x' = A x exponentially stable, or that one of them fails.
@@ -210,7 +212,8 @@ class ConeStateSpace(ConeOperations):
         LyapunovCertificate
             See `control_kpos.stability.linear_lyapunov`.
         """
-        return linear_lyapunov(self._data()[0], self.X, discrete=self._discrete, rate=rate)
+        A, _, _, _, X, _, _ = self._question()
+        return linear_lyapunov(A, X, discrete=self._discrete, rate=rate)
 
     def dissipativity(self, q: ArrayLike | None = None, r: ArrayLike | None = None) -> DissipativityCertificate:
         """Theorem 3: exponential dissipativity with storage v'x and supply rate r'u + q'y.
@@ -226,11 +229,9 @@ class ConeStateSpace(ConeOperations):
         DissipativityCertificate
             See `control_kpos.dissipativity.dissipativity`.
         """
-        return dissipativity(*self._data(), *self._cones, q=q, r=r, discrete=self._discrete)
+        return dissipativity(*self._question(), q=q, r=r, discrete=self._discrete)
 
-    def gain(
-        self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None
-    ) -> float:
+    def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain from inputs in U to outputs in Y; inf if the system is not stable.
 
         Parameters
@@ -244,7 +245,7 @@ class ConeStateSpace(ConeOperations):
         -------
         float
         """
-        return induced_gain(*self._data(), *self._cones, norm=norm, e=e, f=f, discrete=self._discrete)
+        return induced_gain(*self._question(), norm=norm, e=e, f=f, discrete=self._discrete)
 
     @property
     def _discrete(self) -> bool:
@@ -263,11 +264,37 @@ class ConeStateSpace(ConeOperations):
         exact = self._exact()
         return tuple(exact.get(name) or exact_matrix(getattr(self, name), name) for name in _MATRICES)
 
+    def _question(self) -> tuple[Any, ...]:
+        """A, B, C, D, X, U, Y as the theorems take them; a static gain gets an idle state, x' = -x."""
+        A, B, C, D = self._data()
+        X = self.X
+        if not self.nstates:
+            A = ExactMatrix(np.array([[0.0 if self._discrete else -1.0]]))
+            B, C, X = (
+                ExactMatrix(np.zeros((1, self.ninputs))),
+                ExactMatrix(np.zeros((self.noutputs, 1))),
+                nonnegative(1),
+            )
+        return A, B, C, D, X, self.U, self.Y
+
     def _model(self, tracked: bool) -> Model:
         if not tracked:
             return Model(*self._cones)
         A, B, C, D = (m.fractions() for m in self._data())
         return Model(*self._cones, (A, B, C, D))
+
+    def _question(self) -> tuple[Any, ...]:
+        """A, B, C, D, X, U, Y as the theorems take them; a static gain gets an idle state, x' = -x."""
+        A, B, C, D = self._data()
+        X = self.X
+        if not self.nstates:
+            A = ExactMatrix(np.array([[0.0 if self._discrete else -1.0]]))
+            B, C, X = (
+                ExactMatrix(np.zeros((1, self.ninputs))),
+                ExactMatrix(np.zeros((self.noutputs, 1))),
+                nonnegative(1),
+            )
+        return A, B, C, D, X, self.U, self.Y
 
     def _model(self, tracked: bool) -> Model:
         if not tracked:
@@ -282,7 +309,7 @@ class ConeStateSpace(ConeOperations):
         if X.dim != result.nstates:  # python-control was told to remove useless states
             if not isinstance(X, Orthant):
                 return result
-            X = orthant(result.nstates)
+            X = nonnegative(result.nstates)
         cones = {"X": X, "U": model.U, "Y": model.Y, "remove_useless_states": False}
         if model.matrices is None or model.matrices[0].shape != result.A.shape:
             return ConeStateSpace(result, **cones)
@@ -295,7 +322,9 @@ class ConeStateSpace(ConeOperations):
         labels, full = self.state_labels, self.nstates
         constant = ~self.A.any(axis=1) & ~self.B.any(axis=1)
         super()._remove_useless_states()
-        self._removal = _Removal(full, constant, np.array([labels.index(label) for label in self.state_labels], dtype=int))
+        self._removal = _Removal(
+            full, constant, np.array([labels.index(label) for label in self.state_labels], dtype=int)
+        )
 
     # -- copies
 
@@ -324,7 +353,7 @@ class ConeStateSpace(ConeOperations):
                 at = text.index(doubles, at)
                 text = text[:at] + shown + text[at + len(doubles) :]
                 at += len(shown)
-        cones = "".join(f",\n{name}={cone!r}" for name, cone in self._shown_cones().items())
+        cones = "".join(f",\n{name}={_rays(cone)}" for name, cone in self._shown_cones().items())
         return f"{type(self).__name__}{text}{cones})"
 
     def _repr_html_(self) -> str | None:
@@ -389,7 +418,7 @@ def _read(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
 def _require_timebase(dt: Any) -> None:
     if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf)):
         raise TimebaseError(
-            f"invalid timebase, dt = {dt}: give 0 for continuous time, a sampling time or True for discrete time, or None."
+            f"invalid timebase, dt = {dt}: give 0 for continuous time, a sampling time or True for discrete, or None."
         )
 
 
@@ -413,10 +442,10 @@ def _kind(data: Any) -> tuple[str, bool]:
 
 def _cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, removal: _Removal | None = None) -> Cone:
     if given is None:
-        return orthant(size)
+        return nonnegative(size)
     cone = given if isinstance(given, Cone) else PolyhedralCone(given)
     if removal is not None and cone.dim == removal.full != size:
-        return orthant(size) if isinstance(cone, Orthant) else removal.cone(cone)
+        return nonnegative(size) if isinstance(cone, Orthant) else removal.cone(cone)
     if cone.dim != size:
         raise ConeMismatchError(f"{name} is a cone in {cone.dim} dimensions, but the system has {size} {of}.")
     cone.require_proper(name)
@@ -438,5 +467,15 @@ def _default_print_options() -> bool:
 
 
 def _described(cone: Cone) -> str:
-    text = repr(cone)
-    return text if len(text) <= 72 else f"{type(cone).__name__} in {cone.dim} dimensions with {cone.n_rays} rays"
+    if cone.n_rays * cone.dim <= 12:
+        return f"generated by {_rays(cone)}"
+    return repr(cone)
+
+
+def _rays(cone: Cone) -> str:
+    """The rays of a cone as text that can be read back, if there are not too many."""
+    rays = cone.exact_rays
+    if cone.n_rays * cone.dim > _MOST_RAY_ENTRIES:
+        return repr(cone)
+    numbers = dense(rays.values) if rays.is_double else rays.rows_as_integers(np.arange(cone.n_rays))
+    return repr([[int(x) if x == int(x) else x for x in row] for row in numbers.tolist()])
