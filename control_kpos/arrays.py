@@ -22,7 +22,8 @@ from numpy.typing import ArrayLike, NDArray
 from .errors import DataError, ShapeError, TooLargeError
 
 Integers: TypeAlias = NDArray[np.object_]
-Matrix: TypeAlias = "NDArray[np.float64] | sp.csr_array"
+# ndarray of doubles, or csr_array
+Matrix: TypeAlias = Any
 
 HALF_ULP = 2.0**-53
 SMALLEST_NORMAL = 2.0**-1022
@@ -58,10 +59,12 @@ class ExactMatrix:
 
     @property
     def is_sparse(self) -> bool:
+        """True if `values` is a csr_array."""
         return sp.issparse(self.values)
 
     @property
     def shape(self) -> tuple[int, ...]:
+        """Shape of `values`."""
         return self.values.shape
 
     @property
@@ -140,9 +143,7 @@ def rounding_radius(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.abs(values) * (2 * HALF_ULP) + 2.0**-1074
 
 
-def integers_of_doubles(
-    values: NDArray[np.float64], *, by_row: bool = False
-) -> tuple[Integers, NDArray[np.int64]]:
+def integers_of_doubles(values: NDArray[np.float64], *, by_row: bool = False) -> tuple[Integers, NDArray[np.int64]]:
     """Finite doubles as integers times a power of two: values = ints * 2**exponent.
 
     One exponent for the whole array, or with `by_row` one for each row (last axis).
@@ -162,7 +163,8 @@ def integers_of_doubles(
     shift = np.where(nonzero, exponent - common, 0)
     if not shift.size or shift.max() <= 9:  # 53 + 9 bits stay within 64
         return (mantissa << shift).astype(object), common
-    return mantissa.astype(object) << shift.astype(object), common
+    wide: Any = mantissa.astype(object)
+    return wide << shift.astype(object), common
 
 
 def granularity(values: NDArray[np.float64]) -> int:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,6 +24,7 @@ from .certificates.exact import BilinearForms
 from .certificates.files import register_record
 from .certificates.result import Certificate, Condition
 from .cones import Cone
+from .errors import DataError
 
 _STATE, _INPUT, _OUTPUT, _DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
 _MEANING = {_STATE: "A X in X", _INPUT: "B U in X", _OUTPUT: "C X in Y", _DIRECT: "D U in Y"}
@@ -61,6 +62,19 @@ class PositivityViolation:
         )
 
 
+class System(NamedTuple):
+    """Matrices and cones of a system with inputs and outputs."""
+
+    A: ExactMatrix
+    B: ExactMatrix
+    C: ExactMatrix
+    D: ExactMatrix
+    X: Cone
+    U: Cone
+    Y: Cone
+    discrete: bool
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PositivityCertificate(Certificate):
     """Proof that a system is positive with respect to (X, U, Y), or a facet and generator that break it.
@@ -87,7 +101,14 @@ class PositivityCertificate(Certificate):
     Y: Cone | None = None
     discrete: bool = False
 
+    def system(self) -> System:
+        """The data; DataError if the certificate is about A alone."""
+        if self.B is None or self.C is None or self.D is None or self.U is None or self.Y is None:
+            raise DataError("B, C, D and the cones U and Y are needed here; give them all.")
+        return System(self.A, self.B, self.C, self.D, self.X, self.U, self.Y, self.discrete)
+
     def conditions(self) -> Sequence[Condition]:
+        """The inclusions of Theorem 1."""
         out = [invariance_condition(self.A, self.X, discrete=self.discrete)]
         maps = [(_INPUT, self.X, self.B, self.U), (_OUTPUT, self.Y, self.C, self.X), (_DIRECT, self.Y, self.D, self.U)]
         for name, target, matrix, source in maps:
@@ -96,45 +117,48 @@ class PositivityCertificate(Certificate):
         return out
 
     def refutation(self) -> Sequence[Condition] | None:
+        """The inequality that the facet and generator of the witness break."""
         w = self.witness
         if not isinstance(w, PositivityViolation):
             return None
         condition = next((c for c in self.conditions() if _MEANING[c.name] == w.condition), None)
         if condition is None:
             return None
-        target, source = {
-            "A X in X": (self.X, self.X),
-            "B U in X": (self.X, self.U),
-            "C X in Y": (self.Y, self.X),
-            "D U in Y": (self.Y, self.U),
-        }[w.condition]
-        index = np.array([w.facet]), np.array([w.ray])
-        normal, generator = take_rows(target.exact_facets, index[0]), take_rows(source.exact_rays, index[1])
-        middle = condition.forms.middle
-        product = BilinearForms(normal, middle, generator)
+        normal = take_rows(condition.forms.left, np.array([w.facet]))
+        generator = take_rows(condition.forms.right, np.array([w.ray]))
+        product = BilinearForms(normal, condition.forms.middle, generator)
         out = [Condition(f"{w.condition}: z < 0", product, "<")]
         if w.condition == "A X in X" and not self.discrete:
             out.append(Condition("h'x = 0", BilinearForms(normal, None, generator), "=="))
         same = _parallel(w.normal, dense_row(normal)) and _parallel(w.generator, dense_row(generator))
-        return out if same and _close(w.value, float(product_value(product))) else None
+        if not same or condition.forms.middle is None:
+            return None
+        value = np.asarray(w.normal) @ (condition.forms.middle.values @ np.asarray(w.generator))
+        return out if _close(w.value, float(value)) else None
 
     def explain(self) -> str:
+        """Which inclusions hold, or where one breaks."""
         inclusion = "A X lies in X" if self.discrete else "e^{At} X stays in X"
         if self:
             more = "".join(
-                f", {text}" for text, m in (("B U in X", self.B), ("C X in Y", self.C), ("D U in Y", self.D)) if m is not None
+                f", {text}"
+                for text, m in (("B U in X", self.B), ("C X in Y", self.C), ("D U in Y", self.D))
+                if m is not None
             )
             edge = (
-                " The margin is 0: some inequality holds with equality, so an arbitrarily small change of the data can break it."
+                " The margin is 0: some inequality holds with equality, so a small change of the data can break it."
                 if self.margin == 0
                 else ""
             )
             return f"Proved positive: {inclusion}{more}. Scale-free margin {self.margin:.3g}.{edge}"
         if self.witness is not None:
             return (
-                f"Not positive: {self.witness}. Choose another cone, or a feedback that turns the field inwards on this facet."
+                f"Not positive: {self.witness}. Choose another cone, or a feedback that turns the field inwards "
+                "on this facet."
             )
-        return "Undecided: some signs are out of reach of exact arithmetic at this size. Give the data with fewer digits."
+        return (
+            "Undecided: some signs are out of reach of exact arithmetic at this size. Give the data with fewer digits."
+        )
 
 
 def invariance_condition(A: ExactMatrix, X: Cone, *, discrete: bool) -> Condition:
@@ -274,7 +298,7 @@ def settle_positivity(**data: Any) -> PositivityCertificate:
     _, condition, (facet, ray) = min(found, key=lambda item: item[0])
     normal = take_rows(condition.forms.left, np.array([facet]))
     generator = take_rows(condition.forms.right, np.array([ray]))
-    value = float(product_value(BilinearForms(normal, condition.forms.middle, generator)))
+    value = float(BilinearForms(normal, condition.forms.middle, generator).values[0, 0])
     violation = PositivityViolation(
         _MEANING[condition.name], facet, ray, dense_row(normal), dense_row(generator), value
     )
@@ -312,11 +336,6 @@ def dense_row(m: ExactMatrix) -> NDArray[np.float64]:
     return np.array(m.values[0], dtype=float)
 
 
-def product_value(forms: BilinearForms) -> float:
-    """The only entry of 1 x 1 forms."""
-    return np.asarray(forms.values).ravel()[0]
-
-
 def _parallel(a: Any, b: NDArray[np.float64]) -> bool:
     a = np.asarray(a, dtype=float)
     if a.shape != b.shape or not np.isfinite(a).all():
@@ -330,9 +349,10 @@ def _close(a: float, b: float) -> bool:
 
 
 def _sizes(name: str, n: int) -> str:
-    return {"B": f"n = {n} rows, one column per dimension of U", "C": f"one row per dimension of Y, n = {n} columns"}.get(
-        name, "one row per dimension of Y, one column per dimension of U"
-    )
+    return {
+        "B": f"n = {n} rows, one column per dimension of U",
+        "C": f"one row per dimension of Y, n = {n} columns",
+    }.get(name, "one row per dimension of Y, one column per dimension of U")
 
 
 def _short(x: NDArray[np.float64]) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .arrays import ExactMatrix, Integers, exact_matrix, primitive
+from .arrays import Integers, exact_matrix, primitive
 from .errors import ShapeError, TooLargeError
 from .linear_programs import solve
 
@@ -132,21 +132,28 @@ def solve_exactly(matrix: Integers, right: Integers) -> Rationals | None:
         column = work[others, k]
         work[others, k:] = (pivot * work[others, k:] - column[:, None] * work[k, k:]) // last
         last = pivot
-    return np.array([[Fraction(int(v), int(last)) for v in row] for row in work[:, m:]], dtype=object).reshape(right.shape)
+    return np.array([[Fraction(int(v), int(last)) for v in row] for row in work[:, m:]], dtype=object).reshape(
+        right.shape
+    )
 
 
 def _integers(M: Any, b: Any) -> tuple[Integers, Integers]:
     """M and b as integers, each row [M_i, b_i] multiplied by one positive number."""
-    M, b = exact_matrix(M, "M"), exact_matrix(b, "b", ndim=1)
-    if M.shape[0] != b.shape[0]:
-        raise ShapeError(f"M has {M.shape[0]} rows, but b has {b.shape[0]} entries.")
-    (left, factor), (right, other) = _common(M), _common(b)
+    (left, factor), (right, other) = _common(M, "M", 2), _common(b, "b", 1)
+    if len(left) != len(right):
+        raise ShapeError(f"M has {len(left)} rows, but b has {len(right)} entries.")
     ratio = Fraction(other) / Fraction(factor)
     return left * ratio.denominator, right * ratio.numerator
 
 
-def _common(M: ExactMatrix) -> tuple[Integers, Fraction]:
-    ints, factor = M.as_integers()
+def _common(data: Any, name: str, ndim: int) -> tuple[Integers, Fraction]:
+    if isinstance(data, np.ndarray) and data.dtype == object and data.ndim == ndim:
+        # exact already, and perhaps beyond the range of doubles
+        exact = [Fraction(x) for x in data.ravel()]
+        common = lcm(*(x.denominator for x in exact))
+        ints = np.array([x.numerator * (common // x.denominator) for x in exact], dtype=object)
+        return ints.reshape(data.shape), Fraction(1, common)
+    ints, factor = exact_matrix(data, name, ndim=ndim).as_integers()
     return np.asarray(ints, dtype=object), Fraction(factor)
 
 
@@ -197,7 +204,9 @@ def _bland(matrix: Integers, right: Integers, n: int, signs: NDArray[Any]) -> tu
         enter = next((j for j in range(n + m) if table[-1, j] < 0), None)
         if enter is None:
             break
-        ratios = [(Fraction(int(table[i, -1]), int(table[i, enter])), basis[i], i) for i in range(m) if table[i, enter] > 0]
+        ratios = [
+            (Fraction(int(table[i, -1]), int(table[i, enter])), basis[i], i) for i in range(m) if table[i, enter] > 0
+        ]
         leave = min(ratios)[2]  # some entry is positive: the phase-one cost is bounded below
         pivot = table[leave, enter]
         others = np.arange(m + 1) != leave

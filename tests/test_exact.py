@@ -20,9 +20,9 @@ doubles = st.one_of(
 
 
 def matrices(rows, columns):
-    return st.lists(
-        st.lists(doubles, min_size=columns, max_size=columns), min_size=rows, max_size=rows
-    ).map(lambda m: np.array(m, dtype=float).reshape(rows, columns))
+    return st.lists(st.lists(doubles, min_size=columns, max_size=columns), min_size=rows, max_size=rows).map(
+        lambda m: np.array(m, dtype=float).reshape(rows, columns)
+    )
 
 
 def truth(L, M, R):
@@ -65,7 +65,9 @@ def test_stacks_agree_with_single_problems(problem, size, random):
     expected = np.array([truth(L, m, R) for m in stack])
     np.testing.assert_array_equal(BilinearForms(ExactMatrix(L), ExactMatrix(stack), ExactMatrix(R)).signs(), expected)
     lefts = np.broadcast_to(L, (size, *L.shape)).copy()
-    np.testing.assert_array_equal(BilinearForms(ExactMatrix(lefts), ExactMatrix(stack), ExactMatrix(R)).signs(), expected)
+    np.testing.assert_array_equal(
+        BilinearForms(ExactMatrix(lefts), ExactMatrix(stack), ExactMatrix(R)).signs(), expected
+    )
 
 
 def test_cancellation_below_rounding_is_seen():

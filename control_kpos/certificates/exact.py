@@ -28,6 +28,7 @@ UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
 EXACT_LIMIT = 3 * 10**8
 _CHUNK = 10**6
+_SMALL = 4096
 
 
 class BilinearForms:
@@ -48,9 +49,12 @@ class BilinearForms:
     """
 
     def __init__(self, left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> None:
+        self.is_sparse = all(m.is_sparse for m in (left, middle, right) if m is not None)
+        if not self.is_sparse:
+            left, right = _dense_if_small(left), _dense_if_small(right)
+            middle = None if middle is None else _dense_if_small(middle)
         self.left, self.middle, self.right = left, middle, right
         self._operands = [m for m in (left, middle, right) if m is not None]
-        self.is_sparse = all(m.is_sparse for m in self._operands)
 
     @cached_property
     def values(self) -> Any:
@@ -69,7 +73,9 @@ class BilinearForms:
     @cached_property
     def pattern(self) -> sp.csr_array:
         """Positions of a sparse result where some product of entries is not zero by structure."""
-        ones = [sp.csr_array((np.ones(m.values.nnz), m.values.indices, m.values.indptr), m.shape) for m in self._operands]
+        ones = [
+            sp.csr_array((np.ones(m.values.nnz), m.values.indices, m.values.indptr), m.shape) for m in self._operands
+        ]
         out = sp.csr_array(self._product(*ones))
         out.sort_indices()
         return out
@@ -79,7 +85,11 @@ class BilinearForms:
         z, m = (self.values.data, self.magnitudes.data) if self.is_sparse else (self.values, self.magnitudes)
         with np.errstate(invalid="ignore", over="ignore"):
             ratio = np.divide(z, m, out=np.zeros_like(m), where=m > 0)
-        return sp.csr_array((ratio, self.pattern.indices, self.pattern.indptr), self.pattern.shape) if self.is_sparse else ratio
+        return (
+            sp.csr_array((ratio, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
+            if self.is_sparse
+            else ratio
+        )
 
     def signs(self, where: NDArray[np.bool_] | None = None) -> Any:
         """Proven signs -1, 0, +1, or `UNKNOWN` where exact arithmetic would be out of reach.
@@ -195,7 +205,11 @@ class BilinearForms:
             rows = np.repeat(np.arange(self.pattern.shape[0]), np.diff(self.pattern.indptr))
             index = np.flatnonzero(open_)
             for k in np.unique(rows[index]):
-                at = index[rows[index] == k] if len(index) < 64 else index[np.searchsorted(rows[index], k) : np.searchsorted(rows[index], k, "right")]
+                at = (
+                    index[rows[index] == k]
+                    if len(index) < 64
+                    else index[np.searchsorted(rows[index], k) : np.searchsorted(rows[index], k, "right")]
+                )
                 out[at] = self._sparse_row(int(k), self.pattern.indices[at])
             return
         if any(m.is_sparse for m in self._operands):
@@ -221,9 +235,7 @@ class BilinearForms:
             left = left @ self.middle.as_integers()[0]
         right = self.right.rows_as_integers(columns)
         step = max(1, _CHUNK // right.shape[1])
-        parts = [
-            np.sign((left[k[s : s + step]] * right[i[s : s + step]]).sum(axis=1)) for s in range(0, len(k), step)
-        ]
+        parts = [np.sign((left[k[s : s + step]] * right[i[s : s + step]]).sum(axis=1)) for s in range(0, len(k), step)]
         return np.concatenate(parts).astype(np.int8)
 
     def _stacked(self, index: tuple[NDArray[np.intp], ...]) -> NDArray[np.int8]:
@@ -253,6 +265,13 @@ class BilinearForms:
             vector_b[needed] = _multiply((data, middle.indices, middle.indptr), vector)
             vector = vector_b
         return np.sign(_multiply(right, vector)).astype(np.int8)
+
+
+def _dense_if_small(m: ExactMatrix) -> ExactMatrix:
+    """Sparse operands below the size where their overhead pays, as dense ones."""
+    if not m.is_sparse or m.shape[0] * m.shape[1] > _SMALL:
+        return m
+    return ExactMatrix(m.values.toarray(), m.radius, m.numerators, m.denominator, m.integer_rows)
 
 
 def _finite(m: ExactMatrix) -> bool:

@@ -103,7 +103,16 @@ def load_certificate(path: str | PathLike[str]) -> Any:
         return _decode_claim(content)
     except CertificateFileError:
         raise
-    except (KposError, ValueError, TypeError, KeyError, IndexError, AttributeError, ArithmeticError, RecursionError) as error:
+    except (
+        KposError,
+        ValueError,
+        TypeError,
+        KeyError,
+        IndexError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+    ) as error:
         raise CertificateFileError(f"{path} holds data that do not fit together: {error}") from None
 
 
@@ -146,7 +155,10 @@ def encode(value: Any) -> Any:
     if hasattr(value, "claim"):
         return {"certificate": _encode_claim(value.claim, value.status.name, value.data())}
     if is_dataclass(value) and type(value).__name__ in _records:
-        return {"record": type(value).__name__, "fields": {f.name: encode(getattr(value, f.name)) for f in fields(value)}}
+        return {
+            "record": type(value).__name__,
+            "fields": {f.name: encode(getattr(value, f.name)) for f in fields(value)},
+        }
     raise TypeError(f"a certificate cannot hold {type(value).__name__}")
 
 
@@ -175,9 +187,9 @@ def _encode_cone(cone: Cone) -> dict[str, Any]:
     if isinstance(cone, ProductCone):
         pairs = zip(cone.factors, cone.counts, strict=True)
         return {"product": [[int(count), _encode_cone(factor)] for factor, count in pairs]}
-    rays = cone.exact_rays.rows_as_integers(np.arange(cone.n_rays))
-    if cone.exact_rays.is_double:
+    if cone.exact_rays.integer_rows is None:
         return {"rays": _encode_matrix(cone.exact_rays)}
+    rays = cone.exact_rays.rows_as_integers(np.arange(cone.n_rays))
     return {"rays": {"matrix": [int(x) for x in rays.ravel()], "shape": list(rays.shape)}}
 
 
@@ -272,7 +284,9 @@ def _decode_matrix(value: dict[str, Any]) -> ExactMatrix:
 def _decode_cone(value: dict[str, Any]) -> Cone:
     if "orthant" in value:
         if not isinstance(value["orthant"], int) or value["orthant"] > MAX_ENTRIES:
-            raise CertificateFileError(f"an orthant of dimension {value['orthant']!r} is larger than this reader takes.")
+            raise CertificateFileError(
+                f"an orthant of dimension {value['orthant']!r} is larger than this reader takes."
+            )
         return orthant(value["orthant"])
     if "product" in value:
         if sum(int(count) for count, _ in value["product"]) > MAX_ENTRIES:

@@ -69,7 +69,11 @@ class Condition:
 
     def verdict(self) -> bool | None:
         """True if proven everywhere, False if proven to fail somewhere, None if unknown."""
-        outside = self.forms.is_sparse and self.relation in "<>" and self.forms.pattern.nnz < np.prod(self.forms.pattern.shape)
+        outside = (
+            self.forms.is_sparse
+            and self.relation in "<>"
+            and self.forms.pattern.nnz < np.prod(self.forms.pattern.shape)
+        )
         if outside or (self._failing & (self._signs != UNKNOWN)).any():
             return False
         return None if self._failing.any() else True
@@ -143,6 +147,8 @@ class Certificate(ABC):
     residuals: Mapping[str, NDArray[np.float64]] | None = None
 
     claim: ClassVar[str]
+    # conditions that may hold with equality however robust the claim is
+    no_margin: ClassVar[frozenset[str]] = frozenset()
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
@@ -156,7 +162,7 @@ class Certificate(ABC):
         status, conditions = draft._evaluate()
         residuals = {condition.name: condition.residual for condition in conditions}
         settled = cls(**data, status=status, residuals=residuals)
-        settled.__dict__["_own_conditions"] = conditions  # spares a second evaluation
+        vars(settled)["_own_conditions"] = conditions  # spares a second evaluation
         return settled
 
     @abstractmethod
@@ -196,8 +202,9 @@ class Certificate(ABC):
         The smallest |z| / (|l|'|M||r|) of the inequalities of the claim, or of the witness with a
         minus sign.
         """
-        smallest = min((condition.margin for condition in self._own_conditions), default=0.0)
-        return -abs(smallest) if self.witness is not None else smallest
+        if self.witness is not None:
+            return -abs(min((c.margin for c in self._own_conditions), default=0.0))
+        return min((c.margin for c in self._own_conditions if c.name not in self.no_margin), default=0.0)
 
     def check(self) -> bool:
         """Recompute the verdict from the data, without any solver.

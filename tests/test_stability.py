@@ -1,0 +1,233 @@
+"""Theorem 2: exponential stability by a linear Lyapunov vector."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_positivity import PAPER, closed_loop, metzler, perturbations, unimodular
+
+import control_kpos as kp
+from control_kpos.certificates.result import Status
+
+
+def routh_stable(A):
+    """Exact truth for n <= 3, by the Routh-Hurwitz criterion in rational numbers."""
+    A = [[Fraction(x) for x in row] for row in np.asarray(A, dtype=float).tolist()]
+    n = len(A)
+    trace = sum(A[i][i] for i in range(n))
+    if n == 1:
+        return trace < 0
+    minors = sum(A[i][i] * A[j][j] - A[i][j] * A[j][i] for i in range(n) for j in range(i))
+    if n == 2:
+        return trace < 0 and minors > 0
+    (a, b, c), (d, e, f), (g, h, i) = A
+    det = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return trace < 0 and det < 0 and -trace * minors > -det
+
+
+class TestPaper:
+    def test_lyapunov_vector_of_the_mass_spring(self):
+        cert = kp.linear_lyapunov(closed_loop(-21, -13), PAPER)
+        assert cert and cert.check()
+        A = np.array(closed_loop(-21, -13), dtype=float)
+        assert (PAPER.rays @ cert.v > 0).all() and (PAPER.rays @ A.T @ cert.v < 0).all()
+
+    def test_the_printed_vector_is_one_too(self):
+        v = np.array([5.09, 0.836])
+        A = np.array(closed_loop(-21, -13), dtype=float)
+        assert (PAPER.rays @ v > 0).all() and (PAPER.rays @ A.T @ v < 0).all()
+
+    def test_fastest_provable_rate_is_the_dominant_eigenvalue(self):
+        cert = kp.linear_lyapunov(closed_loop(-21, -13), PAPER, rate="max")
+        assert cert and cert.check()
+        # lambda^2 + 13 lambda + 22 = (lambda + 2)(lambda + 11)
+        assert 2 - 1e-9 < cert.decay_rate <= 2 <= cert.decay_rate_bound < 2 + 1e-9
+
+    @pytest.mark.parametrize(("F2", "expected"), [("-13.0000000001", "PROVED"), ("-12.9999999999", "REFUTED")])
+    def test_boundary_of_invariance(self, F2, expected):
+        cert = kp.linear_lyapunov(closed_loop(-21, F2), PAPER)
+        assert cert.status.name == expected and cert.check()
+
+
+def test_a_vector_alone_proves_nothing():
+    # v = (1, 1) passes both inequalities on the orthant, yet 3 is an eigenvalue: A is not Metzler
+    A = np.array([[1.0, -2.0], [-2.0, 1.0]])
+    cert = kp.linear_lyapunov(A, kp.orthant(2))
+    assert cert.status is Status.REFUTED and cert.witness.condition == "A X in X"
+    forged = replace(
+        kp.linear_lyapunov([[-2, 1], [1, -2]], kp.orthant(2)),
+        positivity=cert.positivity,
+        v=np.array([1.0, 1.0]),
+        decay_rate=1.0,
+    )
+    assert not forged.check()
+
+
+@given(metzler(3), unimodular())
+@settings(deadline=None)
+def test_lyapunov_vector_decreases(M, T):
+    A, X = T @ M @ np.rint(np.linalg.inv(T)), kp.PolyhedralCone(T.T)
+    cert = kp.linear_lyapunov(A, X)
+    assert cert and all(cert.v @ T > 0) and all(cert.v @ A @ T < 0)
+    assert (cert.v @ A @ T + cert.decay_rate * cert.v @ T <= 1e-9 * np.abs(cert.v) @ np.abs(A) @ np.abs(T)).all()
+    assert not replace(cert, v=-cert.v).check()
+
+
+@given(st.data())
+@settings(deadline=None, max_examples=300)
+def test_verdict_is_the_exact_truth(data):
+    n = data.draw(st.integers(1, 3))
+    entry = st.one_of(st.integers(0, 3), st.sampled_from([0.0, 0.1, 1e-10, 1 / 3]))
+    A = np.array(data.draw(st.lists(st.lists(entry, min_size=n, max_size=n), min_size=n, max_size=n)), dtype=float)
+    A -= np.diag(
+        np.array(
+            data.draw(st.lists(st.one_of(st.integers(0, 7), st.sampled_from([0.1, 1 / 3])), min_size=n, max_size=n)),
+            dtype=float,
+        )
+    )
+    cert = kp.linear_lyapunov(A, kp.orthant(n))
+    assert cert.status is (Status.PROVED if routh_stable(A) else Status.REFUTED)
+    assert cert.check()
+
+
+def test_no_unstable_system_is_ever_proved_stable():
+    rng = np.random.default_rng(20261122)
+    wrong = undecided = 0
+    for _ in range(10_000):
+        n = int(rng.integers(2, 4))
+        A = rng.random((n, n)) * rng.choice([1.0, 1e-6, 1e6])
+        A -= np.diag(np.diag(A))
+        # put the rightmost eigenvalue within a relative 10^-1 .. 10^-17 of zero
+        shift = np.linalg.eigvals(A).real.max() * (1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-17, -1))
+        A -= shift * np.eye(n)
+        cert = kp.linear_lyapunov(A, kp.orthant(n))
+        undecided += cert.status is Status.UNDECIDED
+        wrong += (cert.status is Status.PROVED) != routh_stable(A)
+    assert (wrong, undecided) == (0, 0)
+
+
+MARGINAL = {
+    "zero": ([[0.0]], False),
+    "singular": ([[-1, 1], [1, -1]], False),
+    "defective at zero": ([[0, 1], [0, 0]], False),
+    "defective and stable": ([[-1, 1], [0, -1]], True),
+    "reducible, one mode grows": ([[-1, 0], [0, 1]], False),
+    "reducible, stable": ([[-1, 1], [0, -2]], True),
+    "reducible, hidden integrator": ([[-1, 0, 0], [1, 0, 0], [0, 1, -1]], False),
+    "just stable": ([[-1 - 1e-10, 1], [1, -1]], True),
+    "just unstable": ([[-1 + 1e-10, 1], [1, -1]], False),
+    "very stiff": ([[-1e-8, 1e8], [0, -1e8]], True),
+}
+
+
+@pytest.mark.parametrize("name", MARGINAL)
+@pytest.mark.parametrize("scale", [1.0, 1e-150, 1e150, 2.0**400])
+@pytest.mark.parametrize("rate", [None, "max"])
+def test_marginal_matrices(name, scale, rate):
+    A, stable = MARGINAL[name]
+    cert = kp.linear_lyapunov(scale * np.array(A, dtype=float), kp.orthant(len(A)), rate=rate)
+    assert cert.status is (Status.PROVED if stable else Status.REFUTED)
+    assert cert.check() and cert.explain()
+    if not stable:
+        assert isinstance(cert.witness, kp.InstabilityDirection)
+
+
+@pytest.mark.parametrize("name", MARGINAL)
+def test_marginal_matrices_on_other_cones_and_in_discrete_time(name):
+    A, stable = np.array(MARGINAL[name][0], dtype=float), MARGINAL[name][1]
+    n = len(A)
+    T = np.triu(np.ones((n, n)))
+    cert = kp.linear_lyapunov(T @ A @ np.rint(np.linalg.inv(T)), kp.PolyhedralCone(T.T))
+    assert cert.status is (Status.PROVED if stable else Status.REFUTED) and cert.check()
+    if np.abs(A).max() < 10:
+        discrete = (4 * np.eye(n) + A) / 4  # the same verdict about A / 4
+        if (discrete * 4 - 4 * np.eye(n) == A).all():
+            cert = kp.linear_lyapunov(discrete, kp.orthant(n), discrete=True)
+            assert cert.status is (Status.PROVED if stable else Status.REFUTED) and cert.check()
+
+
+@given(metzler(3), st.lists(st.integers(-400, 400), min_size=3, max_size=3))
+@settings(deadline=None)
+def test_units_of_the_state_change_nothing(M, powers):
+    D = np.ldexp(1.0, powers)
+    with np.errstate(over="ignore", under="ignore"):
+        A = M * D[:, None] / D
+    assert kp.linear_lyapunov(A, kp.PolyhedralCone(np.diag(D)))
+    unstable = M + 20 * np.eye(3)
+    with np.errstate(over="ignore", under="ignore"):
+        A = unstable * D[:, None] / D
+    assert kp.linear_lyapunov(A, kp.PolyhedralCone(np.diag(D))).status is Status.REFUTED
+
+
+def test_discrete_decay_rate_is_a_contraction_per_step():
+    A = np.array([[0.5, 0.25], [0.0, 0.5]])
+    cert = kp.linear_lyapunov(A, kp.orthant(2), discrete=True, rate="max")
+    assert cert and (cert.v @ A <= (1 - cert.decay_rate) * cert.v * (1 + 1e-12)).all()
+    assert abs(cert.decay_rate - 0.5) < 1e-3
+    assert cert.decay_rate_bound >= 0.5 - 1e-15
+
+
+def test_non_simplicial_cone_and_many_sizes():
+    rng = np.random.default_rng(3)
+    for n in (2, 3, 4, 5):
+        G = np.vstack([np.eye(n - 1), -np.eye(n - 1)])
+        X = kp.PolyhedralCone(np.column_stack([G, np.ones(2 * n - 2)]))
+        A = np.diag(np.append(-3 - rng.random(n - 1), -1))
+        cert = kp.linear_lyapunov(A, X, rate="max")
+        assert cert and abs(cert.decay_rate - 1) < 1e-6
+        assert kp.linear_lyapunov(A + 1.5 * np.eye(n), X).status is Status.REFUTED
+
+
+def test_sparse_ring_of_mass_springs():
+    n = 400
+    ring = sp.kron(sp.eye_array(n), np.array([[0.0, 1.0], [-22.0, -13.0]])) + sp.kron(
+        sp.csr_array(np.roll(np.eye(n), 1, axis=1)), np.array([[0.0, 0.0], [1.0, 0.0]])
+    )
+    cert = kp.linear_lyapunov(ring, kp.product([PAPER] * n), rate="max")
+    assert cert and cert.check()
+    # the paper prints -1.48; lambda^2 + 13 lambda + 21 = 0 gives (-13 + sqrt(85)) / 2
+    truth = (13 - np.sqrt(85)) / 2
+    assert truth - 1e-6 < cert.decay_rate <= truth * (1 + 1e-12)
+    assert abs(cert.decay_rate - 1.48) > 0.4
+
+
+@pytest.mark.parametrize(
+    ("A", "rate"),
+    [([[-2, 1], [1, -2]], None), ([[-2, 1], [1, -2]], "max"), ([[2, 1], [1, -2]], None), ([[-1, 1], [1, -1]], None)],
+)
+def test_a_changed_certificate_does_not_pass(A, rate):
+    cert = kp.linear_lyapunov(A, kp.orthant(2), rate=rate)
+    assert cert.check()
+    changed_names = set()
+    for name, changed in perturbations(cert):
+        if cert.witness is not None and name in ("v", "decay_rate", "decay_rate_bound"):
+            continue
+        changed_names.add(name)
+        assert not changed.check(), name
+    assert "status" in changed_names
+    if cert.witness is not None:
+        x = cert.witness.x
+        for bad in (-x, 0 * x, x * np.array([1, -1]), x[:1], x * np.nan):
+            assert not replace(cert, witness=kp.InstabilityDirection(bad)).check()
+
+
+def test_files_keep_the_verdict(tmp_path):
+    for A in (
+        [[-2, 1], [1, -2]],
+        [["-1", "1/3"], ["3", "-1"]],
+        [[-2, -1], [1, -2]],
+        [["-1/3", "1/3"], ["1/3", "-1/3"]],
+    ):
+        cert = kp.linear_lyapunov(A, kp.orthant(2))
+        cert.save(tmp_path / "c.json")
+        again = kp.load_certificate(tmp_path / "c.json")
+        assert again.status is cert.status and again.check() and again.explain() == cert.explain()
+
+
+def test_unknown_rate_is_refused():
+    with pytest.raises(kp.DataError, match="rate is 'fast'"):
+        kp.linear_lyapunov([[-1]], kp.orthant(1), rate="fast")
