@@ -41,6 +41,8 @@ def mass_spring(k: float = 1.0, m: float = 1.0) -> Matrices:
 
     Examples
     --------
+    >>> import control as ct
+    >>> import control_kpos as kp
     >>> plant = ct.ss(*kp.examples.mass_spring())
     >>> plant.poles().imag
     array([ 1., -1.])
@@ -58,6 +60,7 @@ def paper_cone() -> PolyhedralCone:
 
     Examples
     --------
+    >>> import control_kpos as kp
     >>> kp.examples.paper_cone().contains([1, -1.5])
     True
     """
@@ -73,6 +76,7 @@ def paper_gain() -> NDArray[np.float64]:
 
     Examples
     --------
+    >>> import control_kpos as kp
     >>> kp.examples.paper_gain()
     array([[-21., -13.]])
     """
@@ -103,6 +107,7 @@ def mass_spring_node(F: ArrayLike | None = None, *, k: float = 1.0, m: float = 1
 
     Examples
     --------
+    >>> import control_kpos as kp
     >>> kp.examples.mass_spring_node().is_cone_positive()
     True
     >>> kp.examples.mass_spring_node([-21, -12.9]).is_cone_positive()
@@ -143,6 +148,7 @@ def mass_spring_nodes(n_nodes: int, *, seed: int = 0) -> Matrices:
 
     Examples
     --------
+    >>> import control_kpos as kp
     >>> A, B, C, D = kp.examples.mass_spring_nodes(1000)
     >>> A.shape, C.shape
     ((1000, 2, 2), (1000, 1, 2))
@@ -181,6 +187,7 @@ def ring(n_nodes: int) -> sp.csr_array:
 
     Examples
     --------
+    >>> import control_kpos as kp
     >>> kp.examples.ring(3).toarray()
     array([[0., 1., 0.],
            [0., 0., 1.],
@@ -222,9 +229,10 @@ def random_regular(n_nodes: int, degree: int = 3, *, seed: int = 0) -> sp.csr_ar
 
     Examples
     --------
+    >>> import control_kpos as kp
     >>> W = kp.examples.random_regular(1000)
-    >>> W.sum(axis=1).min(), W.sum(axis=1).max()
-    (3.0, 3.0)
+    >>> set(W.sum(axis=1).tolist())
+    {3.0}
     """
     n_nodes, degree = _count(n_nodes, "n_nodes"), _count(degree, "degree")
     if n_nodes <= 2 * degree or n_nodes * degree % 2:

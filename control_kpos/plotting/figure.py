@@ -1,0 +1,62 @@
+"""What the figures have in common.
+
+They follow python-control: they draw into `ax` if it is given, else into the current figure if it has
+a single suitable axes, else into a new one, and return a `control.ControlPlot`.  Colours are from the
+Okabe-Ito palette and are never the only difference between two things, so that the figures stay
+readable for the colour-blind and in black and white.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import control as ct
+import matplotlib.pyplot as plt
+import numpy as np
+from numpy.typing import NDArray
+
+Points: TypeAlias = NDArray[np.float64]
+
+BLUE, ORANGE, GREEN, PINK, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+
+
+def choose_axes(ax: Any, projection: str) -> Any:
+    """The axes given, the only one of the current figure if it suits, or a new one."""
+    if ax is not None:
+        return ax
+    figure = plt.gcf()
+    present = figure.get_axes()
+    if len(present) == 1 and present[0].name == projection:
+        return present[0]
+    if present:
+        figure = plt.figure()
+    figure.set_layout_engine("tight")
+    return figure.add_subplot(projection=projection)
+
+
+def legend_beside(ax: Any) -> Any:
+    """A legend outside the data."""
+    if ax.name == "3d":
+        return ax.legend(loc="upper left", bbox_to_anchor=(0, 1), frameon=False)
+    return ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, frameon=False, borderaxespad=0)
+
+
+def set_title(cplt: ct.ControlPlot, user_ax: Any, title: str | None, default: str) -> None:
+    """Title of the figure if it is ours, of the axes if they are given."""
+    if user_ax is None:
+        cplt.set_plot_title(default if title is None else title)
+    elif title is not None:
+        user_ax.set_title(title)
+
+
+def unit(x: Points) -> Points:
+    """A vector divided by its length."""
+    x = x / np.abs(x).max()  # first, so that the norm neither overflows nor underflows
+    return x / np.linalg.norm(x)
+
+
+def fan(rays: Points, count: int) -> Points:
+    """Unit vectors from the first of two rays to the second, at equal angles."""
+    first, last = (unit(r) for r in rays)
+    turn = np.arctan2(first[0] * last[1] - first[1] * last[0], first @ last) * np.linspace(0, 1, count)[:, None]
+    return np.cos(turn) * first + np.sin(turn) * np.array([-first[1], first[0]])

@@ -1,0 +1,344 @@
+"""The rules of the house: who imports whom, what is documented, what importing costs."""
+
+import ast
+import dataclasses
+import doctest
+import enum
+import graphlib
+import inspect
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import pytest
+
+import control_kpos as kp
+
+ROOT = Path(__file__).parent.parent
+PACKAGE = Path(kp.__file__).parent
+
+
+def module_name(path: Path) -> str:
+    parts = ("control_kpos", *path.relative_to(PACKAGE).with_suffix("").parts)
+    return ".".join(parts).removesuffix(".__init__")
+
+
+MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+
+# Every room, a module or a folder below the package, may import from the lines above its own.  The
+# trusted kernel is a room of its own: cones need its signs, and certificates hold cones.
+LAYERS = (
+    {"errors"},
+    {"arrays"},
+    {"certificates.exact"},
+    {"linear_programs"},
+    {"rational_programs"},
+    {"cones"},
+    {"certificates"},
+    {"positivity"},
+    {"perron"},
+    {"stability"},
+    {"storage"},
+    {"dissipativity"},
+    {"connections"},
+    {"operations"},
+    {"statespace"},
+    {"networks"},
+    {"synthesis"},
+    {"conefinding"},
+    {"nonlinear"},
+    {"examples"},
+    {"plotting"},
+    {"__init__"},
+    {"__main__"},
+)
+LEVEL = {room: level for level, layer in enumerate(LAYERS) for room in layer}
+
+# Packages that only some rooms may import.
+RESTRICTED = {
+    "cvxpy": {"synthesis"},
+    "matplotlib": {"plotting"},
+    "mpl_toolkits": {"plotting"},
+    "networkx": {"networks", "plotting"},
+    "highspy": {"linear_programs"},
+    "scipy.optimize": {"linear_programs", "synthesis", "conefinding"},
+    "scipy.spatial": {"cones"},
+}
+
+# Imports inside functions, each with its reason.
+HIDDEN_IMPORTS = {
+    "control_kpos.synthesis.backend": "cvxpy takes longer to import than everything else together",
+}
+
+# Above this length a file is likely to hold two ideas.  Longer ones need a reason.
+MAX_LINES = 500
+LONG_FILES: dict[str, str] = {}
+
+# Public functions and methods that pass keywords on, and a call with one that nobody knows.
+PASSES_KEYWORDS = {
+    "ConeStateSpace": lambda: kp.ConeStateSpace(*SMALL_SYSTEM, nonsense=1),
+    "ConeStateSpace.sample": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).sample(0.1, nonsense=1),
+    "ConeStateSpace.linearize": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).linearize(0, 0, nonsense=1),
+    "ConeStateSpace.to_ss": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).to_ss(nonsense=1),
+    "phase_portrait": lambda: kp.phase_portrait([[-1.0, 0.0], [0.0, -1.0]], nonsense=1),
+    "examples.mass_spring_node": lambda: kp.examples.mass_spring_node(nonsense=1),
+}
+SMALL_SYSTEM = [[-1.0]], [[1.0]], [[1.0]], [[0.0]]
+
+
+# -- imports
+
+
+def room(module: str) -> str:
+    """The room of a module: "cones" for control_kpos.cones.polyhedral."""
+    inside = module.partition(".")[2] or "__init__"
+    return inside if inside in LEVEL else inside.split(".")[0]
+
+
+def is_type_checking(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
+def import_nodes(node: ast.AST, *, inside_functions: bool):
+    """Import statements that run, at module level or inside functions."""
+    for child in ast.iter_child_nodes(node):
+        if is_type_checking(child):
+            continue
+        if isinstance(child, (ast.Import, ast.ImportFrom)) and not inside_functions:
+            yield child
+        elif isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            if inside_functions:
+                yield from (n for n in ast.walk(child) if isinstance(n, (ast.Import, ast.ImportFrom)))
+        else:
+            yield from import_nodes(child, inside_functions=inside_functions)
+
+
+def imported_names(module: str, node: ast.AST) -> set[str]:
+    """Full names of the modules that an import statement needs."""
+    if isinstance(node, ast.Import):
+        return {alias.name for alias in node.names}
+    base = node.module or ""
+    if node.level:
+        package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
+        parts = package.split(".")[: len(package.split(".")) - node.level + 1]
+        base = ".".join([*parts, base] if base else parts)
+    as_modules = {f"{base}.{alias.name}" for alias in node.names} & set(MODULES)
+    everything_a_module = len(as_modules) == len(node.names)
+    return as_modules | (set() if everything_a_module else {base})
+
+
+def imports_of(module: str) -> set[str]:
+    """Modules that a module needs when it is imported."""
+    nodes = import_nodes(TREES[module], inside_functions=False)
+    return set().union(*(imported_names(module, node) for node in nodes))
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_point_down(module):
+    assert room(module) in LEVEL, f"give {room(module)} a place in LAYERS"
+    for name in imports_of(module) & set(MODULES):
+        same_room = room(name) == room(module)
+        assert same_room or LEVEL[room(name)] < LEVEL[room(module)], f"{module} may not import {name}"
+
+
+def test_imports_are_acyclic():
+    graph = {module: (imports_of(module) & set(MODULES)) - {module} for module in MODULES}
+    graphlib.TopologicalSorter(graph).prepare()
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_import_hides_inside_a_function(module):
+    hidden = [ast.unparse(node) for node in import_nodes(TREES[module], inside_functions=True)]
+    assert not hidden or module in HIDDEN_IMPORTS
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_only_some_rooms_use_solvers_and_pictures(module):
+    hidden = import_nodes(TREES[module], inside_functions=True)
+    for name in imports_of(module).union(*(imported_names(module, node) for node in hidden)):
+        for package, rooms in RESTRICTED.items():
+            if name == package or name.startswith(package + "."):
+                assert room(module) in rooms, f"{module} imports {name}"
+
+
+def modules_after(statement: str) -> set[str]:
+    code = f"import sys; {statement}; print(*sys.modules)"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    return set(result.stdout.split())
+
+
+def test_import_brings_no_solver_and_no_pictures():
+    extra = modules_after("import control_kpos") - modules_after("import control")
+    packages = {name.split(".")[0] for name in extra if not name.startswith("_")}
+    assert not packages & {"cvxpy", "networkx", "IPython", "pandas", "tqdm"}
+    assert not {name for name in extra if name.startswith("matplotlib")}
+    assert "control_kpos.plotting" not in extra
+
+
+# -- the text of the files
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_no_assert_in_the_package(module):
+    asserts = [node.lineno for node in ast.walk(TREES[module]) if isinstance(node, ast.Assert)]
+    assert not asserts, f"{MODULES[module]}, lines {asserts}: python -O removes asserts"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_files_hold_one_idea(module):
+    lines = MODULES[module].read_text(encoding="utf-8").count("\n")
+    assert lines <= MAX_LINES or module in LONG_FILES, f"{MODULES[module]} has {lines} lines; split it"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_modules_open_with_their_subject(module):
+    assert ast.get_docstring(TREES[module])
+
+
+# -- public names
+
+
+def public_names() -> dict[str, object]:
+    """Public functions and classes by the name a user types, without errors."""
+    out = {name: getattr(kp, name) for name in dir(kp) if not name.startswith("_")}
+    out.update({f"examples.{name}": thing for name, thing in vars(kp.examples).items() if not name.startswith("_")})
+    return {
+        name: thing
+        for name, thing in out.items()
+        if callable(thing)
+        and getattr(thing, "__module__", "").startswith("control_kpos")
+        and (not name.startswith("examples.") or thing.__module__ == "control_kpos.examples")
+        and not (inspect.isclass(thing) and issubclass(thing, (Exception, enum.Enum)))
+    }
+
+
+def own_methods(cls):
+    """Public methods, those inherited from python-control left out."""
+    for name in dir(cls):
+        member = inspect.getattr_static(cls, name)
+        member = getattr(member, "__func__", member)  # of a classmethod or staticmethod
+        if not name.startswith("_") and inspect.isfunction(member) and member.__module__.startswith("control_kpos"):
+            yield name, member
+
+
+PUBLIC = public_names()
+METHODS = {
+    f"{name}.{method}": function
+    for name, cls in PUBLIC.items()
+    if inspect.isclass(cls)
+    for method, function in own_methods(cls)
+}
+
+
+def docstring(name: str) -> str:
+    """The docstring of a public name, inherited where an override has none."""
+    owner, _, method = name.rpartition(".")
+    return inspect.getdoc(PUBLIC[name] if name in PUBLIC else getattr(PUBLIC[owner], method)) or ""
+
+
+def sections(doc: str) -> dict[str, str]:
+    """Sections of a numpydoc docstring by title."""
+    parts = re.split(r"^(\w[\w ]*)\n-{3,}\n", doc, flags=re.M)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def documented_names(doc: str) -> set[str]:
+    out: set[str] = set()
+    for title in ("Parameters", "Other Parameters", "Attributes"):
+        for names in re.findall(r"^(\*{0,2}\w[\w, *]*?)\s*(?::|$)", sections(doc).get(title, ""), flags=re.M):
+            out |= {name.strip().lstrip("*") for name in names.split(",")}
+    return out
+
+
+def parameters(name: str) -> set[str]:
+    """Parameters, or for a data class those fields that it adds to its parents."""
+    thing = PUBLIC.get(name) or METHODS[name]
+    if dataclasses.is_dataclass(thing):
+        return {field.name for field in dataclasses.fields(thing)} & set(thing.__annotations__)
+    return set(inspect.signature(thing).parameters) - {"self", "cls"}
+
+
+@pytest.mark.parametrize("name", [*PUBLIC, *METHODS])
+def test_every_parameter_is_documented(name):
+    doc = docstring(name)
+    assert doc, f"{name} has no docstring"
+    missing = parameters(name) - documented_names(doc)
+    if name == "ConeStateSpace":
+        missing -= {"args"}  # A, B, C, D and dt, as control.StateSpace takes them
+    assert not missing
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_every_docstring_has_an_example(name):
+    if dataclasses.is_dataclass(PUBLIC[name]) or inspect.isabstract(PUBLIC[name]):
+        return  # made by functions that have one
+    assert ">>>" in sections(docstring(name)).get("Examples", "")
+
+
+@pytest.mark.parametrize("name", [*PUBLIC, *METHODS])
+def test_unknown_keywords_are_refused(name):
+    kinds = {p.kind for p in inspect.signature(PUBLIC.get(name) or METHODS[name]).parameters.values()}
+    if inspect.Parameter.VAR_KEYWORD not in kinds or name.endswith("Certificate.settle"):
+        return  # Python itself refuses them; `settle` hands them to the data class
+    assert name in PASSES_KEYWORDS, f"{name} passes keywords on; show that unknown ones are refused"
+    with pytest.raises(TypeError, match="nonsense"):
+        PASSES_KEYWORDS[name]()
+
+
+def test_errors_are_value_errors():
+    errors = [getattr(kp, name) for name in dir(kp) if name.endswith("Error")]
+    assert errors
+    assert all(issubclass(error, kp.KposError) and issubclass(error, ValueError) for error in errors)
+
+
+# -- README
+
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def readme_blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.M | re.S)
+
+
+def test_example_in_the_readme_runs():
+    (example,) = readme_blocks("pycon")
+    flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
+    test = doctest.DocTestParser().get_doctest(example, {}, "README.md", "README.md", 0)
+    runner = doctest.DocTestRunner(optionflags=flags)
+    runner.run(test)
+    assert runner.summarize(verbose=False).failed == 0
+    assert runner.tries > 3
+
+
+def test_readme_and_ci_run_the_same_tests():
+    commands = "\n".join(readme_blocks("console"))
+    assert "-m pytest -n auto" in commands
+    assert "python -m pytest -n auto" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+
+
+def test_modules_named_in_the_readme_exist():
+    named = set(re.findall(r"^\| [^|]* \| `([\w/.]+)`", README, flags=re.M))
+    assert len(named) > 5
+    assert all((PACKAGE / name).exists() for name in named)
+
+
+def test_names_in_the_readme_exist():
+    rows = [re.findall(r"`(\w+)`", row.split("|")[3]) for row in README.splitlines() if row.count("|") == 4]
+    names = {name for row in rows for name in row}
+    assert len(names) > 10
+    assert all(hasattr(kp, name) for name in names)
+
+
+# -- the environment of the tests
+
+
+def test_pictures_need_no_screen():
+    assert plt.get_backend().lower() == "agg"
+
+
+def test_changelog_tells_of_this_version():
+    assert f"## [{kp.__version__}]" in (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
