@@ -130,7 +130,9 @@ def generators(draw, n, most):
     rays = np.array([(1, *row) for row in rows])
     flat = len(solve([[int(x) for x in r] for r in rays], n)) > 0
     if flat:
-        rays = np.concatenate([rays, homogenized(np.eye(n - 1, dtype=int)), homogenized(np.zeros((1, n - 1), dtype=int))])
+        rays = np.concatenate(
+            [rays, homogenized(np.eye(n - 1, dtype=int)), homogenized(np.zeros((1, n - 1), dtype=int))]
+        )
     shear = np.eye(n, dtype=int)
     shear[0, 1:] = draw(st.lists(small, min_size=n - 1, max_size=n - 1))
     return rays @ shear

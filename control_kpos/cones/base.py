@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import DENSE_LIMIT, ExactMatrix, dense, exact_matrix
 from ..certificates.exact import UNKNOWN, BilinearForms
 from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TooLargeError, UndecidedError
-from .rows import dense_rows, image_rows, stack_rows
+from .rows import dense_rows, image_rows, nonzero, stack_rows
 
 
 class Cone(ABC):
@@ -31,7 +31,20 @@ class Cone(ABC):
 
     `X == Y` compares sets.  `-X`, `X * Y`, `X & Y`, `X + Y` are the cone of opposite vectors, the product
     in R^(n + m), the intersection and the sum.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> X, Y = kp.orthant(2), kp.PolyhedralCone([[1, -1], [1, 1]])
+    >>> isinstance(X, kp.Cone), (X & Y) == kp.PolyhedralCone([[1, 0], [1, 1]])
+    (True, True)
+    >>> (X + Y).rays
+    array([[ 0.,  1.],
+           [ 1., -1.]])
     """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise AttributeError(f"cones are immutable; {name} cannot be set.")
 
     # Set by polyhedral.py and product.py, which know the subclasses; keeps imports acyclic.
     _from_rays: ClassVar[Callable[[ExactMatrix], Cone]]
@@ -197,9 +210,14 @@ class Cone(ABC):
         matrix = exact_matrix(T, "T")
         if matrix.shape[1] != self.dim or not matrix.shape[0]:
             raise ShapeError(
-                f"T is {matrix.shape[0]} x {matrix.shape[1]}, but must have {self.dim} columns: the cone has dimension {self.dim}."
+                f"T is {matrix.shape[0]} x {matrix.shape[1]}, but must have {self.dim} columns: "
+                f"the cone has dimension {self.dim}."
             )
-        return Cone._from_rays(image_rows(self._dense_exact(self.exact_rays, "rays"), matrix))
+        return self._image(matrix)
+
+    def _image(self, T: ExactMatrix) -> Cone:
+        """The image under a matrix already read; overridden where structure makes it cheaper."""
+        return Cone._from_rays(image_rows(self._dense_exact(self.exact_rays, "rays"), T))
 
     def __neg__(self) -> Cone:
         return Cone._from_rays(-self._dense_exact(self.exact_rays, "rays"))
@@ -226,7 +244,11 @@ class Cone(ABC):
             return NotImplemented
         if self is other:
             return True
-        return self._invariants == other._invariants and self.contains(other) and other.contains(self)
+        return self._invariants == other._invariants and self._equals(other)
+
+    def _equals(self, other: Cone) -> bool:
+        """Equality of cones with the same numbers of rays and facets; overridden where that is cheaper."""
+        return self.contains(other) and other.contains(self)
 
     def __hash__(self) -> int:
         return hash(self._invariants)
@@ -323,10 +345,7 @@ def nonzero_rows(data: Any, name: str) -> ExactMatrix:
         raise ShapeError(f"{name} is empty ({p} x {n}); give at least one row.")
     if exact.is_sparse:
         exact = ExactMatrix(dense(exact.values))
-    zero = ~(np.asarray(exact.values if exact.numerators is None else exact.numerators) != 0).any(axis=1)
-    if exact.integer_rows is not None and zero.any():
-        at = np.flatnonzero(zero)
-        zero[at] = ~(exact.integer_rows(at) != 0).any(axis=1)
+    zero = ~nonzero(exact).any(axis=1)
     if zero.any():
         rows = ", ".join(map(str, np.flatnonzero(zero)[:5]))
         raise DataError(f"{name}: row {rows} is zero and gives no direction; leave it out.")

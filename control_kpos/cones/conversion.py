@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, Integers, rounding_radius
-from .elimination import divide_by_content, echelon
+from ..errors import TooLargeError
+from .elimination import divide_by_content, echelon, inverse_rows
 from .hull import Facets, Lines, beneath_beyond
 from .hyperplanes import Hyperplanes
 from .rows import equilibrate, exact_rows, negative_rows, select_rows, stack_rows, unit_rows
@@ -24,6 +25,8 @@ from .simplicial import LARGE, simplicial_facets
 _CHEAP = 200_000
 # Normals with a larger error, relative to their largest entry, are replaced by exact ones.
 _POOR = 2.0**-30
+# Number of rows times the square of their length above which exact elimination is not attempted.
+_TOO_LARGE = 5_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,32 +79,37 @@ def convert(generators: ExactMatrix) -> Faces:
         if facets is not None:
             return Faces(generators, facets, _frozen(~np.eye(n, dtype=bool)), 0, 0)
 
+    if p * n * n > _TOO_LARGE:
+        raise TooLargeError(
+            f"{p} vectors in dimension {n}: only {n} clearly independent ones are affordable at this size; "
+            "use a product of smaller cones."
+        )
+
     rows, shift = _balanced(generators.rows_as_integers(np.arange(p)))
     form = echelon(rows)
     equations = _in_given_units(form.null_space(), shift)
 
     # x -> x @ project has the lines of the cone as its kernel within the span
     project = np.eye(n, dtype=int).astype(object)[:, form.pivot_columns]
-    current, first, hull = rows @ project, np.zeros(0, dtype=np.intp), None
-    while project.shape[1]:
-        current = divide_by_content(current)
-        first = _distinct(current)
-        hull = beneath_beyond(current[first])
-        if not isinstance(hull, Lines):
-            break
+    current = divide_by_content(rows @ project)
+    first = _distinct(current)
+    hull = _pointed_hull(current[first])
+    while isinstance(hull, Lines):
         quotient = echelon(current[first[hull.members]]).null_space().T
-        project, current = project @ quotient, current @ quotient
-
+        project, current = project @ quotient, divide_by_content(current @ quotient)
+        first = _distinct(current)
+        hull = _pointed_hull(current[first])
     in_lines = np.flatnonzero(~(current != 0).any(axis=1))
     lines = in_lines[echelon(rows[in_lines]).pivot_rows]
+
     if isinstance(hull, Facets):
         extreme = _extreme(hull.positive)
-        kept = first[extreme]
         order = np.lexsort(~hull.positive[:, extreme].T[::-1])
-        positive = hull.positive[order][:, extreme]
+        kept, positive = first[extreme], hull.positive[order][:, extreme]
         normals = _normals(FacetNormals(hull.hyperplanes, hull.vertices[order], project, shift))
     else:
-        kept, positive, normals = np.zeros(0, dtype=np.intp), np.zeros((0, 0), dtype=bool), _no_rows(n)
+        kept, positive = first, np.eye(len(first), dtype=bool)
+        normals = exact_rows(_in_given_units(hull @ project.T, shift))
 
     basis = select_rows(generators, lines)
     rays = stack_rows([select_rows(generators, kept), basis, negative_rows(basis)])
@@ -109,6 +117,13 @@ def convert(generators: ExactMatrix) -> Faces:
     incidence = np.ones((facets.shape[0], rays.shape[0]), dtype=bool)
     incidence[: len(positive), : len(kept)] = ~positive
     return Faces(rays, facets, _frozen(incidence), len(lines), len(equations))
+
+
+def _pointed_hull(G: Integers) -> Facets | Lines | Integers:
+    """Facets of a solid cone, or lines in it; just the normals if it is simplicial."""
+    p, n = G.shape
+    inverse = inverse_rows(G) if p == n else None
+    return beneath_beyond(G) if inverse is None else inverse
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,10 +177,6 @@ def _normals(facets: FacetNormals) -> ExactMatrix:
     values.flags.writeable = False
     radius.flags.writeable = False
     return ExactMatrix(values, radius, integer_rows=facets)
-
-
-def _no_rows(n: int) -> ExactMatrix:
-    return ExactMatrix(np.zeros((0, n)))
 
 
 def _distinct(rows: Integers) -> NDArray[np.intp]:

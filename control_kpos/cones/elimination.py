@@ -115,6 +115,8 @@ def inverse_rows(matrix: Integers) -> Integers | None:
     None if the matrix is singular.  These are the rows of the transposed inverse, up to positive factors.
     """
     n = len(matrix)
+    if not n:
+        return np.zeros((0, 0), dtype=object)
     wide = np.concatenate([np.asarray(matrix, dtype=object), np.eye(n, dtype=int).astype(object)], axis=1)
     form = echelon(wide)
     if not (form.pivot_columns < n).all():

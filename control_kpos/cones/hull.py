@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from ..arrays import Integers
-from .elimination import echelon, inverse_rows
+from .elimination import echelon
 from .hyperplanes import Hyperplanes, round_map
 from .rows import unit_rows
 
@@ -94,17 +94,21 @@ class _Boundary:
         Inner normals, once they are needed; zero before.
     """
 
+    first: NDArray[np.intp]
+    order: NDArray[np.intp]
+    vertices: NDArray[np.intp]
+    signs: NDArray[np.int8]
+    exact: Integers
+
     def __init__(self, G: Integers) -> None:
         p, n = G.shape
         T = round_map(G)
         Z, lengths = unit_rows(G @ T)
         preferred = qr(Z.T, mode="r", pivoting=True)[1]
         first = np.sort(preferred[:n])
-        inverse = inverse_rows(G[first])
-        if inverse is None:  # only rounding made them look independent
+        if echelon(G[first]).rank < n:  # only rounding made them look independent
             preferred = np.concatenate([first, np.setdiff1d(np.arange(p), first)])
             first = np.sort(preferred[echelon(G[preferred]).pivot_rows])
-            inverse = inverse_rows(G[first])
         rest = np.setdiff1d(np.arange(p), first)
 
         # a point inside the first cone, and so inside every later one
@@ -114,7 +118,7 @@ class _Boundary:
 
         self.first, self.order = first, rest[np.random.default_rng(0).permutation(len(rest))]
         self.vertices = np.array([np.delete(first, k) for k in range(n)], dtype=np.intp).reshape(n, n - 1)
-        self.exact = inverse
+        self.exact = np.zeros((n, n), dtype=object)
         self.signs = np.empty((n, p), dtype=np.int8)
         self.signs[:, first] = np.eye(n, dtype=np.int8)
         self.signs[:, rest] = self._filtered(self.vertices)[:, rest]

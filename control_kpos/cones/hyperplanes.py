@@ -7,6 +7,8 @@ tolerance.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,7 +76,7 @@ class Hyperplanes:
         return h, np.where((eta < 0.5) & np.isfinite(error), error, np.inf)
 
 
-def _inverses(M: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverses(M: NDArray[Any]) -> NDArray[Any]:
     """Inverses of a stack; NaN, which decides nothing, for the singular ones."""
     try:
         return np.linalg.inv(M)

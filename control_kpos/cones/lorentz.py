@@ -45,10 +45,10 @@ def lorentz(n: int, facets: int | None = None, kind: str = "inner") -> Polyhedra
     --------
     >>> import control_kpos as kp
     >>> X = kp.lorentz(3, facets=6)
-    >>> X.n_rays, X.contains([1, 0.8, 0]), X.contains([1, 0.9, 0.45])
+    >>> X.n_rays, X.contains([1, 0.8, 0]), X.contains([1, 0.8, 0.5])
     (6, True, False)
-    >>> kp.lorentz(3, facets=6, kind="outer").contains([1, 0.9, 0.45])
-    False
+    >>> kp.lorentz(3, facets=6, kind="outer").contains([1, 0.8, 0.5])
+    True
     """
     for name, value in (("n", n), ("facets", facets)):
         if value is not None and (isinstance(value, bool) or not isinstance(value, (int, np.integer))):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix
 from ..errors import DataError, ShapeError, UndecidedError
 from .base import Cone
+from .rows import nonzero, select_rows, transpose
 
 
 class Orthant(Cone):
@@ -29,25 +30,31 @@ class Orthant(Cone):
     (3, True, True)
     """
 
+    _n: int
+
     def __init__(self, n: int) -> None:
         if isinstance(n, bool) or not isinstance(n, (int, np.integer)):
             raise DataError(f"n is {n!r}; the dimension of an orthant must be an integer.")
         if n < 1:
             raise ShapeError(f"n is {n}; the dimension of an orthant must be at least 1.")
-        self._n = int(n)
+        vars(self).update(_n=int(n))
 
     @property
     def dim(self) -> int:
         return self._n
 
-    @cached_property
+    @property
     def exact_rays(self) -> ExactMatrix:
+        return self._identity
+
+    @cached_property
+    def _identity(self) -> ExactMatrix:
         n = self._n
         return ExactMatrix(sp.csr_array((np.ones(n), np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
     @property
     def exact_facets(self) -> ExactMatrix:
-        return self.exact_rays
+        return self._identity
 
     @property
     def dual(self) -> Orthant:
@@ -79,19 +86,19 @@ class Orthant(Cone):
         return np.ones(self._n)
 
     def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
-        if points.is_sparse:
+        if points.is_sparse or points.integer_rows is not None:
             return super()._contains_rows(points, strict)
+        # integers rather than the doubles next to them, which may have underflowed
         x = np.asarray(points.values if points.numerators is None else points.numerators)
-        if points.integer_rows is not None:
-            open_ = (
-                ~(np.abs(x) > points.radius).all(axis=1) if points.radius is not None else np.zeros(len(x), dtype=bool)
-            )
-            out = (x > 0).all(axis=1) if strict else (x >= 0).all(axis=1)
-            if open_.any():
-                exact = points.integer_rows(np.flatnonzero(open_))
-                out[open_] = ((exact > 0) if strict else (exact >= 0)).all(axis=1)
-            return out
-        return (x > 0).all(axis=1).astype(bool) if strict else (x >= 0).all(axis=1).astype(bool)
+        inside = x > 0 if strict else x >= 0
+        return np.asarray(np.array(inside, dtype=bool).all(axis=1))
+
+    def _equals(self, other: Cone) -> bool:
+        return isinstance(other, Orthant) or super()._equals(other)
+
+    def _image(self, T: ExactMatrix) -> Cone:
+        columns = transpose(T)
+        return Cone._from_rays(select_rows(columns, np.flatnonzero(nonzero(columns).any(axis=1))))
 
     def __neg__(self) -> Cone:
         return Cone._product([Cone._from_rays(ExactMatrix(np.array([[-1.0]])))] * self._n)

@@ -11,7 +11,9 @@ from ..arrays import ExactMatrix
 from ..errors import NotProperConeError, UndecidedError
 from .base import Cone, decide_membership, nonzero_rows
 from .conversion import Faces, convert
+from .elimination import divide_by_content
 from .rows import equilibrate
+from .simplicial import LARGE
 
 
 class _Conversion:
@@ -64,8 +66,10 @@ class PolyhedralCone(Cone):
     """
 
     def __init__(self, rays: ArrayLike | ExactMatrix) -> None:
-        self._conversion = _Conversion(nonzero_rows(rays, "rays"))
-        self._is_swapped = False
+        vars(self).update(_conversion=_Conversion(nonzero_rows(rays, "rays")), _is_swapped=False)
+
+    _conversion: _Conversion
+    _is_swapped: bool
 
     @classmethod
     def from_facets(cls, normals: ArrayLike | ExactMatrix) -> PolyhedralCone:
@@ -88,7 +92,7 @@ class PolyhedralCone(Cone):
     @classmethod
     def _build(cls, conversion: _Conversion, is_swapped: bool) -> PolyhedralCone:
         out = cls.__new__(cls)
-        out._conversion, out._is_swapped = conversion, is_swapped
+        vars(out).update(_conversion=conversion, _is_swapped=is_swapped)
         return out
 
     @cached_property
@@ -128,22 +132,39 @@ class PolyhedralCone(Cone):
     def is_solid(self) -> bool:
         return self._faces.n_equations == 0
 
-    @cached_property
+    @property
     def dual(self) -> PolyhedralCone:
-        out = self._build(self._conversion, not self._is_swapped)
-        out.__dict__["dual"] = self
-        return out
+        return self._dual
 
     @cached_property
+    def _dual(self) -> PolyhedralCone:
+        out = self._build(self._conversion, not self._is_swapped)
+        vars(out).update(_dual=self)
+        return out
+
+    @property
     def interior_point(self) -> NDArray[np.float64]:
+        return self._interior_point
+
+    @cached_property
+    def _interior_point(self) -> NDArray[np.float64]:
         if not self.is_solid:
             raise NotProperConeError(f"the cone has no interior: {self._describe_hyperplane()}.")
-        return _interior_point(self.exact_rays, self.exact_facets)
+        return _inner_sum(self.exact_rays, self.exact_facets)
+
+    def _equals(self, other: Cone) -> bool:
+        # pointed cones are equal if their extreme rays are; solid ones if their facets are
+        if isinstance(other, PolyhedralCone) and self.dim <= LARGE:
+            if self.is_pointed and other.is_pointed and (self.n_rays <= self.n_facets or not self.is_solid):
+                return _directions(self.exact_rays) == _directions(other.exact_rays)
+            if self.is_solid and other.is_solid:
+                return _directions(self.exact_facets) == _directions(other.exact_facets)
+        return super()._equals(other)
 
     def __neg__(self) -> PolyhedralCone:
         conversion = _Conversion(-self._conversion.generators)
-        if "faces" in self._conversion.__dict__:
-            conversion.__dict__["faces"] = self._conversion.faces.negated()
+        if "faces" in vars(self._conversion):
+            conversion.faces = self._conversion.faces.negated()
         return self._build(conversion, self._is_swapped)
 
     def _describe_line(self) -> str:
@@ -170,14 +191,14 @@ class PolyhedralCone(Cone):
         return f"it lies in the hyperplane with normal {_tuple(np.asarray(normal))}"
 
     def __repr__(self) -> str:
-        if "_faces" not in self.__dict__ and "faces" not in self._conversion.__dict__:
+        if "faces" not in vars(self._conversion):
             p, n = self._conversion.generators.shape
             return f"<PolyhedralCone in R^{n} from {p} {'normals' if self._is_swapped else 'generators'}>"
         kind = "" if self.is_proper else ", not pointed" if not self.is_pointed else ", not solid"
         return f"<PolyhedralCone in R^{self.dim}: {self.n_rays} rays, {self.n_facets} facets{kind}>"
 
 
-def _interior_point(rays: ExactMatrix, facets: ExactMatrix) -> NDArray[np.float64]:
+def _inner_sum(rays: ExactMatrix, facets: ExactMatrix) -> NDArray[np.float64]:
     """A sum of the rays, scaled by powers of two to similar length in balanced units; proven interior."""
     values = np.asarray(rays.values)
     length, _ = equilibrate(np.frexp(values)[1].astype(np.int64), values != 0)
@@ -193,6 +214,10 @@ def _interior_point(rays: ExactMatrix, facets: ExactMatrix) -> NDArray[np.float6
             return point
         weights = np.exp2(rng.integers(-6, 7, len(values)) + rng.random(len(values)))
     raise UndecidedError("the cone is too thin for an interior point in double precision; rescale the coordinates.")
+
+
+def _directions(rows: ExactMatrix) -> set[tuple[int, ...]]:
+    return set(map(tuple, divide_by_content(rows.rows_as_integers(np.arange(rows.shape[0]))).tolist()))
 
 
 def _tuple(row: NDArray[np.float64]) -> str:

@@ -22,11 +22,11 @@ from .rows import dense_rows
 class ProductCone(Cone):
     """The product X_1 x X_2 x ... of cones, in the order of the factors; made by `product`.
 
-    Attributes
+    Parameters
     ----------
-    factors : tuple of Cone
+    factors : sequence of Cone
         Factors in order, equal neighbours named once.  None of them is a product.
-    counts : tuple of int
+    counts : sequence of int
         How many times each factor stands in a row.
 
     Notes
@@ -34,26 +34,47 @@ class ProductCone(Cone):
     Rays and facets are block diagonal.  Nothing is enumerated before it is asked for, and then in sparse
     form (`exact_rays`, `exact_facets`); the dense `rays`, `facets`, `incidence` are refused for large
     products.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> P = kp.product([kp.PolyhedralCone([[0, 1], [1, -2]])] * 2)
+    >>> P.factors[0].n_rays, P.counts
+    (2, (2,))
+    >>> P.rays
+    array([[ 0.,  1.,  0.,  0.],
+           [ 1., -2.,  0.,  0.],
+           [ 0.,  0.,  0.,  1.],
+           [ 0.,  0.,  1., -2.]])
     """
 
+    factors: tuple[Cone, ...]
+    counts: tuple[int, ...]
+    _dim: int
+
     def __init__(self, factors: Sequence[Cone], counts: Sequence[int]) -> None:
-        self.factors = tuple(factors)
-        self.counts = tuple(int(c) for c in counts)
+        dim = sum(int(c) * X.dim for X, c in zip(factors, counts, strict=True))
+        vars(self).update(factors=tuple(factors), counts=tuple(int(c) for c in counts), _dim=dim)
 
-    @cached_property
+    @property
     def dim(self) -> int:
-        return self._total(lambda X: X.dim)
+        return self._dim
 
-    @cached_property
+    @property
     def n_rays(self) -> int:
-        return self._total(lambda X: X.n_rays)
+        return self._sizes[0]
+
+    @property
+    def n_facets(self) -> int:
+        return self._sizes[1]
 
     @cached_property
-    def n_facets(self) -> int:
-        return self._total(lambda X: X.n_facets)
+    def _sizes(self) -> tuple[int, int]:
+        return self._total(lambda X: X.n_rays), self._total(lambda X: X.n_facets)
 
     def _total(self, size: Callable[[Cone], int]) -> int:
-        return sum(c * size(X) for X, c in zip(self.factors, self.counts, strict=True))
+        kinds, blocks, _ = self._kinds
+        return sum(len(block) * size(X) for X, block in zip(kinds, blocks, strict=True))
 
     @cached_property
     def _kinds(self) -> tuple[list[Cone], list[NDArray[np.intp]], NDArray[np.intp]]:
@@ -82,12 +103,20 @@ class ProductCone(Cone):
     def _coordinates(self) -> NDArray[np.intp]:
         return self._starts(lambda X: X.dim)
 
-    @cached_property
+    @property
     def exact_rays(self) -> ExactMatrix:
-        return self._block_diagonal(lambda X: X.exact_rays)
+        return self._rays
 
     @cached_property
+    def _rays(self) -> ExactMatrix:
+        return self._block_diagonal(lambda X: X.exact_rays)
+
+    @property
     def exact_facets(self) -> ExactMatrix:
+        return self._facets
+
+    @cached_property
+    def _facets(self) -> ExactMatrix:
         return self._block_diagonal(lambda X: X.exact_facets)
 
     def _block_diagonal(self, part: Callable[[Cone], ExactMatrix]) -> ExactMatrix:
@@ -129,23 +158,31 @@ class ProductCone(Cone):
             out[rows[:, :, None], columns[:, None, :]] = X.incidence
         return out
 
-    @cached_property
+    @property
     def dual(self) -> Cone:
-        duals = {id(X): X.dual for X in self.factors}
-        out = ProductCone([duals[id(X)] for X in self.factors], self.counts)
-        out.__dict__["dual"] = self
-        return out
+        return self._dual
 
     @cached_property
+    def _dual(self) -> Cone:
+        duals = {id(X): X.dual for X in self.factors}
+        out = ProductCone([duals[id(X)] for X in self.factors], self.counts)
+        vars(out).update(_dual=self)
+        return out
+
+    @property
     def is_pointed(self) -> bool:
         return all(X.is_pointed for X in self._kinds[0])
 
-    @cached_property
+    @property
     def is_solid(self) -> bool:
         return all(X.is_solid for X in self._kinds[0])
 
-    @cached_property
+    @property
     def interior_point(self) -> NDArray[np.float64]:
+        return self._interior_point
+
+    @cached_property
+    def _interior_point(self) -> NDArray[np.float64]:
         out = np.empty(self.dim)
         kinds, blocks, _ = self._kinds
         for X, block in zip(kinds, blocks, strict=True):
@@ -156,18 +193,27 @@ class ProductCone(Cone):
     def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
         if points.is_sparse or points.integer_rows is not None:
             return super()._contains_rows(points, strict)
-        values = np.asarray(points.values)
-        out = np.ones(len(values), dtype=bool)
+        out = np.ones(points.shape[0], dtype=bool)
         kinds, blocks, _ = self._kinds
         for X, block in zip(kinds, blocks, strict=True):
             at = self._coordinates[block][:, None] + np.arange(X.dim)
-            parts = [
-                None if m is None else np.asarray(m)[:, at].reshape(-1, X.dim)
-                for m in (values, points.radius, points.numerators)
-            ]
-            inside = X._contains_rows(ExactMatrix(parts[0], parts[1], parts[2], points.denominator), strict)
-            out &= inside.reshape(len(values), len(block)).all(axis=1)
+
+            def blocks_of(matrix: Any, at: NDArray[np.intp] = at, size: int = X.dim) -> Any:
+                return None if matrix is None else np.asarray(matrix)[:, at].reshape(-1, size)
+
+            rows = ExactMatrix(
+                blocks_of(points.values), blocks_of(points.radius), blocks_of(points.numerators), points.denominator
+            )
+            inside = X._contains_rows(rows, strict)
+            out &= inside.reshape(len(out), len(block)).all(axis=1)
         return out
+
+    def _equals(self, other: Cone) -> bool:
+        if isinstance(other, ProductCone) and self.counts == other.counts:
+            pairs = {(id(X), id(Y)): (X, Y) for X, Y in zip(self.factors, other.factors, strict=True)}.values()
+            if all(X.dim == Y.dim for X, Y in pairs):
+                return all(X == Y for X, Y in pairs)
+        return super()._equals(other)
 
     def __neg__(self) -> Cone:
         negative = {id(X): -X for X in self._kinds[0]}

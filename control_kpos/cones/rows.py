@@ -13,11 +13,14 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, Integers, dense, rounding_radius
+from ..arrays import HALF_ULP, ExactMatrix, Integers, dense, rounding_radius
+from ..errors import DataError
 from .elimination import divide_by_content
 
 # Integer rows up to this size are shown as they are; larger ones are scaled into [1/2, 1).
 _READABLE = 2**20
+# Multiplications of integers up to which images are computed exactly at once.
+_EXACT_IMAGE = 3_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,6 +130,20 @@ def negative_rows(matrix: ExactMatrix) -> ExactMatrix:
     return _read_only(replace(out, values=out.values + 0.0))
 
 
+def nonzero(matrix: ExactMatrix) -> NDArray[np.bool_]:
+    """Entries of a dense matrix that are not zero; those too small for a double are not."""
+    if matrix.integer_rows is not None:
+        return matrix.rows_as_integers(np.arange(matrix.shape[0])) != 0
+    return (matrix.values if matrix.numerators is None else matrix.numerators) != 0
+
+
+def transpose(matrix: ExactMatrix) -> ExactMatrix:
+    """The transpose of a matrix whose rows have no factors of their own, dense."""
+    values = dense(matrix.values).T
+    radius = None if matrix.radius is None else np.asarray(matrix.radius).T
+    return ExactMatrix(values, radius, None if matrix.numerators is None else matrix.numerators.T, matrix.denominator)
+
+
 def stack_rows(parts: Sequence[ExactMatrix]) -> ExactMatrix:
     """Dense exact matrices below each other."""
     parts = [part for part in parts if part.shape[0]] or list(parts[:1])
@@ -161,12 +178,48 @@ def dense_rows(matrix: ExactMatrix) -> ExactMatrix:
 
 def image_rows(matrix: ExactMatrix, T: ExactMatrix) -> ExactMatrix:
     """Rows T x for the rows x of a dense matrix, without those that are zero."""
-    ints, _ = T.as_integers()
-    if matrix.integer_rows is None:
-        rows, factor = matrix.as_integers()
-        scale = factor * T.as_integers()[1]
-        images = rows @ ints.T
-        kept = (images != 0).any(axis=1)
-        return ExactMatrix.from_fractions(images[kept] * Fraction(scale))
-    images = matrix.rows_as_integers(np.arange(matrix.shape[0])) @ ints.T
-    return exact_rows(divide_by_content(images[(images != 0).any(axis=1)]))
+    work = matrix.shape[0] * matrix.shape[1] * T.shape[0]
+    if work > _EXACT_IMAGE:
+        return _without_zero_rows(_rounded_image(matrix, T))
+    ints, factor = T.as_integers()
+    if matrix.integer_rows is not None:
+        images = matrix.rows_as_integers(np.arange(matrix.shape[0])) @ ints.T
+        return exact_rows(divide_by_content(images[(images != 0).any(axis=1)]))
+    rows, scale = matrix.as_integers()
+    images = rows @ ints.T
+    return ExactMatrix.from_fractions(images[(images != 0).any(axis=1)] * Fraction(factor * scale))
+
+
+@dataclass(frozen=True, eq=False)
+class ImageRows:
+    """Rows T x, exactly, one by one."""
+
+    matrix: ExactMatrix
+    T: ExactMatrix
+
+    def __call__(self, index: NDArray[np.intp]) -> Integers:
+        return divide_by_content(self.matrix.rows_as_integers(index) @ self.T.as_integers()[0].T)
+
+
+def _rounded_image(matrix: ExactMatrix, T: ExactMatrix) -> ExactMatrix:
+    """Rows T x in floating point with an error bound, shape (p, m)."""
+    left, right = dense(matrix.values), dense(T.values).T
+    zeros = np.zeros(1)
+    left_radius = zeros if matrix.radius is None else np.asarray(matrix.radius)
+    right_radius = zeros if T.radius is None else np.asarray(T.radius).T
+    with np.errstate(all="ignore"):
+        values = left @ right
+        small = (left.shape[1] + 4) * HALF_ULP
+        radius = np.abs(left) @ (small * np.abs(right) + right_radius)
+        if matrix.radius is not None:
+            radius += left_radius @ (np.abs(right) + right_radius)
+        radius = radius * (1 + 1e-9) + 2.0**-1022 * left.shape[1]
+    if not (np.isfinite(values).all() and np.isfinite(radius).all()):
+        raise DataError("the image of the cone overflows; rescale T.")
+    return _read_only(ExactMatrix(values, radius, integer_rows=ImageRows(matrix, T)))
+
+
+def _without_zero_rows(matrix: ExactMatrix) -> ExactMatrix:
+    open_ = np.flatnonzero(~(np.abs(matrix.values) > matrix.radius).any(axis=1))
+    zero = open_[~(matrix.rows_as_integers(open_) != 0).any(axis=1)] if len(open_) else open_
+    return select_rows(matrix, np.setdiff1d(np.arange(matrix.shape[0]), zero))
