@@ -2,8 +2,10 @@
 
 import os
 
-# Must be set before anything imports matplotlib.pyplot, and python-control does.
+# Before anything imports numpy or matplotlib.pyplot, and python-control imports both.  Tests run in
+# parallel and benchmarks are compared with one another; threads in the linear algebra disturb both.
 os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import control as ct
 import matplotlib.pyplot as plt
