@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 
 from .arrays import ExactMatrix
 from .cones import Cone, Orthant, orthant, product
-from .positivity import inclusion_condition
 from .rational_programs import solve_exactly
+from .rounding import maps_into
 from .stability import linear_lyapunov
 
 Rationals: TypeAlias = NDArray[np.object_]
@@ -56,7 +56,7 @@ class Origin(Orthant):
     """The cone {0} of R^0: the states of a static gain, the inputs of an autonomous system."""
 
     def __init__(self) -> None:
-        self._n = 0
+        vars(self).update(_n=0)
 
 
 @cache
@@ -85,12 +85,16 @@ def opposite(cone: Cone) -> Cone:
 
 def image(M: ExactMatrix, cone: Cone) -> Cone | None:
     """A proper cone that holds M y for y in the cone: an orthant or its negative, else the image itself."""
+    if not M.shape[0]:
+        return nonnegative(0)
     sign = _orthant_sign(cone) * _common_sign(M)
     return _signed_orthant(M.shape[0], sign) if sign else _proper(cone.transform(exact_rows(M)))
 
 
 def preimage(M: ExactMatrix, cone: Cone) -> Cone | None:
     """A proper cone of vectors u with M u in the cone: an orthant or its negative, else all of them."""
+    if not M.shape[1]:
+        return nonnegative(0)
     sign = _orthant_sign(cone) * _common_sign(M)
     return _signed_orthant(M.shape[1], sign) if sign else _proper(cone.dual.transform(exact_rows(M).T).dual)
 
@@ -120,26 +124,21 @@ def exact_rows(M: ExactMatrix) -> NDArray[Any]:
     return np.asarray(M.values) if M.is_double else M.fractions()
 
 
-def maps_into(M: ExactMatrix, source: Cone, target: Cone) -> bool:
-    """True if M source lies in target, by proven signs."""
-    if not source.dim or not target.dim:
-        return True
-    return inclusion_condition("M U in Y", target, M, source).verdict() is True
-
-
 def negate(s: Model) -> Model:
     """-s."""
-    A, B, C, D = s.matrices or (None,) * 4
-    return Model(s.X, s.U, opposite(s.Y), None if s.matrices is None else (A, B, -C, -D))
+    if s.matrices is None:
+        return Model(s.X, s.U, opposite(s.Y))
+    A, B, C, D = s.matrices
+    return Model(s.X, s.U, opposite(s.Y), (A, B, -C, -D))
 
 
 def append(first: Model, second: Model) -> Model:
     """Both systems side by side."""
-    cones = (stacked(a, b) for a, b in zip(_cones(first), _cones(second), strict=True))
+    X, U, Y = stacked(first.X, second.X), stacked(first.U, second.U), stacked(first.Y, second.Y)
     if first.matrices is None or second.matrices is None:
-        return Model(*cones)
+        return Model(X, U, Y)
     A, B, C, D = (_diagonal(a, b) for a, b in zip(first.matrices, second.matrices, strict=True))
-    return Model(*cones, (A, B, C, D))
+    return Model(X, U, Y, (A, B, C, D))
 
 
 def copies(s: Model, count: int) -> Model:
@@ -212,11 +211,9 @@ def scale(s: Model, factor: float) -> Model:
 
 def add_gain(s: Model, M: ExactMatrix) -> Model | None:
     """s + M: M joins the direct term."""
-    if _is_siso(s):
+    if _is_siso(s) and M.shape != (1, 1):
         spread = _spread(s, *M.shape)
-        if spread is None:
-            return None
-        s = spread
+        return None if spread is None else add_gain(spread, M)
     if not maps_into(M, s.U, s.Y):
         return None
     if s.matrices is None:
@@ -227,12 +224,12 @@ def add_gain(s: Model, M: ExactMatrix) -> Model | None:
 
 def parallel(first: Model, second: Model) -> Model | None:
     """Outputs added, one input for both."""
-    if _is_siso(first) != _is_siso(second):
-        if _is_siso(first):
-            spread = _spread(first, second.Y.dim, second.U.dim), second
-        else:
-            spread = first, _spread(second, first.Y.dim, first.U.dim)
-        return None if None in spread else parallel(*spread)
+    if _is_siso(first) and not _is_siso(second):
+        spread = _spread(first, second.Y.dim, second.U.dim)
+        return None if spread is None else parallel(spread, second)
+    if _is_siso(second) and not _is_siso(first):
+        spread = _spread(second, first.Y.dim, first.U.dim)
+        return None if spread is None else parallel(first, spread)
     U = _narrower(first.U, second.U)
     Y = _wider(first.Y, second.Y)
     if U is None or Y is None:
@@ -314,7 +311,7 @@ def _closed(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign: 
         return Model(X, plant.U, plant.Y)
     (A1, B1, C1, D1f), (A2, B2, C2, D2f) = plant.matrices, other.matrices
     E = _identity(len(D2f)) if loop is None else _inverse(_identity(len(D2f)) - loop)
-    if E is None:  # cannot be: the spectral radius is below 1
+    if E is None:
         return None
     # u1 = E (r + k D2 C1 x1 + k C2 x2), then everything else follows from u1
     u1 = np.hstack([k * (E @ (D2f @ C1)), k * (E @ C2)]), E
@@ -322,6 +319,28 @@ def _closed(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign: 
     D = D1f @ E
     A = _diagonal(A1, A2) + np.vstack([B1 @ u1[0], B2 @ C])
     return Model(X, plant.U, plant.Y, (A, np.vstack([B1 @ E, B2 @ D]), C, D))
+
+
+def lower_lft(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, n_u: int, n_y: int) -> Model | None:
+    """The plant with its last n_y outputs and n_u inputs closed through the first inputs and outputs of the other.
+
+    ::
+
+        w  ---> [       ] ---> z
+        u2 ---> [ plant ] ---> y2          y2 ---> [ other ] ---> u2
+                                           w' ---> [       ] ---> z'
+    """
+    both = append(plant, other)
+    direct = ExactMatrix.from_fractions(_diagonal(D1.fractions(), D2.fractions()))
+    m, q = plant.U.dim, plant.Y.dim
+    K = np.zeros((both.U.dim, both.Y.dim))
+    K[np.arange(m - n_u, m), np.arange(q, q + n_u)] = 1
+    K[np.arange(m, m + n_y), np.arange(q - n_y, q)] = 1
+    loop = feedback_gain(both, ExactMatrix(K), direct, 1)
+    if loop is None:
+        return None
+    inputs = [*range(m - n_u), *range(m + n_y, both.U.dim)]
+    return select(loop, inputs, [*range(q - n_y), *range(q + n_u, both.Y.dim)])
 
 
 def transform(s: Model, T: ExactMatrix, timescale: float, inverse: bool) -> Model | None:
@@ -353,10 +372,6 @@ def _permutes_axes(T: NDArray[Any]) -> bool:
     return bool((nonzero.sum(axis=0) == 1).all() and (nonzero.sum(axis=1) == 1).all() and (T >= 0).all())
 
 
-def _cones(s: Model) -> tuple[Cone, Cone, Cone]:
-    return s.X, s.U, s.Y
-
-
 def _zeros(rows: int, columns: int) -> Rationals:
     return np.full((rows, columns), Fraction(0), dtype=object)
 
@@ -370,7 +385,6 @@ def _diagonal(a: Rationals, b: Rationals) -> Rationals:
 
 
 def _inverse(M: Rationals) -> Rationals | None:
-    exact = ExactMatrix.from_fractions(M)
-    integers, factor = exact.as_integers()
+    integers, factor = ExactMatrix.from_fractions(M).as_integers()
     solution = solve_exactly(integers, np.eye(len(M), dtype=int).astype(object))
-    return None if solution is None else solution / factor
+    return None if solution is None else solution[0] * (1 / (Fraction(solution[1]) * factor))

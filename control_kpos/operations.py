@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numbers
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import control as ct
@@ -19,7 +20,9 @@ from numpy.typing import ArrayLike
 from . import connections
 from .arrays import ExactMatrix, exact_matrix, require_shape
 from .connections import Model
-from .errors import DataError, KposError, TimebaseError
+from .errors import DataError, KposError, ShapeError, TimebaseError
+from .positivity import PositivityCertificate
+from .rounding import rounded_into
 
 # Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
 _POSITIVE_HOLDS = ("zoh", "foh", "impulse")
@@ -35,6 +38,10 @@ class ConeOperations(StateSpace):
     @abstractmethod
     def _exact(self) -> dict[str, ExactMatrix]:
         """Matrices that doubles cannot hold."""
+
+    @abstractmethod
+    def cone_positivity(self) -> PositivityCertificate:
+        """The verdict on the system as it is."""
 
     @abstractmethod
     def _with_cones(self, result: StateSpace, model: Model | None) -> StateSpace:
@@ -71,6 +78,16 @@ class ConeOperations(StateSpace):
                     "sample one of them, or build both with the same dt."
                 ) from None
 
+    @contextmanager
+    def _sizes_in_errors(self, other: Any) -> Iterator[None]:
+        """Say in python-control's refusals what the sizes are."""
+        try:
+            yield
+        except KposError:
+            raise
+        except ValueError as error:
+            raise ShapeError(f"{str(error).rstrip('.')}: {_ports(self)}, {_ports(other)}.") from None
+
     # -- arithmetic
 
     def __neg__(self) -> StateSpace:
@@ -78,7 +95,8 @@ class ConeOperations(StateSpace):
 
     def __add__(self, other: Any) -> Any:
         self._require_timebase(other)
-        result = super().__add__(other)
+        with self._sizes_in_errors(other):
+            result = super().__add__(other)
         if isinstance(other, ConeOperations):
             return self._adopt(result, connections.parallel, other)
         if isinstance(other, numbers.Real):
@@ -94,7 +112,8 @@ class ConeOperations(StateSpace):
 
     def __mul__(self, other: Any) -> Any:
         self._require_timebase(other)
-        result = super().__mul__(other)
+        with self._sizes_in_errors(other):
+            result = super().__mul__(other)
         if isinstance(other, ConeOperations):
             return self._adopt(result, connections.series, other)
         return self._scaled(result, other, connections.input_gain)
@@ -103,7 +122,9 @@ class ConeOperations(StateSpace):
         if isinstance(other, StateSpace):
             # the base class evaluates `other * self`, which would come straight back here
             return StateSpace.__mul__(other, self)
-        return self._scaled(super().__rmul__(other), other, connections.output_gain)
+        with self._sizes_in_errors(other):
+            result = super().__rmul__(other)
+        return self._scaled(result, other, connections.output_gain)
 
     def __pow__(self, other: Any) -> Any:
         result = super().__pow__(other)  # products of ours, except for powers 0 and -1
@@ -126,7 +147,8 @@ class ConeOperations(StateSpace):
         self._require_timebase(other)
         dt = self.dt
         try:
-            result = super().append(other)
+            with self._sizes_in_errors(other):
+                result = super().append(other)
         finally:
             self.dt = dt  # python-control changes it
         return self._adopt(result, connections.append, other) if isinstance(other, ConeOperations) else result
@@ -146,14 +168,44 @@ class ConeOperations(StateSpace):
             With cones (X1 x X2, U1, Y1) if Y1 lies in U2, sign * Y2 in U1 and the direct terms allow it.
         """
         self._require_timebase(other)
-        result = super().feedback(other, sign)
-        gain = None if isinstance(other, ct.InputOutputSystem) else _gain(other)
-        if not isinstance(sign, numbers.Real) or not (isinstance(other, ConeOperations) or gain is not None):
+        with self._sizes_in_errors(other):
+            result = super().feedback(other, sign)
+        if not isinstance(sign, numbers.Real):
             return result
-        k, direct = float(sign), exact_matrix(self._direct(), "D")
+        k, D1 = float(sign), self._direct()
         if isinstance(other, ConeOperations):
-            return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, direct, other._direct(), k), other)
-        return self._adopt(result, lambda s: connections.feedback_gain(s, gain, direct, k), gain=gain)
+            D2 = other._direct()
+            return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, D1, D2, k), other)
+        gain = _gain(other)
+        return (
+            result
+            if gain is None
+            else self._adopt(result, lambda s: connections.feedback_gain(s, gain, D1, k), gain=gain)
+        )
+
+    def lft(self, other: Any, nu: int = -1, ny: int = -1) -> StateSpace:
+        """Linear fractional transformation: `other` closes the last inputs and outputs of this system.
+
+        Parameters
+        ----------
+        other : StateSpace
+        nu, ny : int
+            Numbers of inputs and outputs that are closed; -1: as many as possible.
+
+        Returns
+        -------
+        StateSpace
+            With cones under the conditions of `feedback` for the signals that are closed.
+        """
+        self._require_timebase(other)
+        with self._sizes_in_errors(other):
+            result = super().lft(other, nu, ny)
+        if not isinstance(other, ConeOperations):
+            return result
+        n_u = min(other.noutputs, self.ninputs) if nu == -1 else nu
+        n_y = min(other.ninputs, self.noutputs) if ny == -1 else ny
+        D1, D2 = self._direct(), other._direct()
+        return self._adopt(result, lambda s1, s2: connections.lower_lft(s1, s2, D1, D2, n_u, n_y), other)
 
     def _direct(self) -> ExactMatrix:
         return self._exact().get("D") or ExactMatrix(self.D)
@@ -162,7 +214,7 @@ class ConeOperations(StateSpace):
         result = super().__getitem__(key)
         inputs = [self.input_index[label] for label in result.input_labels]
         outputs = [self.output_index[label] for label in result.output_labels]
-        if (len(inputs), len(outputs)) != (result.ninputs, result.noutputs) or not inputs or not outputs:
+        if (len(inputs), len(outputs)) != (result.ninputs, result.noutputs):
             return result
         return self._adopt(result, lambda s: connections.select(s, inputs, outputs))
 
@@ -170,6 +222,8 @@ class ConeOperations(StateSpace):
 
     def sample(self, Ts: float, method: str = "zoh", *args: Any, **kwargs: Any) -> StateSpace:
         """Discrete-time system at the sampling times.
+
+        If this system is positive, its samples are rounded towards the cones, so that they are positive too.
 
         Parameters
         ----------
@@ -185,8 +239,16 @@ class ConeOperations(StateSpace):
         StateSpace
         """
         result = super().sample(Ts, method, *args, **kwargs)
-        follows = method in _POSITIVE_HOLDS and Ts > 0 and _is_finite(result)
-        return self._with_cones(result, self._model(tracked=False)) if follows else result
+        if method not in _POSITIVE_HOLDS or not Ts > 0 or not _is_finite(result):
+            return result
+        model = self._model(tracked=False)
+        if self.nstates == result.nstates and self.cone_positivity():
+            X, U, Y = model.X, model.U, model.Y
+            for name, source, target in (("A", X, X), ("B", U, X), ("D", U, Y)):
+                nearby = rounded_into(getattr(result, name), source, target)
+                if nearby is not None:
+                    setattr(result, name, nearby)
+        return self._with_cones(result, model)
 
     def linearize(self, x0: Any, *args: Any, **kwargs: Any) -> StateSpace:
         """The system itself: python-control differentiates it numerically, which costs ten digits.
@@ -259,6 +321,13 @@ class ConeOperations(StateSpace):
 
 def _is_finite(s: StateSpace) -> bool:
     return all(bool(np.isfinite(m).all()) for m in (s.A, s.B, s.C, s.D))
+
+
+def _ports(operand: Any) -> str:
+    if isinstance(operand, ct.InputOutputSystem):
+        return f"{operand.name} has {operand.ninputs} inputs and {operand.noutputs} outputs"
+    shape = np.shape(operand)
+    return f"the array is {' x '.join(map(str, shape))}" if shape else f"the other operand is {operand!r}"
 
 
 def _gain(factor: Any) -> ExactMatrix | None:

@@ -11,37 +11,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import nullcontext
-from dataclasses import dataclass
+from copy import deepcopy
 from html import escape
 from typing import Any, Literal
 
 import numpy as np
-import scipy.sparse as sp
 from control import StateSpace
 from control.exception import ControlDimension
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .arrays import ExactMatrix, dense, exact_matrix
 from .certificates.result import Status
-from .cones import Cone, Orthant, PolyhedralCone
-from .connections import Model, image, nonnegative, preimage
+from .cones import Cone, Orthant
+from .connections import Model, nonnegative
 from .dissipativity import DissipativityCertificate, dissipativity, induced_gain
-from .errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TimebaseError, UndecidedError
+from .errors import ShapeError, UndecidedError
 from .operations import ConeOperations
 from .positivity import PositivityCertificate, cone_positivity
 from .stability import LyapunovCertificate, linear_lyapunov
+from .system_data import Removal, SystemSizeError, read_cone, read_matrix, require_timebase, size_of
 
 _MATRICES = ("A", "B", "C", "D")
 # As numpy summarises larger arrays, a cone with more numbers is described rather than listed.
 _MOST_RAY_ENTRIES = 1000
-
-
-class ComplexDataError(DataError, TypeError):
-    """Complex data: a TypeError as well, which is what python-control raises for them."""
-
-
-class SystemSizeError(ShapeError, ControlDimension):
-    """A, B, C, D do not fit together: a ControlDimension as well, as python-control has it."""
 
 
 class ConeStateSpace(ConeOperations):
@@ -114,10 +106,10 @@ class ConeStateSpace(ConeOperations):
         source = args[0] if len(args) == 1 else None
         exact: Mapping[str, ExactMatrix] = {}
         if len(args) in (4, 5):
-            read = [_read(data, name) for data, name in zip(args, _MATRICES)]  # noqa: B905  (dt is last)
+            read = [read_matrix(data, name) for data, name in zip(args[:4], _MATRICES, strict=True)]
             exact = {name: m for name, (_, m) in zip(_MATRICES, read, strict=True) if m is not None}
             args = (*(values for values, _ in read), *args[4:])
-            _require_timebase(args[4] if len(args) == 5 else names.get("dt"))
+            require_timebase(args[4] if len(args) == 5 else names.get("dt"))
         elif isinstance(source, ConeStateSpace):
             X, U, Y = (own if own is not None else old for own, old in zip((X, U, Y), source.cones, strict=True))
             exact = source._exact()
@@ -129,7 +121,7 @@ class ConeStateSpace(ConeOperations):
         try:
             super().__init__(*args, **names)
         except ControlDimension as error:
-            sizes = ", ".join(f"{n} {_size(a)}" for n, a in zip(_MATRICES, args)) if len(args) > 1 else ""  # noqa: B905
+            sizes = ", ".join(f"{n} {size_of(a)}" for n, a in zip(_MATRICES, args)) if len(args) > 1 else ""  # noqa: B905
             raise SystemSizeError(
                 f"{error}. A must be n x n, B n x m, C q x n and D q x m{f'; here {sizes}' if sizes else ''}."
             ) from None
@@ -139,12 +131,12 @@ class ConeStateSpace(ConeOperations):
         removal = self.__dict__.pop("_removal", None)
         self._given = {name: (getattr(self, name), self._as_stored(name, m, removal)) for name, m in exact.items()}
         self._cones = (
-            _cone(X, "X", self.nstates, "states", removal),
-            _cone(U, "U", self.ninputs, "inputs"),
-            _cone(Y, "Y", self.noutputs, "outputs"),
+            read_cone(X, "X", self.nstates, "states", removal),
+            read_cone(U, "U", self.ninputs, "inputs"),
+            read_cone(Y, "Y", self.noutputs, "outputs"),
         )
 
-    def _as_stored(self, name: str, m: ExactMatrix, removal: _Removal | None) -> ExactMatrix:
+    def _as_stored(self, name: str, m: ExactMatrix, removal: Removal | None) -> ExactMatrix:
         """Exact data in the shape python-control has given to the matrix."""
         if removal is not None and name != "D":
             return removal.matrix(name, m, self.ninputs if name == "B" else self.noutputs)
@@ -229,7 +221,7 @@ class ConeStateSpace(ConeOperations):
         DissipativityCertificate
             See `control_kpos.dissipativity.dissipativity`.
         """
-        return dissipativity(*self._question(), q=q, r=r, discrete=self._discrete)
+        return dissipativity(*self._question(ports=True), q=q, r=r, discrete=self._discrete)
 
     def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain from inputs in U to outputs in Y; inf if the system is not stable.
@@ -245,7 +237,7 @@ class ConeStateSpace(ConeOperations):
         -------
         float
         """
-        return induced_gain(*self._question(), norm=norm, e=e, f=f, discrete=self._discrete)
+        return induced_gain(*self._question(ports=True), norm=norm, e=e, f=f, discrete=self._discrete)
 
     @property
     def _discrete(self) -> bool:
@@ -264,36 +256,16 @@ class ConeStateSpace(ConeOperations):
         exact = self._exact()
         return tuple(exact.get(name) or exact_matrix(getattr(self, name), name) for name in _MATRICES)
 
-    def _question(self) -> tuple[Any, ...]:
+    def _question(self, *, ports: bool = False) -> tuple[Any, ...]:
         """A, B, C, D, X, U, Y as the theorems take them; a static gain gets an idle state, x' = -x."""
+        if ports and not (self.ninputs and self.noutputs):
+            raise ShapeError(f"{self.name} has {self.ninputs} inputs and {self.noutputs} outputs; it needs both here.")
         A, B, C, D = self._data()
         X = self.X
-        if not self.nstates:
+        if A.shape == (0, 0):
             A = ExactMatrix(np.array([[0.0 if self._discrete else -1.0]]))
-            B, C, X = (
-                ExactMatrix(np.zeros((1, self.ninputs))),
-                ExactMatrix(np.zeros((self.noutputs, 1))),
-                nonnegative(1),
-            )
-        return A, B, C, D, X, self.U, self.Y
-
-    def _model(self, tracked: bool) -> Model:
-        if not tracked:
-            return Model(*self._cones)
-        A, B, C, D = (m.fractions() for m in self._data())
-        return Model(*self._cones, (A, B, C, D))
-
-    def _question(self) -> tuple[Any, ...]:
-        """A, B, C, D, X, U, Y as the theorems take them; a static gain gets an idle state, x' = -x."""
-        A, B, C, D = self._data()
-        X = self.X
-        if not self.nstates:
-            A = ExactMatrix(np.array([[0.0 if self._discrete else -1.0]]))
-            B, C, X = (
-                ExactMatrix(np.zeros((1, self.ninputs))),
-                ExactMatrix(np.zeros((self.noutputs, 1))),
-                nonnegative(1),
-            )
+            B, C = ExactMatrix(np.zeros((1, self.ninputs))), ExactMatrix(np.zeros((self.noutputs, 1)))
+            X = nonnegative(1)
         return A, B, C, D, X, self.U, self.Y
 
     def _model(self, tracked: bool) -> Model:
@@ -322,11 +294,18 @@ class ConeStateSpace(ConeOperations):
         labels, full = self.state_labels, self.nstates
         constant = ~self.A.any(axis=1) & ~self.B.any(axis=1)
         super()._remove_useless_states()
-        self._removal = _Removal(
+        self._removal = Removal(
             full, constant, np.array([labels.index(label) for label in self.state_labels], dtype=int)
         )
 
     # -- copies
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> ConeStateSpace:
+        memo.update({id(cone): cone for cone in self._cones})  # immutable, and costly to convert again
+        out = type(self).__new__(type(self))
+        memo[id(self)] = out
+        out.__setstate__(deepcopy(self.__getstate__(), memo))
+        return out
 
     def __getstate__(self) -> dict[str, Any]:
         # the functions the base class makes hold on to the original system, and cannot be pickled
@@ -363,98 +342,6 @@ class ConeStateSpace(ConeOperations):
 
     def __str__(self) -> str:
         return "\n\n".join([super().__str__(), *(f"{n}: {_described(c)}" for n, c in self._shown_cones().items())])
-
-
-@dataclass(frozen=True)
-class _Removal:
-    """Which states python-control removed as useless: constant ones, and others that nothing depends on."""
-
-    full: int
-    constant: NDArray[np.bool_]
-    kept: NDArray[np.intp]
-
-    def matrix(self, name: str, m: ExactMatrix, width: int) -> ExactMatrix:
-        """What remains of A, B or C, given flat or not; `width` is the number of inputs or outputs."""
-        every = np.arange(width)
-        shape, rows, columns = {
-            "A": ((self.full, self.full), self.kept, self.kept),
-            "B": ((self.full, width), self.kept, every),
-            "C": ((width, self.full), every, self.kept),
-        }[name]
-        return ExactMatrix.from_fractions(m.fractions().reshape(shape)[np.ix_(rows, columns)])
-
-    def cone(self, X: Cone) -> Cone:
-        """X where the constant states are 0, seen from the states that are kept."""
-        axes = np.eye(self.full)
-        moving = np.flatnonzero(~self.constant)
-        section = preimage(ExactMatrix(axes[:, moving]), X)
-        shadow = None if section is None else image(ExactMatrix(axes[self.kept][:, moving]), section)
-        if shadow is None:
-            raise NotProperConeError(
-                f"X: what is left of it after useless states are removed is not proper; keep states "
-                f"{sorted(set(range(self.full)) - set(self.kept.tolist()))} with remove_useless_states=False."
-            )
-        return shadow
-
-
-def _read(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
-    """Values for python-control, and the exact matrix if these are not exact."""
-    if isinstance(data, ExactMatrix):
-        exact = data
-    else:
-        kind, wide = _kind(data)
-        if not wide and kind in "fiub":
-            return data, None
-        if kind == "c":
-            raise ComplexDataError(f"{name} is complex; each entry must be a real number, not 'complex'.")
-        array = None if sp.issparse(data) else _as_array(data)
-        if array is not None and array.ndim > 2:
-            raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")
-        exact = exact_matrix(data, name, ndim=2 if array is None else array.ndim)
-    values = dense(exact.values)
-    return (values if values.ndim else float(values)), (None if exact.is_double else exact)
-
-
-def _require_timebase(dt: Any) -> None:
-    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf)):
-        raise TimebaseError(
-            f"invalid timebase, dt = {dt}: give 0 for continuous time, a sampling time or True for discrete, or None."
-        )
-
-
-def _as_array(data: Any) -> NDArray[Any] | None:
-    try:
-        return np.asarray(data)
-    except (ValueError, TypeError):
-        return None  # ragged
-
-
-def _kind(data: Any) -> tuple[str, bool]:
-    """Kind of numbers as numpy letters them, and whether they may not fit into doubles."""
-    array = None if sp.issparse(data) or np.ma.isMaskedArray(data) else _as_array(data)
-    if array is None or array.ndim > 2:
-        return "O", True
-    kind = array.dtype.kind
-    if kind == "f":
-        return ("f", False) if array.dtype.itemsize <= 8 else ("O", True)
-    return kind, kind in "iu" and array.size > 0 and (array.max() > 2**53 or array.min() < -(2**53))
-
-
-def _cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, removal: _Removal | None = None) -> Cone:
-    if given is None:
-        return nonnegative(size)
-    cone = given if isinstance(given, Cone) else PolyhedralCone(given)
-    if removal is not None and cone.dim == removal.full != size:
-        return nonnegative(size) if isinstance(cone, Orthant) else removal.cone(cone)
-    if cone.dim != size:
-        raise ConeMismatchError(f"{name} is a cone in {cone.dim} dimensions, but the system has {size} {of}.")
-    cone.require_proper(name)
-    return cone
-
-
-def _size(data: Any) -> str:
-    array = _as_array(data)
-    return " x ".join(map(str, array.shape)) or "a number" if array is not None else "ragged"
 
 
 def _default_print_options() -> bool:

@@ -1,0 +1,122 @@
+"""Intake of a system: matrices as python-control reads them, exact data kept, cones of the right size."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from control.exception import ControlDimension
+from numpy.typing import ArrayLike, NDArray
+
+from .arrays import ExactMatrix, dense, exact_matrix
+from .cones import Cone, Orthant, PolyhedralCone
+from .connections import image, nonnegative, preimage
+from .errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TimebaseError
+
+
+class ComplexDataError(DataError, TypeError):
+    """Complex data: a TypeError as well, which is what python-control raises for them."""
+
+
+class SystemSizeError(ShapeError, ControlDimension):
+    """A, B, C, D do not fit together: a ControlDimension as well, as python-control has it."""
+
+
+@dataclass(frozen=True)
+class Removal:
+    """Which states python-control removed as useless: constant ones, and others that nothing depends on."""
+
+    full: int
+    constant: NDArray[np.bool_]
+    kept: NDArray[np.intp]
+
+    def matrix(self, name: str, m: ExactMatrix, width: int) -> ExactMatrix:
+        """What remains of A, B or C, given flat or not; `width` is the number of inputs or outputs."""
+        every = np.arange(width)
+        shape, rows, columns = {
+            "A": ((self.full, self.full), self.kept, self.kept),
+            "B": ((self.full, width), self.kept, every),
+            "C": ((width, self.full), every, self.kept),
+        }[name]
+        return ExactMatrix.from_fractions(m.fractions().reshape(shape)[np.ix_(rows, columns)])
+
+    def cone(self, X: Cone) -> Cone:
+        """X where the constant states are 0, seen from the states that are kept."""
+        axes = np.eye(self.full)
+        moving = np.flatnonzero(~self.constant)
+        section = preimage(ExactMatrix(axes[:, moving]), X)
+        shadow = None if section is None else image(ExactMatrix(axes[self.kept][:, moving]), section)
+        if shadow is None:
+            raise NotProperConeError(
+                f"X: what is left of it after useless states are removed is not proper; keep states "
+                f"{sorted(set(range(self.full)) - set(self.kept.tolist()))} with remove_useless_states=False."
+            )
+        return shadow
+
+
+def read_matrix(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
+    """Values for python-control to read, and the exact matrix if they are not exact.
+
+    Doubles are passed on as they come, so that python-control decides what 0, a vector or [] means.
+    """
+    if isinstance(data, ExactMatrix):
+        exact = data
+    else:
+        kind, wide = _kind(data)
+        if not wide and kind in "fiub":
+            return data, None
+        if kind == "c":
+            raise ComplexDataError(f"{name} is complex; each entry must be a real number, not 'complex'.")
+        array = None if sp.issparse(data) else _as_array(data)
+        if array is not None and array.ndim > 2:
+            raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")
+        exact = exact_matrix(data, name, ndim=2 if array is None else array.ndim)
+    values = dense(exact.values)
+    return (values if values.ndim else float(values)), (None if exact.is_double else exact)
+
+
+def require_timebase(dt: Any) -> None:
+    """Refuse what is no timebase; python-control lets NaN and inf through."""
+    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf)):
+        raise TimebaseError(
+            f"invalid timebase, dt = {dt}: give 0 for continuous time, a sampling time or True for discrete, or None."
+        )
+
+
+def _as_array(data: Any) -> NDArray[Any] | None:
+    try:
+        return np.asarray(data)
+    except (ValueError, TypeError):
+        return None  # ragged
+
+
+def _kind(data: Any) -> tuple[str, bool]:
+    """Kind of numbers as numpy letters them, and whether they may not fit into doubles."""
+    array = None if sp.issparse(data) or np.ma.isMaskedArray(data) else _as_array(data)
+    if array is None or array.ndim > 2:
+        return "O", True
+    kind = array.dtype.kind
+    if kind == "f":
+        return ("f", False) if array.dtype.itemsize <= 8 else ("O", True)
+    return kind, kind in "iu" and array.size > 0 and (array.max() > 2**53 or array.min() < -(2**53))
+
+
+def read_cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, removal: Removal | None = None) -> Cone:
+    """The cone X, U or Y of a system with `size` states, inputs or outputs."""
+    if given is None:
+        return nonnegative(size)
+    cone = given if isinstance(given, Cone) else PolyhedralCone(given)
+    if removal is not None and cone.dim == removal.full != size:
+        return nonnegative(size) if isinstance(cone, Orthant) else removal.cone(cone)
+    if cone.dim != size:
+        raise ConeMismatchError(f"{name} is a cone in {cone.dim} dimensions, but the system has {size} {of}.")
+    cone.require_proper(name)
+    return cone
+
+
+def size_of(data: Any) -> str:
+    """The shape of an argument, for messages."""
+    array = _as_array(data)
+    return " x ".join(map(str, array.shape)) or "a number" if array is not None else "ragged"
