@@ -24,11 +24,10 @@ from .errors import TooLargeError
 from .rational_programs import exact_feasibility
 
 Vector = NDArray[np.float64]
-# Distances from the dominant eigenvalue, relative to the size of A, at which vectors are tried.
-_SHIFTS = (1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
-# Above this size a dense eigenvalue decomposition of a sparse matrix is not attempted.
-_DENSE_EIGENVALUES = 1500
-# Bits times rows cubed above which rational arithmetic would take minutes.
+_NODA_STEPS = 60
+# How far from the bound the shift stays, relative to the size of A, so that the matrix is not singular.
+_NODA_GAP = 2.0**-50
+# Above this many rows rational arithmetic would take minutes.
 _RATIONAL_ROWS = 80
 
 
@@ -123,62 +122,62 @@ class ScaledProblem:
         return _normalised(x) * self.units
 
     @cached_property
-    def _dominant(self) -> tuple[float, Vector | None]:
-        """Rightmost eigenvalue of S and its eigenvector, as far as floating point can tell."""
-        try:
-            if sp.issparse(self.S) and self.n > _DENSE_EIGENVALUES:
-                start = np.asarray(self.interior)
-                values, vectors = spla.eigs(self.S, k=1, which="LR", v0=start, tol=1e-10)
-            else:
-                values, vectors = np.linalg.eig(dense(self.S))
-        except (np.linalg.LinAlgError, spla.ArpackError):
-            return np.nan, None
-        best = int(np.argmax(np.real(values)))
-        x = np.real(vectors[:, best])
-        return float(np.real(values[best])), x if x @ self.dual_interior >= 0 else -x
+    def _noda(self) -> list[tuple[float, Vector, Vector]]:
+        """Shifts falling to the dominant eigenvalue, with vectors rising to its left and right eigenvectors.
+
+        If v'S x_i <= s v'x_i on all generators, with v in int X*, then s bounds the spectrum from the
+        right, and v <- (s I - S')^{-1} v stays in int X* and lowers the bound: Noda's inverse iteration
+        (Numerische Mathematik 17, 1971), quadratically convergent for irreducible nonnegative matrices.
+        """
+        rays = self.rays * self._columns if not sp.issparse(self.rays) else self.rays @ self._columns
+        v, x = self.dual_interior, self.interior
+        found: list[tuple[float, Vector, Vector]] = []
+        shift = np.inf
+        for _ in range(_NODA_STEPS):
+            with np.errstate(all="ignore"):
+                value = rays @ v
+                bound = float(np.max((rays @ (self.S.T @ v)) / value)) if (value > 0).all() else np.nan
+            if not bound < shift:
+                break
+            shift = bound
+            found.append((shift, v, x))
+            try:
+                solve = self._solver(shift + _NODA_GAP * max(1.0, abs(shift)))
+                v, x = _normalised(-solve(v, True)), _normalised(-solve(x, False))
+            except SingularMatrixError:
+                break
+        return found
+
+    @property
+    def _columns(self) -> Any:
+        """Right factor that turns generators in the units of the user into scaled ones."""
+        return sp.diags_array(1 / self.units) if sp.issparse(self.rays) else 1 / self.units
 
     def left_perron_vectors(self) -> Iterator[Vector]:
         """Vectors in int X*, at first close to the left dominant eigenvector."""
-        for solve in self._near_dominant():
-            try:
-                yield self._unscaled_left(-solve(self.dual_interior, True))
-            except SingularMatrixError:
-                continue
+        for _, v, _ in reversed(self._noda):
+            yield self._unscaled_left(v)
 
     def right_perron_vectors(self) -> Iterator[NDArray[Any]]:
         """Vectors in X, at first close to the dominant eigenvector; doubles or Fractions."""
-        for solve in self._near_dominant():
-            try:
-                yield self._unscaled_right(-solve(self.interior, False))
-            except SingularMatrixError:
-                continue
-        _, dominant = self._dominant
-        if dominant is not None and self.n <= _RATIONAL_ROWS:
-            yield from self._on_face(dominant)
-
-    def _near_dominant(self) -> Iterator[Callable[[Vector, bool], Vector]]:
-        rightmost, _ = self._dominant
-        for step in _SHIFTS if np.isfinite(rightmost) else ():
-            try:
-                yield self._solver(rightmost + step * max(1.0, abs(rightmost)))
-            except SingularMatrixError:
-                continue
+        for _, _, x in reversed(self._noda):
+            yield self._unscaled_right(x)
+        if not self._noda:
+            return
+        shift, _, x = self._noda[-1]
+        try:
+            x = _normalised(-self._solver(shift + _NODA_GAP * max(1.0, abs(shift)))(x, False))
+        except SingularMatrixError:
+            pass
+        else:
+            yield self._unscaled_right(x)
+        if self.n <= _RATIONAL_ROWS:
+            yield from self._on_face(x)
 
     def growing_directions(self) -> Iterator[NDArray[Any]]:
         """Candidates x in X with S x in X, doubles or Fractions, when S is not stable."""
-        rightmost, dominant = self._dominant
-        if dominant is None or rightmost < -1e-6:
-            return
-        if rightmost > 0:
-            for step in (1e-8, 1e-4, 1e-2, 0.5):
-                try:
-                    x = -self._solver(rightmost * (1 + step))(self.interior, False)
-                except SingularMatrixError:
-                    continue
-                yield self._unscaled_right(x)
-        yield self._unscaled_right(dominant)
-        if self.n <= _RATIONAL_ROWS:
-            yield from self._on_face(dominant)
+        if self._noda and self._noda[-1][0] >= -1e-6:
+            yield from self.right_perron_vectors()
 
     def _on_face(self, x: Vector) -> Iterator[NDArray[Any]]:
         """x as an exact nonnegative combination of the generators of its smallest face."""

@@ -91,13 +91,15 @@ class BilinearForms:
             else ratio
         )
 
-    def signs(self, where: NDArray[np.bool_] | None = None) -> Any:
+    def signs(self, where: NDArray[np.bool_] | None = None, *, integers: bool = True) -> Any:
         """Proven signs -1, 0, +1, or `UNKNOWN` where exact arithmetic would be out of reach.
 
         Parameters
         ----------
         where : ndarray of bool, shaped like the dense result, optional
             Entries that matter; the others are reported as `UNKNOWN` unless they come for free.
+        integers : bool
+            False: leave what floating point cannot decide as `UNKNOWN`.
 
         Returns
         -------
@@ -119,7 +121,7 @@ class BilinearForms:
             if not self.is_sparse and (open_ & (out == UNKNOWN)).any():
                 out[self._structure() == 0] = 0
             open_ &= out == UNKNOWN
-            if open_.any():
+            if integers and open_.any():
                 self._decide_by_integers(out, open_)
         if self.is_sparse:
             return sp.csr_array((out, self.pattern.indices, self.pattern.indptr), self.pattern.shape)

@@ -177,6 +177,10 @@ class Certificate(ABC):
     def explain(self) -> str:
         """A few sentences a person can act on."""
 
+    def is_consistent(self) -> bool:
+        """True if the numbers it states, such as a decay rate, are those that its data prove."""
+        return True
+
     def parts(self) -> Sequence[Certificate]:
         """Certificates that this one rests on."""
         return ()
@@ -216,6 +220,8 @@ class Certificate(ABC):
         """
         try:
             if not all(part.check() for part in self.parts()):
+                return False
+            if not self.is_consistent():
                 return False
             status, conditions = self._evaluate()
             return status is self.status and _agree(conditions, self.residuals)
