@@ -1,9 +1,14 @@
 """Analysis and design of cone-invariant (K-positive) linear systems on top of python-control."""
 
+import importlib
+from typing import TYPE_CHECKING, Any
+
 from . import arrays as arrays
+from . import examples as examples
 from .certificates.files import load_certificate as load_certificate
 from .certificates.result import Certificate as Certificate
 from .certificates.result import Status as Status
+from .conefinding import find_cone as find_cone
 from .cones import Cone as Cone
 from .cones import PolyhedralCone as PolyhedralCone
 from .cones import lorentz as lorentz
@@ -23,6 +28,8 @@ from .errors import SolverError as SolverError
 from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
+from .plotting import phase_portrait as phase_portrait
+from .plotting import plot_cone as plot_cone
 from .positivity import PositivityCertificate as PositivityCertificate
 from .positivity import PositivityViolation as PositivityViolation
 from .positivity import cone_positivity as cone_positivity
@@ -32,4 +39,21 @@ from .stability import LyapunovCertificate as LyapunovCertificate
 from .stability import linear_lyapunov as linear_lyapunov
 from .statespace import ConeStateSpace as ConeStateSpace
 
+if TYPE_CHECKING:
+    from .plotting import phase_portrait as phase_portrait
+    from .plotting import plot_cone as plot_cone
+
 __version__ = "0.1.0"
+
+# Where names are that load matplotlib, which takes longer to import than the rest of the package.
+_ON_DEMAND = {"phase_portrait": ".plotting", "plot_cone": ".plotting"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _ON_DEMAND:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_ON_DEMAND[name], __name__), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_ON_DEMAND})
