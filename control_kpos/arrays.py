@@ -41,7 +41,7 @@ class ExactMatrix:
     ----------
     values : ndarray, shape (..., r, c), or csr_array, shape (r, c)
         Doubles.  They are the exact data when `radius` is None.
-    radius : ndarray like `values`, or None
+    radius : ndarray or csr_array like `values`, or None
         |values - exact| <= radius entrywise, where each exact row may carry a positive factor of its
         own if `integer_rows` is set.
     numerators, denominator : ndarray of int (object), int
@@ -52,7 +52,7 @@ class ExactMatrix:
     """
 
     values: Matrix
-    radius: NDArray[np.float64] | None = None
+    radius: Matrix | None = None
     numerators: Integers | None = None
     denominator: int = 1
     integer_rows: Callable[[NDArray[np.intp]], Integers] | None = None

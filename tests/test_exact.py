@@ -108,3 +108,20 @@ def test_entries_that_do_not_matter_are_not_computed_exactly():
 def test_integers_of_doubles_are_exact(value):
     ints, exponent = integers_of_doubles(np.array([value, 0.75]))
     assert [Fraction(int(i)) * Fraction(2) ** int(exponent.item()) for i in ints] == [Fraction(value), Fraction(3, 4)]
+
+
+def test_radius_of_sparse_rows_is_respected():
+    class Exact:
+        def __call__(self, index):
+            rows = np.zeros((2, 80), dtype=object)
+            rows[0, 0], rows[1, 79] = -1, 5
+            return rows[index]
+
+    values = np.zeros((2, 80))
+    values[0, 0], values[1, 79] = 1e-17, 1.0  # the first sign is an artefact of rounding
+    radius = sp.csr_array(np.where(values != 0, 1e-16, 0.0))
+    left = ExactMatrix(sp.csr_array(values), radius, integer_rows=Exact())
+    for middle in (None, ExactMatrix(sp.eye_array(80, format="csr")), ExactMatrix(np.eye(80))):
+        signs = BilinearForms(left, middle, ExactMatrix(sp.eye_array(80, format="csr"))).signs()
+        signs = signs.toarray() if sp.issparse(signs) else signs
+        assert signs[0, 0] == -1 and signs[1, 79] == 1 and np.count_nonzero(signs) == 2

@@ -73,10 +73,7 @@ class BilinearForms:
     @cached_property
     def pattern(self) -> sp.csr_array:
         """Positions of a sparse result where some product of entries is not zero by structure."""
-        ones = [
-            sp.csr_array((np.ones(m.values.nnz), m.values.indices, m.values.indptr), m.shape) for m in self._operands
-        ]
-        out = sp.csr_array(self._product(*ones))
+        out = sp.csr_array(self._product(*(_nonzero(m) for m in self._operands)))
         out.sort_indices()
         return out
 
@@ -175,20 +172,21 @@ class BilinearForms:
             size = abs(self.right.values).sum(axis=-1)
             underflow = 4 * SMALLEST_NORMAL * ((inner + 1) * np.asarray(size) + outer + 1)
             if self.is_sparse:
-                return self._relative_error() * self.magnitudes.data + underflow[self.pattern.indices]
-            bound = self._relative_error() * self.magnitudes + underflow[..., None, :]
+                bound = self._relative_error() * self.magnitudes.data + underflow[self.pattern.indices]
+            else:
+                bound = self._relative_error() * self.magnitudes + underflow[..., None, :]
             done: list[Any] = []
             for i, m in enumerate(self._operands):
                 if m.radius is not None:
                     rest = [abs(k.values) for k in self._operands[i + 1 :]]
-                    bound = bound + 1.01 * dense(self._product(*done, m.radius, *rest))
+                    more = self._product(*done, m.radius, *rest)
+                    bound = bound + 1.01 * (self._on_pattern(more).data if self.is_sparse else dense(more))
                 done.append(abs(m.values) if m.radius is None else abs(m.values) + m.radius)
             return bound
 
     def _structure(self) -> NDArray[np.float64]:
         """Number of products of nonzero entries in each form; 0 proves a zero."""
-        kinds = [m.values != 0 if m.radius is None else (m.values != 0) | (m.radius != 0) for m in self._operands]
-        return dense(self._product(*(k.astype(np.float64) for k in kinds)))
+        return dense(self._product(*(_nonzero(m) for m in self._operands)))
 
     def _exactness_limit(self) -> float:
         """Magnitude up to which the floating point result is exact; negative if that cannot be said."""
@@ -273,7 +271,17 @@ def _dense_if_small(m: ExactMatrix) -> ExactMatrix:
     """Sparse operands below the size where their overhead pays, as dense ones."""
     if not m.is_sparse or m.shape[0] * m.shape[1] > _SMALL:
         return m
-    return ExactMatrix(m.values.toarray(), m.radius, m.numerators, m.denominator, m.integer_rows)
+    radius = None if m.radius is None else dense(m.radius)
+    return ExactMatrix(m.values.toarray(), radius, m.numerators, m.denominator, m.integer_rows)
+
+
+def _nonzero(m: ExactMatrix) -> Any:
+    """Ones where the exact entry may be nonzero."""
+    if m.is_sparse:
+        reach = abs(m.values) if m.radius is None else abs(m.values) + m.radius
+        return sp.csr_array((np.ones(reach.nnz), reach.indices, reach.indptr), m.shape)
+    kind = m.values != 0 if m.radius is None else (m.values != 0) | (m.radius != 0)
+    return kind.astype(np.float64)
 
 
 def _finite(m: ExactMatrix) -> bool:
@@ -306,18 +314,22 @@ def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.floa
 
 def _row_norms(m: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Norms of the rows, and of their radii."""
-    if sp.issparse(m.values):
-        rows = m.values
-        top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
-        size = top * np.sqrt(np.diff(rows.indptr)) * (1 + 1e-9) + SMALLEST_NORMAL
-    else:
-        size = _norm(m.values, (-1,))
-    return size, np.zeros_like(size) if m.radius is None else _norm(m.radius, (-1,))
+    sizes = [
+        _sparse_row_norms(part) if sp.issparse(part) else _norm(part, (-1,))
+        for part in (m.values, m.radius)
+        if part is not None
+    ]
+    return sizes[0], sizes[1] if len(sizes) > 1 else np.zeros_like(sizes[0])
+
+
+def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
+    top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
+    return top * np.sqrt(np.diff(rows.indptr)) * (1 + 1e-9) + SMALLEST_NORMAL
 
 
 def _frobenius(m: ExactMatrix) -> tuple[Any, Any]:
     if sp.issparse(m.values):
-        return _norm(m.values.data, (-1,)), 0.0
+        return _norm(m.values.data, (-1,)), 0.0 if m.radius is None else _norm(m.radius.data, (-1,))
     shape = m.shape[:-2] + (1, 1)
     size = _norm(m.values, (-2, -1)).reshape(shape)
     return size, np.zeros(shape) if m.radius is None else _norm(m.radius, (-2, -1)).reshape(shape)

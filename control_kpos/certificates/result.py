@@ -157,7 +157,13 @@ class Certificate(ABC):
 
     @classmethod
     def settle(cls: type[C], **data: Any) -> C:
-        """The certificate for these data, with the status that follows from them."""
+        """The certificate for these data, with the status that follows from them.
+
+        Parameters
+        ----------
+        **data
+            Every field of the certificate but `status` and `residuals`.
+        """
         draft = cls(**data)
         status, conditions = draft._evaluate()
         residuals = {condition.name: condition.residual for condition in conditions}
