@@ -74,9 +74,9 @@ def check_file(path: Path) -> int:
     try:
         certificate = load_certificate(path)
     except (CertificateFileError, OSError) as error:
-        print(f"UNREADABLE {error}")
+        _say(f"UNREADABLE {error}")
         return UNREADABLE
-    print(f"{certificate.status.name:10s} {certificate.explain()}")
+    _say(f"{certificate.status.name} {certificate.explain()}")
     return PROVED if certificate.status is Status.PROVED and certificate.check() else REFUTED
 
 
