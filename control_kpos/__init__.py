@@ -28,8 +28,6 @@ from .errors import SolverError as SolverError
 from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
-from .plotting import phase_portrait as phase_portrait
-from .plotting import plot_cone as plot_cone
 from .positivity import PositivityCertificate as PositivityCertificate
 from .positivity import PositivityViolation as PositivityViolation
 from .positivity import cone_positivity as cone_positivity

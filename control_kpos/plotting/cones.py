@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import control as ct
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
@@ -13,7 +12,20 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..errors import ShapeError
-from .figure import BLUE, GREEN, ORANGE, PINK, YELLOW, Points, choose_axes, fan, legend_beside, set_title, unit
+from .figure import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    PINK,
+    YELLOW,
+    Points,
+    choose_axes,
+    control_style,
+    fan,
+    legend_beside,
+    set_title,
+    unit,
+)
 
 _PALETTE = (BLUE, ORANGE, GREEN, PINK, YELLOW, "black")
 _DASHES = ("-", "--", "-.", ":")
@@ -76,7 +88,7 @@ def plot_cone(
     if ax is not None and getattr(ax, "name", None) != projection:
         raise ShapeError(f"X has dimension {X.dim}, so ax must have the projection {projection!r}.")
     user_ax = ax
-    with plt.rc_context(ct.config.defaults["ctrlplot.rcParams"]):
+    with control_style():
         ax = choose_axes(ax, projection)
         next_color, dashes = _next_style(ax)
         color = next_color if color is None else color

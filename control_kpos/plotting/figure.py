@@ -8,6 +8,8 @@ readable for the colour-blind and in black and white.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 import control as ct
@@ -18,6 +20,16 @@ from numpy.typing import NDArray
 Points: TypeAlias = NDArray[np.float64]
 
 BLUE, ORANGE, GREEN, PINK, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+
+
+@contextmanager
+def control_style() -> Iterator[None]:
+    """python-control's settings of matplotlib."""
+    # Loads the backend.  In a notebook that turns interactive mode on, which would be undone at the end
+    # of the context if the first figure were made inside: only that one would ever be shown.
+    plt.draw_if_interactive()
+    with plt.rc_context(ct.config.defaults["ctrlplot.rcParams"]):
+        yield
 
 
 def choose_axes(ax: Any, projection: str) -> Any:

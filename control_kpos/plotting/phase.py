@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import control as ct
-import matplotlib.pyplot as plt
 import numpy as np
 import scipy.linalg
 from matplotlib.patches import Polygon
@@ -15,7 +14,7 @@ from ..arrays import exact_matrix, vector
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..statespace import ConeStateSpace
-from .figure import BLUE, GREEN, ORANGE, SKY, Points, choose_axes, fan, legend_beside, set_title, unit
+from .figure import BLUE, GREEN, ORANGE, SKY, Points, choose_axes, control_style, fan, legend_beside, set_title, unit
 
 _FLOW = "0.72"
 _N_LEVELS = 4
@@ -102,7 +101,7 @@ def phase_portrait(
     window, initial_states = _window(pointdata, initial_states)
     A, discrete = np.asarray(system.A, dtype=float), system.isdtime(strict=True)
     user_ax = ax
-    with plt.rc_context(ct.config.defaults["ctrlplot.rcParams"]):
+    with control_style():
         ax = choose_axes(ax, "rectilinear")
         if discrete:
             if kwargs:
