@@ -33,6 +33,9 @@ _OUTCOMES: dict[Any, Outcome] = {
     highspy.HighsModelStatus.kUnboundedOrInfeasible: "infeasible",
 }
 
+# Of HiGHS's simplex method, on the scaled program; its default is 1e-7, its smallest 1e-10.
+_TOLERANCE = 1e-9
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -122,10 +125,14 @@ def solve(
     given = [(_rows(A, n), np.atleast_1d(np.asarray(b, dtype=float)), low) for A, b, low in parts if A is not None]
     for A, b, _ in given:
         if A.shape[0] != b.size or A.shape[1] != n:
-            raise ShapeError(f"a constraint matrix is {A.shape[0]} x {A.shape[1]}, but there are {n} variables and {b.size} bounds.")
+            raise ShapeError(
+                f"a constraint matrix is {A.shape[0]} x {A.shape[1]}, but there are {n} variables and {b.size} bounds."
+            )
     matrix = sp.csr_array(sp.vstack([A for A, _, _ in given], format="csr")) if given else sp.csr_array((0, n))
     upper = np.concatenate([b for _, b, _ in given]) if given else np.empty(0)
-    lower = np.concatenate([b if low is None else np.full(b.size, low) for _, b, low in given]) if given else np.empty(0)
+    lower = (
+        np.concatenate([b if low is None else np.full(b.size, low) for _, b, low in given]) if given else np.empty(0)
+    )
     box = [np.broadcast_to(np.asarray(side, dtype=float), n) for side in bounds]
     if not all(np.isfinite(data).all() for data in (cost, matrix.data)) or np.isnan(upper).any():
         return failure("the program has entries that are not finite")
@@ -163,7 +170,11 @@ def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
 def _rows(A: Any, n: int) -> sp.csr_array:
     if sp.issparse(A):
         return sp.csr_array(A, dtype=float)
-    return sp.csr_array(np.asarray(A, dtype=float).reshape(-1, n)) if np.ndim(A) < 2 else sp.csr_array(np.asarray(A, dtype=float))
+    return (
+        sp.csr_array(np.asarray(A, dtype=float).reshape(-1, n))
+        if np.ndim(A) < 2
+        else sp.csr_array(np.asarray(A, dtype=float))
+    )
 
 
 def _run_highs(
@@ -194,6 +205,9 @@ def _run_highs(
     solver = highspy.Highs()
     solver.setOptionValue("output_flag", False)
     solver.setOptionValue("threads", 1)
+    if method == "simplex":
+        for kind in ("primal", "dual"):
+            solver.setOptionValue(f"{kind}_feasibility_tolerance", _TOLERANCE)
     if method == "ipm":
         solver.setOptionValue("solver", "ipm")
         solver.setOptionValue("run_crossover", "off")

@@ -44,7 +44,11 @@ def test_scaling_rows_and_columns_changes_nothing(seed, decades):
 
 def test_balance_makes_magnitudes_equal():
     rng = np.random.default_rng(0)
-    A = rng.uniform(0.5, 1, size=(6, 5)) * 10.0 ** rng.integers(-150, 150, size=(6, 1)) * 10.0 ** rng.integers(-50, 50, size=5)
+    A = (
+        rng.uniform(0.5, 1, size=(6, 5))
+        * 10.0 ** rng.integers(-150, 150, size=(6, 1))
+        * 10.0 ** rng.integers(-50, 50, size=5)
+    )
     r, c = balance(sp.csr_array(A))
     scaled = np.ldexp(A, r[:, None] + c)
     assert scaled.max() / scaled.min() < 32

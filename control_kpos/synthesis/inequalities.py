@@ -1,0 +1,164 @@
+"""The inequalities of feedback design on a simplicial cone, linear after a change of variables.
+
+Let t_1..t_n generate X, h_i be the facet opposite t_i and d_i = h_i't_i.  With xi > 0 and z_k = xi_k F t_k,
+the closed loop x' = (A + B F) x keeps X invariant and decreases faster than exp(-rate t) if and only if
+
+    h_i'(A t_k xi_k + B z_k) >= 0                  for i != k,
+    sum_k h_i'(A t_k xi_k + B z_k) < -rate d_i xi_i  for every i,
+
+because T^{-1}(A + B F)T is then Metzler and maps xi below -rate xi.  In discrete time the first line holds
+for all i, k and the second has (1 - rate) d_i xi_i on its right.  Bounds |F t_k| <= f read |z_k| <= f xi_k.
+
+Everything here works on doubles and on integers alike: the linear programs and the proofs that there is
+no gain are about the same rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rows = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class Inequalities:
+    """Homogeneous rows over x = (xi_1..xi_n, z_1..z_n), z_k in R^m.
+
+    Attributes
+    ----------
+    closed : ndarray, shape (R, n + n m)
+        closed x >= 0.
+    drift : ndarray, shape (S n, n + n m)
+        drift x < theta * weight * xi[owner], theta = -rate (continuous) or 1 - rate (discrete).
+    weight : ndarray, shape (S n,)
+    owner : ndarray of int, shape (S n,)
+    labels : tuple
+        What each closed row says: ("positivity", s, i, k), ("gain", j, k), ("output", i, k) ...
+    """
+
+    n: int
+    m: int
+    closed: Rows
+    drift: Rows
+    weight: Rows
+    owner: NDArray[np.intp]
+    labels: tuple[tuple[Any, ...], ...]
+
+    @property
+    def size(self) -> int:
+        """Number of variables."""
+        return self.n * (1 + self.m)
+
+    def decreasing(self, theta: Any) -> Rows:
+        """Rows that must be negative: drift x - theta weight xi[owner]."""
+        rows = self.drift.copy()
+        index = np.arange(len(rows))
+        rows[index, self.owner] = rows[index, self.owner] - theta * self.weight
+        return rows
+
+    def with_closed(self, rows: Rows, labels: Sequence[tuple[Any, ...]]) -> Inequalities:
+        """The same with more closed rows."""
+        closed = np.concatenate([self.closed, rows])
+        return Inequalities(self.n, self.m, closed, self.drift, self.weight, self.owner, self.labels + tuple(labels))
+
+
+def feedback_inequalities(
+    facets: Rows,
+    rays: Rows,
+    plants: Sequence[tuple[Rows, Rows]],
+    *,
+    discrete: bool = False,
+    drift_plants: Sequence[tuple[Rows, Rows]] | None = None,
+) -> Inequalities:
+    """Rows for x' = (A_s + B_s F) x on a simplicial cone.
+
+    Parameters
+    ----------
+    facets, rays : ndarray, shape (n, n)
+        facets[i] vanishes on every ray but rays[i].
+    plants : sequence of (A_s, B_s)
+        Shapes (n, n) and (n, m); one F and one xi for all.
+    discrete : bool
+    drift_plants : sequence of (A_s, B_s), optional
+        Where stability is asked of other matrices than invariance, such as A + w B C.
+
+    Returns
+    -------
+    Inequalities
+    """
+    n, m = len(rays), plants[0][1].shape[1]
+    where = np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)
+    closed, labels = [], []
+    for s, (A, B) in enumerate(plants):
+        i, k = np.nonzero(where)
+        closed.append(column_rows((facets @ A @ rays.T)[i, k], (facets @ B)[i], k, n))
+        labels += [("positivity", s, int(a), int(b)) for a, b in zip(i, k, strict=True)]
+    drift = [
+        np.concatenate([facets @ A @ rays.T, np.tile(facets @ B, (1, n))], axis=1) for A, B in drift_plants or plants
+    ]
+    diagonal = np.array([facets[i] @ rays[i] for i in range(n)], dtype=facets.dtype)
+    copies = len(drift)
+    return Inequalities(
+        n,
+        m,
+        np.concatenate(closed),
+        np.concatenate(drift),
+        np.tile(diagonal, copies),
+        np.tile(np.arange(n), copies),
+        tuple(labels),
+    )
+
+
+def column_rows(constant: Rows, slope: Rows, k: NDArray[np.intp], n: int) -> Rows:
+    """Rows constant_r xi_k(r) + slope_r'z_k(r).
+
+    Parameters
+    ----------
+    constant : ndarray, shape (R,)
+    slope : ndarray, shape (R, m)
+    k : ndarray of int, shape (R,)
+    n : int
+    """
+    count, m = slope.shape
+    dtype = object if object in (constant.dtype, slope.dtype) else float
+    rows = np.zeros((count, n * (1 + m)), dtype=dtype)
+    index = np.arange(count)
+    rows[index, k] = constant
+    for j in range(m):
+        rows[index, n + k * m + j] = slope[:, j]
+    return rows
+
+
+def gain_rows(n: int, m: int, lengths: Rows, bound: Rows | None) -> tuple[Rows, Rows, list[tuple[Any, ...]]]:
+    """Rows of |z_kj| <= bound_j lengths_k xi_k, as slope x <= theta * level x.
+
+    Returns
+    -------
+    slope, level : ndarray, shape (2 n m, n + n m)
+        With `bound` None, level is that of a common bound 1.
+    labels : list
+    """
+    k, j = np.divmod(np.arange(n * m), m)
+    dtype = lengths.dtype if bound is None else np.result_type(lengths, bound)
+    level = np.zeros((n * m, n * (1 + m)), dtype=dtype)
+    level[np.arange(n * m), k] = lengths[k] if bound is None else lengths[k] * bound[j]
+    slope = np.zeros_like(level)
+    slope[np.arange(n * m), n + np.arange(n * m)] = 1
+    labels = [("gain", int(b), int(a)) for a, b in zip(k, j, strict=True)]
+    return np.concatenate([slope, -slope]), np.concatenate([level, level]), labels + labels
+
+
+def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:
+    """(xi, G) with G[:, k] = z_k / xi_k = F t_k."""
+    xi = x[:n]
+    return xi, (x[n:].reshape(n, m) / xi[:, None]).T
+
+
+def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """F with F t_k = G[:, k]."""
+    return np.linalg.solve(rays, G.T).T

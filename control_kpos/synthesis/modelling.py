@@ -1,0 +1,179 @@
+"""Constraints and objectives of the user's own on the gain, through cvxpy.
+
+They are linear (or convex) in F, so F itself must be the variable: for a fixed vector v inside X* all
+conditions are linear in F, and v is improved in turns as in `alternation`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..certificates.result import Status
+from ..errors import DataError
+from ..linear_programs import guarded
+from .acceptance import accept
+from .alternation import GainProgram
+from .backend import SolverChoice, backend, installed
+from .one_shot import succeed
+from .modes import controllability_notes
+from .plant import Floats, Plant
+from .result import DesignResult
+from .simplicial import gain_of
+
+USER = "objective given"
+_ROUNDS = 6
+_MARGINS = (1e-6, 1e-9, 0.0)
+
+
+def design_with_constraints(
+    plant: Plant,
+    rate: float,
+    constraints: Callable[[Any], Sequence[Any]] | None,
+    objective: Callable[[Any], Any] | None,
+    solver: SolverChoice,
+    time_limit: float,
+) -> DesignResult:
+    """The best certified gain found under the user's own constraints.
+
+    Raises
+    ------
+    DataError
+        If the callables do not return what cvxpy can use.
+    SolverError
+        If `solver` is not the name of an installed solver.
+    """
+    import cvxpy as cp  # noqa: PLC0415  (heavy, and needed by few)
+
+    if callable(solver):
+        raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
+    name = None if solver is None else installed(solver)
+    program = GainProgram(plant, backend(None, time_limit))
+    F = cp.Variable(program.shape)
+    own, cost = _users_part(cp, F, constraints, objective, plant)
+    best: tuple[Any, float] | None = None
+    last = "no vector v admits a gain"
+    hints = _hints(plant, rate, program)
+    for start in program.starts(4, hints):
+        vectors = [start]
+        for _ in range(_ROUNDS):
+            found = None
+            for v in vectors:
+                value, gain, message = _solve(cp, program, F, own, cost, v, rate, name, time_limit)
+                if gain is None:
+                    last = message
+                    continue
+                accepted = _accept(plant, gain, rate, F, own)
+                if accepted is not None and (found is None or value < found[1]):
+                    found = accepted, value
+            if found is None or (best is not None and found[1] >= best[1] - 1e-6 * max(1.0, abs(best[1]))):
+                if found is not None and best is None:
+                    best = found
+                break
+            best = found
+            vectors = list(program.vectors(found[0].F))
+    if best is None:
+        return DesignResult(
+            Status.UNDECIDED,
+            message=f"no certified gain meets the constraints given; {last}.",
+            notes=tuple(controllability_notes(plant)),
+        )
+    accepted, value = best
+    if objective is None:
+        value = gain_of(accepted.F if plant.C is None else accepted.F @ np.asarray(plant.C.values), plant.rays)
+    return succeed(
+        plant,
+        accepted,
+        USER if objective is not None else "gain max |F x_k| under the constraints given",
+        float(value),
+        float(value),
+    )
+
+
+def _users_part(cp: Any, F: Any, constraints: Any, objective: Any, plant: Plant) -> tuple[list[Any], Any]:
+    try:
+        own = list(constraints(F)) if constraints is not None else []
+        cost = (
+            objective(F)
+            if objective is not None
+            else cp.max(cp.abs(F @ (plant.rays.T if plant.C is None else np.asarray(plant.C.values) @ plant.rays.T)))
+        )
+    except (TypeError, ValueError, AttributeError) as error:
+        raise DataError(f"constraints or objective failed on a cvxpy variable of shape {F.shape}: {error}.") from None
+    if not all(isinstance(c, cp.constraints.constraint.Constraint) for c in own):
+        raise DataError("constraints must return a list of cvxpy constraints on its argument.")
+    cost = cp.expressions.expression.Expression.cast_to_const(cost)
+    problem = cp.Problem(cp.Minimize(cost), own)
+    if not problem.is_dcp():
+        raise DataError("constraints and objective must be convex in F by cvxpy's rules.")
+    return own, cost
+
+
+def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...]:
+    """Lyapunov vectors of gains without the user's constraints."""
+    found = program.speed_up(program.facet_sum(), 2 * rate + plant.scale, rate + program.strict)
+    return () if found is None else (found.v, *program.vectors(found.gain))
+
+
+def _solve(
+    cp: Any,
+    program: GainProgram,
+    F: Any,
+    own: list[Any],
+    cost: Any,
+    v: Floats,
+    rate: float,
+    name: str | None,
+    time_limit: float,
+) -> tuple[float, Floats | None, str]:
+    plant = program.plant
+    rows = []
+    message = ""
+    for margin in _MARGINS:
+        rows = list(own)
+        for (A, B), drift in zip(plant.pairs, program.drifts, strict=True):
+            loop = plant.facets @ A @ plant.rays.T + (plant.facets @ B) @ F @ program.seen.T
+            size = np.abs(plant.facets) @ np.abs(A) @ np.abs(plant.rays.T)
+            rows.append(cp.multiply(plant.incidence.astype(float), loop) >= margin * plant.incidence * size)
+            rows.append(
+                v @ drift @ plant.rays.T + (v @ B) @ F @ program.seen.T <= -(rate + program.strict) * (plant.rays @ v)
+            )
+        if plant.gain_bound is not None:
+            rows.append(
+                cp.abs(F @ program.seen.T) <= np.tile(plant.gain_bound[:, None] * (1 - margin), (1, len(plant.rays)))
+            )
+        if plant.pattern is not None:
+            rows.append(cp.multiply((~plant.pattern).astype(float), F) == 0)
+        if plant.ports:
+            C, D = (np.asarray(M.values) for M in plant.system._data()[2:])
+            Y = np.asarray(plant.system.Y.facets)
+            rows.append(Y @ C @ plant.rays.T + (Y @ D) @ F @ program.seen.T >= 0)
+        problem = cp.Problem(cp.Minimize(cost), rows)
+        outcome = guarded(
+            lambda problem=problem: problem.solve() if name is None else problem.solve(solver=name), time_limit
+        )
+        if isinstance(outcome, str):
+            return np.inf, None, outcome
+        message = f"cvxpy: {problem.status}"
+        value = None if F.value is None else np.asarray(F.value, dtype=float)
+        if (
+            problem.status in ("optimal", "optimal_inaccurate")
+            and value is not None
+            and value.shape == program.shape
+            and np.isfinite(value).all()
+        ):
+            return float(outcome), value, message
+    return np.inf, None, message
+
+
+def _accept(plant: Plant, gain: Floats, rate: float, F: Any, own: list[Any]) -> Any:
+    """A certified rounding of the gain that also meets the user's constraints to 1e-7."""
+    found = accept(plant, gain, rate=rate)
+    if found is None:
+        return None
+    F.value = found.F
+    if all(np.max(c.violation(), initial=0.0) <= 1e-6 * (1 + np.abs(found.F).max()) for c in own):
+        return found
+    return None

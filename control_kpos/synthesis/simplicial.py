@@ -1,0 +1,149 @@
+"""Gains on a simplicial cone: one linear program is necessary and sufficient.
+
+See `inequalities` for the rows.  The smallest gain and the largest decay rate are ratios, found by a
+handful of programs (`ratio`).  What is returned here is in doubles and proves nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .inequalities import feedback_inequalities, gain_from_columns, gain_rows, split
+from .obstruction import output_rows
+from .plant import Floats, Plant
+from .ratio import Solver, first_point, minimise_ratio, satisfies, spread_margins
+
+# Decay demanded beyond the required one, relative to the size of the plant on the cone; a cone that is nearly
+# flat makes that size large, so smaller ones are tried as well.
+_STRICT = (1e-6, 1e-9, 1e-12)
+# A decay rate this many times the size of the plant counts as "any rate is possible".
+_UNBOUNDED = 1e5
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a program has no answer.
+
+    Attributes
+    ----------
+    reason : str
+    solver : bool
+        True if the solver failed; False if it calls the program infeasible.
+    """
+
+    reason: str
+    solver: bool = False
+
+
+class SimplicialProgram:
+    """The rows of one design in doubles, over xi and those z that may differ from zero.
+
+    Parameters
+    ----------
+    plant : Plant
+        On a simplicial cone.
+    free : ndarray of bool, shape (n, m)
+        Which F t_k may differ from zero.
+    lp : callable
+        As `control_kpos.linear_programs.solve`.
+    """
+
+    def __init__(self, plant: Plant, free: NDArray[np.bool_], lp: Solver) -> None:
+        self.plant, self.lp, self.n, self.m = plant, lp, plant.n, plant.m
+        self.strict = _STRICT[0]
+        n, m = self.n, self.m
+        facets = plant.facets / np.einsum("ij,ij->i", plant.facets, plant.rays)[:, None]
+        coupled = None
+        if plant.coupling is not None:
+            coupled = [(A + np.asarray(plant.coupling.values), B) for A, B in plant.pairs]
+        q = feedback_inequalities(facets, plant.rays, plant.pairs, discrete=plant.discrete, drift_plants=coupled)
+        if plant.ports:
+            C, D = (np.asarray(M.values) for M in plant.system._data()[2:])
+            q = q.with_closed(*output_rows(C, D, np.asarray(plant.system.Y.facets), plant.rays))
+        self.kept = np.concatenate([np.arange(n), n + np.flatnonzero(free.ravel())])
+        self.owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), m)])[self.kept]
+        self.closed, self.drift = q.closed[:, self.kept], q.drift[:, self.kept]
+        self.weights = np.zeros_like(self.drift)
+        self.weights[np.arange(len(self.drift)), q.owner] = q.weight
+        slope, level, labels = gain_rows(n, m, np.ones(n), None)
+        held = np.tile(free.ravel(), 2)
+        self.slope, self.level = slope[np.ix_(held, self.kept)], level[np.ix_(held, self.kept)]
+        inputs = np.array([label[1] for label in labels], dtype=int)[held]
+        # inputs count relative to their bounds; without bounds all count alike
+        if plant.gain_bound is None:
+            self.bounds = np.zeros((0, len(self.kept)))
+        else:
+            self.bounds = self.slope - plant.gain_bound[inputs][:, None] * self.level
+
+    def _theta(self, rate: float) -> float:
+        return (1.0 if self.plant.discrete else 0.0) - rate - self.strict * self.plant.scale
+
+    def _decreasing(self, rate: float) -> Floats:
+        return self.drift - self._theta(rate) * self.weights
+
+    def _fixed(self, rate: float | None, gain: float | None = None) -> Floats:
+        """Rows that must not be positive; `rate` None leaves stability out."""
+        parts = [-self.closed, self.bounds]
+        if rate is not None:
+            parts.append(self._decreasing(rate))
+        if gain is not None:
+            parts.append(self.slope - gain * self.level)
+        return np.concatenate(parts)
+
+    def start(self, rate: float | None) -> Floats | Failure:
+        """Any solution, or why there is none.
+
+        Parameters
+        ----------
+        rate : float or None
+            Decay rate; None: invariance and bounds alone.
+        """
+        failure = Failure("no linear program was tried")
+        for self.strict in _STRICT if rate is not None else _STRICT[:1]:
+            fixed = self._fixed(rate)
+            answer = first_point(fixed, self.slope, self.owner, self.lp)
+            if not answer:
+                failure = Failure(answer.message or answer.outcome, solver=answer.outcome != "infeasible")
+                continue
+            x = answer.x[:-1]
+            if (x[: self.n] > 0).all() and satisfies(fixed, x):
+                return x
+            failure = Failure("the solver returned a point that violates the program", solver=True)
+        return failure
+
+    def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:
+        """Point of smallest max |F t_k| at this rate, and that gain."""
+        x, gain = minimise_ratio(self._fixed(rate), self.slope, self.level, self.owner, self.lp, start=start)
+        return x, max(gain, 0.0)
+
+    def largest_rate(
+        self, start: Floats, gain: float | None = None, *, tolerance: float = 1e-4
+    ) -> tuple[Floats, float]:
+        """Point of largest decay rate, with |F t_k| <= gain if given; the rate is inf if nothing limits it."""
+        stop = -np.inf if self.plant.discrete else -_UNBOUNDED * self.plant.scale
+        fixed = self._fixed(None, gain)
+        x, theta = minimise_ratio(
+            fixed, self.drift, self.weights, self.owner, self.lp, start=start, stop=stop, tolerance=tolerance
+        )
+        return x, np.inf if theta <= stop else (1.0 if self.plant.discrete else 0.0) - theta
+
+    def centred(self, rate: float, gain: float | None, x: Floats) -> Floats:
+        """A point near x with margins wherever they are free."""
+        rows = np.concatenate([self.closed, -self._decreasing(rate)])
+        return spread_margins(self._fixed(rate, gain), rows, x, self.owner, self.lp)
+
+    def read(self, x: Floats) -> tuple[Floats, Floats]:
+        """F, and a vector inside X that A + B F maps inwards."""
+        full = np.zeros(self.n * (1 + self.m))
+        full[self.kept] = x
+        xi, G = split(full, self.n, self.m)
+        return gain_from_columns(G, self.plant.rays), xi @ self.plant.rays
+
+
+def gain_of(F: Any, rays: Floats) -> float:
+    """max |F x_k| over inputs and generators."""
+    return float(np.abs(np.asarray(F, dtype=float) @ rays.T).max(initial=0.0))
