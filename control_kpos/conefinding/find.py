@@ -10,14 +10,18 @@ from control import StateSpace
 
 from ..arrays import ExactMatrix, exact_matrix
 from ..cones import Cone
-from ..errors import DataError, ShapeError
+from ..certificates.exact import BilinearForms
+from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from .certificate import ConeCertificate
 from .existence import spectral_obstruction, transposed
 from .explicit import fewest_rays
 from .generated import proper_cone
 from .modes import dominant_index
+from .port_obstruction import port_obstruction
+from .reduction import select
 from .result import FoundCone
 from .single import as_stack, find_single
+from .with_ports import find_with_ports
 
 
 def find_cone(
@@ -41,8 +45,104 @@ def find_cone(
     >>> find_cone([[0, 1], [-1, 0]]).status.name
     'REFUTED'
     """
-    matrix = square(A, "A")
+    if isinstance(A, StateSpace):
+        matrix, vectors, normals, discrete = _of_system(A, contains, within, discrete)
+    else:
+        matrix = square(A, "A")
+        n = matrix.shape[0]
+        vectors, normals = _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets")
+    if vectors.shape[0] or normals.shape[0]:
+        return _with_ports(matrix, vectors, normals, max_rays, bool(discrete))
     return _one(matrix, max_rays, bool(discrete), few)
+
+
+def _of_system(
+    sys: StateSpace, contains: Any, within: Any, discrete: bool | None
+) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix, bool]:
+    """A, the vectors B u and the normals C'y of a system, and whether its time is discrete."""
+    timed = sys.dt is not None and (sys.dt is True or sys.dt != 0)
+    if discrete is not None and discrete != timed:
+        raise TimebaseError(f"the system has dt = {sys.dt}, but discrete = {discrete}; leave discrete out.")
+    matrix = square(getattr(sys, "exact_A", sys.A), "A")
+    n = matrix.shape[0]
+    U, Y = getattr(sys, "U", None), getattr(sys, "Y", None)
+    B, C = exact_matrix(sys.B, "B"), exact_matrix(sys.C, "C")
+    if contains is None:
+        columns = transposed(B) if U is None else _product(_dense(U.exact_rays), transposed(B))
+        contains = _nonzero(columns)
+    if within is None:
+        rows = C if Y is None else _product(_dense(Y.exact_facets), C)
+        within = _nonzero(rows)
+    return matrix, _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets"), timed
+
+
+def _rows(data: Any, name: str, n: int, kind: str) -> ExactMatrix:
+    """Vectors or normals, one a row, from an array or a cone; none if data is None."""
+    if data is None:
+        return ExactMatrix(np.zeros((0, n)))
+    if isinstance(data, Cone):
+        data = data.exact_rays if kind == "rays" else data.exact_facets
+    matrix = _dense(exact_matrix(data, name))
+    if matrix.shape[1] != n:
+        raise ConeMismatchError(
+            f"{name} has vectors of size {matrix.shape[1]}, but A is {n} x {n}; give one vector of size {n} a row "
+            "(for the columns of B: B.T)."
+        )
+    return matrix
+
+
+def _dense(m: ExactMatrix) -> ExactMatrix:
+    """Plain exact data: rows with factors of their own become integers."""
+    if m.is_sparse:
+        return ExactMatrix(m.values.toarray())
+    if m.integer_rows is not None:
+        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
+    return m
+
+
+def _product(left: ExactMatrix, right: ExactMatrix) -> ExactMatrix:
+    """Exact product of two matrices."""
+    return ExactMatrix.from_fractions(left.fractions() @ right.fractions())
+
+
+def _nonzero(rows: ExactMatrix) -> ExactMatrix | None:
+    """Rows that are not zero; None if there are none."""
+    index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
+    return select(rows, index) if index.size else None
+
+
+def _with_ports(
+    A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, max_rays: int | None, discrete: bool
+) -> FoundCone:
+    signs = BilinearForms(normals, None, vectors).signs() if normals.shape[0] and vectors.shape[0] else np.zeros((0, 0))
+    if (signs < 0).any():
+        i, j = (int(k) for k in np.argwhere(signs < 0)[0])
+        raise ConeMismatchError(
+            f"vector {j} of contains (column {j} of B) lies outside half-space {i} of within (row {i} of C): their product "
+            f"is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and lies in the other. "
+            "Change the sign of an input or output, or choose other ones."
+        )
+    bound = lower_bound(A, discrete=discrete)
+    certificate, separators, conditioning = find_with_ports(A, vectors, normals, discrete=discrete, max_rays=max_rays)
+    if certificate and certificate.rays is not None and certificate.right_inverse is not None:
+        cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
+        return FoundCone(certificate, cone, bound, conditioning)
+    obstruction = spectral_obstruction(A, discrete=discrete) or port_obstruction(A, vectors, normals, discrete=discrete)
+    if obstruction is not None:
+        refuted = ConeCertificate.settle(
+            matrices=as_stack([A]), discrete=discrete, contains=vectors, within=normals, witness=obstruction
+        )
+        return FoundCone(refuted, None, bound, np.inf)
+    _require_rays(max_rays, bound)
+    return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
+
+
+def _require_rays(max_rays: int | None, bound: int) -> None:
+    if max_rays is not None and max_rays < bound:
+        raise DataError(
+            f"max_rays is {max_rays}, but every invariant polyhedral cone of this matrix has at least {bound} rays "
+            f"(and as many facets); ask for max_rays >= {bound}."
+        )
 
 
 def square(data: Any, name: str) -> ExactMatrix:
@@ -67,10 +167,8 @@ def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, few: str) -> Foun
             refuted = ConeCertificate.settle(matrices=as_stack([A]), discrete=discrete, witness=obstruction)
             return FoundCone(refuted, None, bound, np.inf)
     if certificate is None:
-        raise DataError(
-            f"max_rays is {max_rays}, but every invariant polyhedral cone of this matrix has at least {bound} rays "
-            f"(and as many facets); ask for max_rays >= {bound}."
-        )
+        _require_rays(max_rays, bound)
+        raise DataError(f"max_rays must be a positive number, not {max_rays}.")
     if not certificate or certificate.rays is None or certificate.right_inverse is None:
         return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
     cone: Cone = proper_cone(certificate.rays, separators, certificate.right_inverse)

@@ -85,5 +85,5 @@ def proper_cone(
     inside = Generators(rays, right_inverse).combination("x = R q", [column], ExactMatrix(weights[:, None]), everywhere)
     if inside.verdict() and (inside.lower > 0).all():
         point.flags.writeable = False
-        cone._interior = point
+        cone.__dict__["_interior"] = point  # cones refuse to be changed from outside
     return cone
