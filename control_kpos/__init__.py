@@ -28,6 +28,10 @@ from .errors import SolverError as SolverError
 from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
+from .networks import ConeNetwork as ConeNetwork
+from .networks import NetworkCertificate as NetworkCertificate
+from .networks import feedback_interconnect as feedback_interconnect
+from .networks import stack as stack
 from .positivity import PositivityCertificate as PositivityCertificate
 from .positivity import PositivityViolation as PositivityViolation
 from .positivity import cone_positivity as cone_positivity

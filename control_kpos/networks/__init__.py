@@ -1,0 +1,15 @@
+"""Networks of cone systems: Theorem 4 from two nodes to millions."""
+
+from .bracket import AbscissaCertificate as AbscissaCertificate
+from .certificate import NetworkCertificate as NetworkCertificate
+from .interconnect import feedback_interconnect as feedback_interconnect
+from .model import NetworkModel as NetworkModel
+from .model import NodeStack as NodeStack
+from .model import stack as stack
+from .network import ConeNetwork as ConeNetwork
+from .witnesses import AlgebraicLoop as AlgebraicLoop
+from .witnesses import CouplingViolation as CouplingViolation
+from .witnesses import NetworkInstability as NetworkInstability
+from .witnesses import NodeNotDissipative as NodeNotDissipative
+from .witnesses import NodeViolation as NodeViolation
+from .witnesses import NoWeights as NoWeights

@@ -1,0 +1,176 @@
+"""Arithmetic on stacks of small matrices: exact concatenation, batched inverses, block-diagonal CSR."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import lcm
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix, Matrix, rounding_radius
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+def exact_block(matrices: Sequence[ExactMatrix], axis: int) -> ExactMatrix:
+    """Concatenate dense exact matrices or stacks of them; leading dimensions broadcast.
+
+    Parameters
+    ----------
+    matrices : sequence of ExactMatrix
+        Dense; none with row factors of its own.
+    axis : int
+        -2 below each other, -1 beside each other, 0 for stacks behind each other.
+    """
+    lead = np.broadcast_shapes(*(m.shape[:-2] for m in matrices)) if axis < 0 else None
+
+    def widen(a: Any) -> Any:
+        return a if lead is None else np.broadcast_to(a, lead + a.shape[-2:])
+
+    values = np.concatenate([widen(m.values) for m in matrices], axis=axis)
+    if all(m.is_double for m in matrices):
+        return ExactMatrix(values)
+    pairs = [m.as_integers() for m in matrices]
+    common = lcm(*(factor.denominator for _, factor in pairs))
+    numerators = [ints * int(factor * common) for ints, factor in pairs]
+    radius = np.concatenate(
+        [widen(np.zeros(m.shape) if m.radius is None else np.asarray(m.radius)) for m in matrices], axis=axis
+    )
+    return ExactMatrix(values, radius, np.concatenate([widen(k) for k in numerators], axis=axis), common)
+
+
+def exact_stack(matrices: Sequence[ExactMatrix]) -> ExactMatrix:
+    """Two-dimensional dense exact matrices of one shape as a stack (N, r, c)."""
+    if all(m.is_double for m in matrices):
+        return ExactMatrix(np.array([m.values for m in matrices]))
+    raised = [_lifted(m) for m in matrices]
+    return exact_block(raised, axis=0)
+
+
+def _lifted(m: ExactMatrix) -> ExactMatrix:
+    values = np.asarray(m.values)[None]
+    if m.is_double:
+        return ExactMatrix(values)
+    ints, factor = m.as_integers()
+    if factor.numerator != 1:
+        ints = ints * factor.numerator
+    return ExactMatrix(
+        values, rounding_radius(values) if m.radius is None else m.radius[None], ints[None], factor.denominator
+    )
+
+
+def exact_take(m: ExactMatrix, index: Any) -> ExactMatrix:
+    """m[index] for a stack, with everything known about it."""
+    return ExactMatrix(
+        m.values[index],
+        None if m.radius is None else m.radius[index],
+        None if m.numerators is None else m.numerators[index],
+        m.denominator,
+    )
+
+
+def is_zero(m: ExactMatrix) -> bool:
+    """True if every entry is exactly zero."""
+    return m.is_double and not np.any(m.values.data if m.is_sparse else m.values)
+
+
+def inverse(stack: Floats) -> Floats:
+    """Inverses of a stack (N, n, n); all NaN where a matrix is singular."""
+    if stack.shape[-1] == 1:
+        with np.errstate(divide="ignore"):
+            return 1.0 / stack
+    try:
+        with np.errstate(all="ignore"):
+            return np.linalg.inv(stack)
+    except np.linalg.LinAlgError:
+        pass
+    with np.errstate(all="ignore"):  # numpy gives up on the whole stack: set the singular ones aside
+        scaled = stack / np.maximum(np.abs(stack).max(axis=(1, 2), keepdims=True), np.finfo(float).tiny)
+        singular = ~(np.abs(np.linalg.det(scaled)) > 0)
+        safe = np.where(singular[:, None, None], np.eye(stack.shape[-1]), stack)
+        try:
+            out = np.linalg.inv(safe)
+        except np.linalg.LinAlgError:
+            out = np.full(stack.shape, np.nan)
+            for j, matrix in enumerate(safe):  # reached only if a determinant hides an exact zero pivot
+                try:
+                    out[j] = np.linalg.inv(matrix)
+                except np.linalg.LinAlgError:
+                    continue
+    out[singular] = np.nan
+    return out
+
+
+def apply(stack: Floats, x: Floats, *, transposed: bool = False) -> Floats:
+    """M_j x_j, or M_j' x_j, for a stack (N, r, c) and vectors (N, c) or (N, r); loops over r and c only."""
+    rows, columns = stack.shape[1:]
+    if transposed:
+        stack, rows, columns = stack.transpose(0, 2, 1), columns, rows
+    out = np.zeros((len(x), rows))
+    for i in range(rows):
+        for k in range(columns):
+            out[:, i] += stack[:, i, k] * x[:, k]
+    return out
+
+
+def multiply(left: Floats, right: Floats) -> Floats:
+    """Products of two stacks of small matrices, (N, a, b) and (N, b, c)."""
+    out = np.zeros((len(left), left.shape[1], right.shape[2]))
+    for i in range(left.shape[1]):
+        for k in range(right.shape[2]):
+            for j in range(left.shape[2]):
+                out[:, i, k] += left[:, i, j] * right[:, j, k]
+    return out
+
+
+def block_diagonal(parts: Sequence[tuple[Floats, Index, Index]], shape: tuple[int, int]) -> sp.csr_array:
+    """Sparse matrix with blocks of stacks at given places.
+
+    Parameters
+    ----------
+    parts : sequence of (blocks, rows, columns)
+        blocks (N, r, c) stand at rows (N, r) and columns (N, c).
+    shape : tuple of int
+    """
+    if len(parts) == 1 and _in_order(parts[0][1]) and _in_order(parts[0][2]):
+        blocks, rows, columns = parts[0]
+        n, r, c = blocks.shape
+        kind = np.int32 if max(*shape, blocks.size) < 2**31 else np.int64
+        indices = np.repeat(columns.astype(kind), r, axis=0).ravel()
+        indptr = np.arange(0, n * r * c + 1, max(c, 1), dtype=kind) if c else np.zeros(n * r + 1, dtype=kind)
+        return sp.csr_array((blocks.ravel(), indices, indptr), shape=shape)
+    data = [blocks.ravel() for blocks, _, _ in parts]
+    i = [np.repeat(rows.ravel(), columns.shape[1]) for _, rows, columns in parts]
+    j = [np.repeat(columns, rows.shape[1], axis=0).ravel() for _, rows, columns in parts]
+    return sp.csr_array((np.concatenate(data), (np.concatenate(i), np.concatenate(j))), shape=shape)
+
+
+def _in_order(index: Index) -> bool:
+    return index.size == 0 or (
+        index.ravel()[0] == 0 and index.ravel()[-1] == index.size - 1 and bool((np.diff(index.ravel()) == 1).all())
+    )
+
+
+def nonzero_blocks(M: Matrix, row_owner: Index, column_owner: Index) -> tuple[Index, Index]:
+    """Pairs (j, k) of blocks that hold a nonzero entry."""
+    coo = sp.coo_array(M)
+    keep = coo.data != 0
+    i, k = row_owner[coo.coords[0][keep]].astype(np.int64), column_owner[coo.coords[1][keep]].astype(np.int64)
+    width = int(column_owner.max(initial=0)) + 1
+    pairs = np.unique(i * width + k)
+    return pairs // width, pairs % width
+
+
+def take_blocks(M: ExactMatrix, rows: Index, columns: Index) -> ExactMatrix:
+    """Blocks M[rows_b, columns_b] as a stack: rows (K, r), columns (K, c) -> (K, r, c)."""
+    if not M.is_sparse:
+        return exact_take(M, (rows[:, :, None], columns[:, None, :]))
+    r, c = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
+    if r.size == 0:
+        return ExactMatrix(np.zeros(r.shape))
+    flat = sp.csr_array(M.values)[r.ravel(), c.ravel()]
+    return ExactMatrix(np.asarray(flat.todense() if sp.issparse(flat) else flat, dtype=float).reshape(r.shape))

@@ -1,0 +1,107 @@
+"""A bracket of the spectral abscissa with both sides proven.
+
+lambda <= mu if some v_j in int X_j*, r, q satisfy (v'A - mu v' - q'C)x <= 0, v'B - r' - q'D <= 0 on U and
+q'y + r'W y <= 0 on Y; lambda >= mu if some x in X, x != 0, has A_cl x - mu x in X.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..certificates.result import Certificate, Condition, Status, all_hold
+from ..errors import DataError
+from . import conditions as on
+from .abscissa import Progress, descend, growing_part
+from .blocks import Floats
+from .certificate import PerNode, dissipation, flat, per_node
+from .certify import growth_witness, loop_weights, provable_rate, supply_rates
+from .model import NetworkModel
+from .witnesses import NetworkInstability, below_abscissa
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AbscissaCertificate(Certificate):
+    """Proof that the spectral abscissa (discrete time: radius) of a positive network lies in [lower, upper].
+
+    Attributes
+    ----------
+    model : NetworkModel
+    lower, upper : float
+    v, r, q : ndarray or tuple of ndarray, per node
+        Prove the upper side.
+    below : NetworkInstability
+        x, u, y prove the lower side.
+    loop_weights : tuple of two ndarrays, or None
+        As in `NetworkCertificate`.
+    """
+
+    claim: ClassVar[str] = "network abscissa"
+
+    model: NetworkModel
+    lower: float = -np.inf
+    upper: float = np.inf
+    v: PerNode | None = None
+    r: PerNode | None = None
+    q: PerNode | None = None
+    below: NetworkInstability | None = None
+    loop_weights: tuple[Floats, Floats] | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        if self.v is None or self.r is None or self.q is None or self.below is None:
+            raise DataError("one side of the bracket is missing.")
+        if self.below.rate != self.lower or not np.any(self.below.x):
+            raise DataError("below does not belong to the lower end.")
+        model = self.model
+        v, r, q = flat(self.v, model, 0), flat(self.r, model, 1), flat(self.q, model, 2)
+        lower = below_abscissa(model, self.below, self.loop_weights)
+        if lower is None:
+            raise DataError("loop_weights are missing although some D is not zero.")
+        upper = dissipation(model, v, r, q, -self.upper, discrete=False)
+        return [*lower, *upper, on.balance(model, q, r, None)]
+
+    def refutation(self) -> Sequence[Condition] | None:
+        return None
+
+    def explain(self) -> str:
+        what = "radius" if self.model.discrete else "abscissa"
+        if self:
+            return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
+        return f"Undecided: no proven bracket of the spectral {what} was found; see the certificate of the network for what breaks it."
+
+
+def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | None = None) -> AbscissaCertificate:
+    """Find and prove a bracket of the spectral abscissa; see `ConeNetwork.spectral_abscissa`."""
+    loop = loop_weights(model)
+    if model.has_feedthrough and loop is None:
+        return AbscissaCertificate.settle(model=model)
+    final = descend(model, 1.0 if model.discrete else 0.0, relative=relative, progress=progress)
+    if final is None:
+        return AbscissaCertificate.settle(model=model)
+    v, r, q = supply_rates(model, final.v)
+    upper = -provable_rate(model, v, q, discrete=False)
+    x = final.x / np.abs(final.x).max()
+    size = max(abs(final.theta), 1e-300)
+    for share in (0.02, 0.1, 0.3, 0.6, 3.0, 30.0, 300.0, 1e4):
+        lower = final.theta - share * relative * size
+        kept = growing_part(model, x, lower)
+        if kept is None:
+            continue
+        below = growth_witness(model, kept, lower)
+        if all_hold(below_abscissa(model, below, loop) or [None]):  # type: ignore[list-item]
+            certificate = AbscissaCertificate.settle(
+                model=model,
+                lower=lower,
+                upper=upper,
+                v=per_node(v, model, 0),
+                r=per_node(r, model, 1),
+                q=per_node(q, model, 2),
+                below=below,
+                loop_weights=loop,
+            )
+            if certificate.status is not Status.UNDECIDED:
+                return certificate
+    return AbscissaCertificate.settle(model=model)

@@ -1,0 +1,206 @@
+"""Theorem 4 as a certificate: a network is positive and exponentially stable, or why not.
+
+Theorem 4 (Kawano and Forni, Theorem `cone_ic_s`).  Let W map Y into U (I), let every node be positive
+and exponentially dissipative with storage v_j'x_j, v_j in int X_j*, and supply r_j'u_j + q_j'y_j (II).
+If there are sigma_j > 0 such that for every node k and every generator y of Y_k
+
+    sigma_k q_k'y + sum_j sigma_j r_j'W_jk y <= 0,                                          (III')
+
+then the network is positive on the product of the X_j and exponentially stable.  The paper's (III) reads
+as one inequality summed over all nodes; that would let unstable networks through (a fast node hides a
+self-loop with gain above 1), while its proof uses (III').  With feedthrough D the loop u = W D u must
+contract, which p_k in int Y_k* and t_j prove.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
+from ..certificates.result import Certificate, Condition
+from ..errors import DataError
+from . import conditions as on
+from .blocks import Floats
+from .model import NetworkModel
+from .witnesses import (
+    AlgebraicLoop,
+    CouplingViolation,
+    NetworkInstability,
+    NodeNotDissipative,
+    NodeViolation,
+    NoWeights,
+    positive_parts,
+    refute,
+)
+
+PerNode = Floats | tuple[Floats, ...]
+_REMEDY = {
+    CouplingViolation: "Change the sign of the link, or choose cones that the coupling respects.",
+    NodeViolation: "Choose another cone for this node, or a local feedback that makes it positive.",
+    NetworkInstability: "Weaken links, or raise the local gains at the nodes where x is largest.",
+    AlgebraicLoop: "Weaken the feedthrough D or the links of this loop, or put dynamics into it.",
+    NodeNotDissipative: "Relax its supply rate: raise r or lower -q, or raise its local feedback.",
+    NoWeights: "Relax the supply rates, or let the package find them: call without supply_rates.",
+}
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class NetworkCertificate(Certificate):
+    """Proof that a network is positive and exponentially stable by Theorem 4, or why it is not.
+
+    Attributes
+    ----------
+    model : NetworkModel
+        Nodes and coupling: the data the verdict is about.
+    v : ndarray, shape (N, n), or tuple of ndarrays (n_j,), or None
+        Storage functions v_j'x_j, per node.
+    r, q : likewise, (m_j,) and (q_j,)
+        Supply rates r_j'u_j + q_j'y_j, per node.
+    sigma : ndarray, shape (N,), or None
+        Weights of the nodes in V(x) = sum sigma_j v_j'x_j.
+    decay_rate : float
+        Proven: V(x(t)) <= exp(-decay_rate * t) V(x(0)), per unit of time; in discrete time
+        V(x[k]) <= (1 - decay_rate)^k V(x[0]).
+    loop_weights : tuple of two ndarrays, shapes (sum q_k,), (sum m_j,), or None
+        With feedthrough: p and t with p'D u <= t'u and t'W y < p'y, so that the algebraic loop contracts.
+    witness : CouplingViolation, NodeViolation, NetworkInstability, AlgebraicLoop, NodeNotDissipative or NoWeights
+        What breaks the network, for REFUTED.
+    """
+
+    claim: ClassVar[str] = "network"
+
+    model: NetworkModel
+    v: PerNode | None = None
+    r: PerNode | None = None
+    q: PerNode | None = None
+    sigma: NDArray[np.float64] | None = None
+    decay_rate: float = 0.0
+    loop_weights: tuple[Floats, Floats] | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        model = self.model
+        if self.v is None or self.r is None or self.q is None or self.sigma is None:
+            raise DataError("v, r, q or sigma is missing.")
+        if not (self.decay_rate >= 0 and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
+            raise DataError("decay_rate must not be negative, and sigma must hold one positive number per node.")
+        v, r, q = flat(self.v, model, 0), flat(self.r, model, 1), flat(self.q, model, 2)
+        out = positive_parts(model) + dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
+        out.append(on.balance(model, q, r, self.sigma))
+        if model.has_feedthrough:
+            if self.loop_weights is None:
+                raise DataError("loop_weights are missing although some D is not zero.")
+            out += on.loop_gain(model, *self.loop_weights)
+        return out
+
+    def refutation(self) -> Sequence[Condition] | None:
+        if isinstance(self.witness, NoWeights):
+            if self.r is None or self.q is None:
+                return None
+            r, q = flat(self.r, self.model, 1), flat(self.q, self.model, 2)
+            return no_weights(self.model, q, r, self.witness.y)
+        return refute(self.model, self.witness, self.loop_weights)
+
+    @cached_property
+    def node_margins(self) -> NDArray[np.float64]:
+        """Scale-free slack of every node's strict inequalities, shape (N,); NaN without a proof.
+
+        The smaller of v'x / |v|'|x| and -(v'A - q'C)x / (|v|'|A||x| + |q|'|C||x|) over the generators
+        of X_j.  The node with the smallest is where the network is weakest.
+        """
+        out = np.full(self.model.n_nodes, np.nan)
+        if self.v is None or self.q is None:
+            return out
+        model = self.model
+        vs, qs = model.split(flat(self.v, model, 0), 0), model.split(flat(self.q, model, 2), 2)
+        for g, index in enumerate(model.members):
+            storage = on.storage(model, g, vs[g]).forms.relative()
+            slack = -on.decrease_forms(model.stacks[g], vs[g], qs[g], 0.0, model.discrete).relative()
+            out[index] = np.minimum(storage.min(axis=(1, 2)), slack.min(axis=(1, 2)))
+        return out
+
+    @property
+    def margin(self) -> float:  # type: ignore[override]
+        """The smallest of the node margins; for REFUTED minus the smallest margin of the witness."""
+        if self.witness is not None:
+            return -abs(min((c.margin for c in self._own_conditions), default=0.0))
+        return float(np.nanmin(self.node_margins)) if self else 0.0
+
+    def explain(self) -> str:
+        model = self.model
+        what = f"the network of {model.n_nodes} nodes ({model.totals[0]} states)"
+        if self:
+            weakest = int(np.argmin(self.node_margins))
+            unit = "step" if model.discrete else "unit of time"
+            delays = (
+                "It stays stable under any constant delays of the links"
+                if not model.has_feedthrough
+                else "It stays stable under any constant delays of the links whose sources have no feedthrough"
+            )
+            return (
+                f"Proved: {what} is positive and exponentially stable with decay rate at least {self.decay_rate:.4g} per {unit}. "
+                f"The weakest is {model.name_of(weakest)}, with scale-free margin {self.node_margins[weakest]:.3g}. {delays}, "
+                "and when links are weakened, lost or switched over time, as long as what is left and what is taken away "
+                "both map Y into U. Not so for a weakened feedback inside a node."
+            )
+        if self.witness is not None:
+            return f"Not certified: {what} fails, {self.witness}. {_REMEDY[type(self.witness)]}"
+        return (
+            f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the edge of stability. "
+            "Change the gains or links a little."
+        )
+
+
+def dissipation(
+    model: NetworkModel, v: Floats, r: Floats, q: Floats, rate: float, *, discrete: bool
+) -> list[Condition]:
+    """(II): storage, decrease and supply of every node."""
+    out = []
+    parts = zip(model.split(v, 0), model.split(r, 1), model.split(q, 2), strict=True)
+    for g, (v_g, r_g, q_g) in enumerate(parts):
+        out.append(on.storage(model, g, v_g))
+        out.append(on.decrease(model, g, v_g, q_g, rate, discrete=discrete))
+        if model.stacks[g].sizes[1]:
+            out.append(on.supply(model, g, v_g, q_g, r_g))
+    return out
+
+
+def no_weights(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> list[Condition]:
+    """y in Y with q_j'y_j + r_j'(W y)_j >= 0 for every node j, and > 0 for one: then no sigma > 0 exists."""
+    out = []
+    for g, part in enumerate(model.split(y, 2)):
+        s = model.stacks[g]
+        forms = BilinearForms(on.facets(s.Y), None, ExactMatrix(part[:, None, :]))
+        out.append(Condition(on.titled("h'y >= 0", model, g), forms, ">="))
+    forms = on.supply_by_node(model, q, r, y)
+    largest = np.zeros(forms.values.shape, dtype=bool)
+    largest[int(np.argmax(forms.values[:, 0])), 0] = True
+    out.append(Condition("q'y + r'W y >= 0", forms, ">="))
+    return [*out, Condition("q'y + r'W y > 0 somewhere", forms, ">", largest)]
+
+
+def flat(value: PerNode | Any, model: NetworkModel, kind: int) -> Floats:
+    """Per-node vectors as one vector in the order of nodes."""
+    parts = (
+        np.asarray(value, dtype=float).ravel()
+        if isinstance(value, np.ndarray)
+        else np.concatenate([np.ravel(p) for p in value])
+    )
+    if parts.shape != (model.totals[kind],) or not np.isfinite(parts).all():
+        raise DataError(
+            f"a per-node vector has {parts.size} finite or infinite entries; {model.totals[kind]} finite ones are needed."
+        )
+    return parts
+
+
+def per_node(vector: Floats, model: NetworkModel, kind: int) -> PerNode:
+    """One vector as (N, size), or as a tuple if the nodes differ in size."""
+    if len({s.sizes[kind] for s in model.stacks}) == 1:
+        return vector.reshape(model.n_nodes, -1)
+    return tuple(np.split(vector, model.offsets[kind][1:-1]))

@@ -1,0 +1,335 @@
+"""Finding the data of Theorem 4, or what breaks it.
+
+One solve gives v = -A_cl^{-T} c, r = B'v - D'q, q = -W'r and sigma = 1, which satisfy Theorem 4 with
+equality everywhere but in the decrease v'A x - q'C x = -c'x < 0.  A few units in the last place of that
+slack are handed to r and q, so that every inequality can be proven in floating point on the given data.
+For positive nodes and W Y in U the theorem is necessary too: if v is not in int X*, a state x in X with
+A_cl x in X exists and is found at a shift just above the abscissa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..arrays import HALF_ULP
+from ..certificates.result import Condition, Status
+from ..cones import Cone, Orthant
+from ..positivity import settle_positivity
+from . import conditions as on
+from .abscissa import Approach, Progress, descend, growing_part, interior, is_inside, mix
+from .blocks import Floats, exact_take
+from .certificate import NetworkCertificate, per_node
+from .model import NetworkModel
+from .solvers import PortSystem, direct_loop
+from .witnesses import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation, below_abscissa
+
+Data = tuple[Floats, Floats, Floats]
+Loop = tuple[Floats, Floats] | None
+
+
+def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
+    """Decide Theorem 4 for a network.
+
+    Parameters
+    ----------
+    model : NetworkModel
+    progress : callable, optional
+        Receives lines of text during long work.
+
+    Returns
+    -------
+    NetworkCertificate
+        PROVED; REFUTED with the first of: a node that is not positive, a link that leaves the cones, an
+        algebraic loop of gain 1 or more, a direction of growth; UNDECIDED within rounding of the margin.
+
+    Notes
+    -----
+    A stable network costs one solve in the unknowns r (a few sparse products; see `solvers`) and the
+    proof, which is linear in the data.
+    """
+    loop = loop_weights(model)
+    least = 1.0 if model.discrete else 0.0
+    if not model.has_feedthrough or loop is not None:
+        for data in candidates(model, least):
+            certificate = settle(model, data, loop)
+            if certificate.status is Status.PROVED:
+                return certificate
+            break_early = violation(model, certificate)
+            if break_early is not None:
+                return break_early
+    found = violation(model, None)
+    if found is not None:
+        return found
+    if model.has_feedthrough and loop is None:
+        witness = algebraic_witness(model)
+        return NetworkCertificate.settle(model=model, witness=witness)
+    return unstable(model, least, loop, progress)
+
+
+def settle(model: NetworkModel, data: Data, loop: Loop) -> NetworkCertificate:
+    """The certificate for v, r, q with the decay rate they prove and sigma = 1."""
+    v, r, q = data
+    rate = provable_rate(model, v, q, discrete=model.discrete)
+    return NetworkCertificate.settle(
+        model=model,
+        v=per_node(v, model, 0),
+        r=per_node(r, model, 1),
+        q=per_node(q, model, 2),
+        sigma=np.ones(model.n_nodes),
+        decay_rate=max(rate, 0.0),
+        loop_weights=loop,
+    )
+
+
+def candidates(model: NetworkModel, shift: float) -> Iterator[Data]:
+    """Theorem-4 data from solves at the shift: first with uniform c, then with c close to v itself."""
+    system = PortSystem(model, shift)
+    if not system.is_finite:
+        return
+    c = interior(model, dual=True)
+    for tolerance in (1e-7, 1e-11, 1e-13):
+        v, _, reached = system.dual(c, tolerance)
+        if not (np.isfinite(v).all() and is_inside(model, v, dual=True)):
+            return
+        if is_inside(model, reached, dual=True):
+            yield supply_rates(model, v)
+            # inverse iteration evens out the relative slack where v spans many orders of magnitude
+        c = mix(model, v, 0.0, dual=True)
+
+
+def supply_rates(model: NetworkModel, v: Floats) -> Data:
+    """v, r >= B'v - D'q and q <= -W'r in the orders of U* and Y*, by a few units in the last place."""
+    r = q = np.zeros(0)
+    rounds = 1
+    parts = model.split(v, 0)
+    r = _raise_inputs(model, parts, None)
+    if model.has_feedthrough:
+        r = direct_loop(model).solve(r, True, 1e-15)
+        rounds = 60
+    for _ in range(rounds):
+        q = _lower_outputs(model, r)
+        if not model.has_feedthrough:
+            break
+        new = _raise_inputs(model, parts, q)
+        settled = bool((np.abs(new - r) <= 4 * HALF_ULP * np.abs(new)).all())
+        r = new
+        if settled:
+            break
+    return v, r, q
+
+
+def _raise_inputs(model: NetworkModel, v: list[Floats], q: Floats | None) -> Floats:
+    qs = [None] * len(v) if q is None else model.split(q, 2)
+    out = []
+    for s, v_g, q_g in zip(model.stacks, v, qs, strict=True):
+        r = np.einsum("jn,jnm->jm", v_g, s.B.values)
+        size = np.einsum("jn,jnm->jm", np.abs(v_g), np.abs(s.B.values))
+        if q_g is not None:
+            r = r - np.einsum("jq,jqm->jm", q_g, s.D.values)
+            size = size + np.einsum("jq,jqm->jm", np.abs(q_g), np.abs(s.D.values))
+        count = sum(s.sizes)
+        out.append(r + nudge(s.U, size, 8 * (2 * count + 24), dual=True))
+    return model.join(out, 1)
+
+
+def _lower_outputs(model: NetworkModel, r: Floats) -> Floats:
+    heard, size = model.WT @ r, abs(model.WT) @ np.abs(r)
+    longest = int(np.diff(model.WT.indptr).max(initial=0))
+    out = []
+    for s, h, z in zip(model.stacks, model.split(heard, 2), model.split(size, 2), strict=True):
+        out.append(-(h + nudge(s.Y, z, 8 * (2 * longest + 2 * s.sizes[2] + 24), dual=True)))
+    return model.join(out, 2)
+
+
+def nudge(cone: Cone, size: Floats, units: float, *, dual: bool) -> Floats:
+    """An interior vector of the (dual) cone that outweighs `units` roundings of numbers of that size, per node."""
+    if isinstance(cone, Orthant):
+        return units * HALF_ULP * size
+    rows = (on.rays(cone) if dual else on.facets(cone)).values
+    point = np.asarray((cone.dual if dual else cone).interior_point)
+    point = point * (np.abs(rows).sum(axis=1) / (rows @ point)).max()
+    return units * HALF_ULP * size.max(axis=1, keepdims=True, initial=0.0) * point
+
+
+def provable_rate(model: NetworkModel, v: Floats, q: Floats, *, discrete: bool) -> float:
+    """min over nodes and generators of -(v'A - q'C)x / v'x, less the error bound of the kernel; may be negative."""
+    rate = np.inf
+    for s, v_g, q_g in zip(model.stacks, model.split(v, 0), model.split(q, 2), strict=True):
+        forms = on.decrease_forms(s, v_g, q_g, 0.0, discrete)
+        room = 16 * (2 * (s.sizes[0] + s.sizes[2]) + 24) * HALF_ULP
+        with np.errstate(all="ignore"):
+            value = np.einsum("jn,kn->jk", v_g, s.X.rays)[:, None, :]
+            size = forms.magnitudes
+            first = (-forms.values - room * size) / value
+            # the rate term adds rate * |v|'|x| to the size of the numbers
+            first = (
+                first - room * np.abs(first) * np.einsum("jn,kn->jk", np.abs(v_g), np.abs(s.X.rays))[:, None, :] / value
+            )
+            rate = min(rate, float(first.min()))
+    return rate if np.isfinite(rate) else 0.0
+
+
+def violation(model: NetworkModel, tried: NetworkCertificate | None) -> NetworkCertificate | None:
+    """The certificate refuted by a node that is not positive or a link that leaves the cones, if there is one."""
+    known = {} if tried is None else {c.name: c for c in tried._own_conditions}
+    for g in range(len(model.stacks)):
+        for condition in on.positivity(model, g):
+            place = known.get(condition.name, condition).worst_violation()
+            if place is not None:
+                return refuted_node(model, int(model.members[g][place[0]]))
+    for condition, pair in zip(on.coupling(model), _coupling_places(model), strict=True):
+        place = known.get(condition.name, condition).worst_violation()
+        if place is not None:
+            return NetworkCertificate.settle(model=model, witness=_coupling_witness(model, condition, pair, place))
+    return None
+
+
+def refuted_node(model: NetworkModel, node: int) -> NetworkCertificate:
+    """The certificate refuted by the worst violation inside a node."""
+    g, place = model.locate(node)
+    s = model.stacks[g]
+    a, b, c, d = (exact_take(m, place) for m in (s.A, s.B, s.C, s.D))
+    part = settle_positivity(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
+    return NetworkCertificate.settle(model=model, witness=NodeViolation(node, part.witness))
+
+
+def _coupling_places(model: NetworkModel):
+    if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
+        return [None]
+    return [(j, k) for _, _, j, k in on.coupling_pairs(model)]
+
+
+def _coupling_witness(model: NetworkModel, condition: Condition, pair, place: tuple[int, ...]) -> CouplingViolation:
+    value = float(condition.forms.values[place])
+    if pair is None:  # an entry of W
+        entry = place[-1]
+        row = int(np.searchsorted(model.W.indptr, entry, side="right")) - 1
+        column = int(model.W.indices[entry])
+        j, k = int(model.owners(1)[row]), int(model.owners(2)[column])
+        return CouplingViolation(j, k, row - int(model.offsets[1][j]), column - int(model.offsets[2][k]), value)
+    j, k = int(pair[0][place[0]]), int(pair[1][place[0]])
+    return CouplingViolation(j, k, place[1], place[2], value)
+
+
+def loop_weights(model: NetworkModel) -> Loop:
+    """p and t that prove rho(W D) < 1, or None (also if there is no feedthrough)."""
+    if not model.has_feedthrough:
+        return None
+    e = model.join([np.tile(s.Y.dual.interior_point, (len(s), 1)) for s in model.stacks], 2)
+    with np.errstate(all="ignore"):
+        d_e = model.join(
+            [np.einsum("jq,jqm->jm", e_g, s.D.values) for e_g, s in zip(model.split(e, 2), model.stacks, strict=True)],
+            1,
+        )
+        t = direct_loop(model).solve(d_e, True, 1e-13)
+        p = e + model.WT @ t
+        ts = []
+        for s, p_g in zip(model.stacks, model.split(p, 2), strict=True):
+            size = np.einsum("jq,jqm->jm", np.abs(p_g), np.abs(s.D.values))
+            ts.append(
+                np.einsum("jq,jqm->jm", p_g, s.D.values) + nudge(s.U, size, 8 * (2 * sum(s.sizes) + 24), dual=True)
+            )
+    t = model.join(ts, 1)
+    if not (np.isfinite(p).all() and np.isfinite(t).all()):
+        return None
+    return (p, t) if all(c.verdict() is True for c in on.loop_gain(model, p, t)) else None
+
+
+def algebraic_witness(model: NetworkModel) -> AlgebraicLoop | None:
+    """y in Y with D W y - y in Y, by power iteration on the feedthrough loop."""
+    y = model.join([np.tile(s.Y.interior_point, (len(s), 1)) for s in model.stacks], 2)
+    D = model.block_matrices[3]
+    shift = 1e-3
+    for step in range(2000):
+        ahead = D @ (model.W @ y)
+        size = float(np.abs(ahead).max())
+        if not np.isfinite(size) or size == 0:
+            return None
+        if step % 20 == 19:
+            kept = _growing_outputs(model, D, y)
+            if kept is not None:
+                u = lower_received(model, kept)
+                return AlgebraicLoop(kept, u, np.unique(model.owners(2)[kept != 0]))
+        y = (ahead / size + shift * y) if step < 1500 else ahead / size
+        y /= np.abs(y).max()
+    return None
+
+
+def _growing_outputs(model: NetworkModel, D, y: Floats) -> Floats | None:
+    y = np.where(np.abs(y) > 1e-12, y, 0.0)
+    for _ in range(100):
+        if not np.any(y):
+            return None
+        ahead = D @ lower_received(model, y) - y
+        good = np.ones(model.n_nodes, dtype=bool)
+        for s, index, z, part in zip(
+            model.stacks, model.members, model.split(ahead, 2), model.split(y, 2), strict=True
+        ):
+            good[index] = (z @ s.Y.facets.T >= 0).all(axis=1) | ~part.any(axis=1)
+        if good.all():
+            return y
+        y = np.where(good[model.owners(2)], y, 0.0)
+    return None
+
+
+def lower_received(model: NetworkModel, y: Floats) -> Floats:
+    """W y, less a few units in the last place in the order of U."""
+    size = abs(model.W) @ np.abs(y)
+    longest = int(np.diff(model.W.indptr).max(initial=0))
+    u = model.W @ y
+    out = [
+        u_g - nudge(s.U, z, 8 * (2 * longest + 24), dual=False)
+        for s, u_g, z in zip(model.stacks, model.split(u, 1), model.split(size, 1), strict=True)
+    ]
+    return model.join(out, 1)
+
+
+def growth_witness(model: NetworkModel, x: Floats, rate: float) -> NetworkInstability:
+    """x with lower bounds on its inputs and outputs."""
+    xs = model.split(x, 0)
+    u = np.zeros(model.totals[1])
+    y = np.zeros(model.totals[2])
+    for _ in range(60 if model.has_feedthrough else 1):
+        parts = []
+        for s, x_g, u_g in zip(model.stacks, xs, model.split(u, 1), strict=True):
+            value = np.einsum("jqn,jn->jq", s.C.values, x_g) + np.einsum("jqm,jm->jq", s.D.values, u_g)
+            size = np.einsum("jqn,jn->jq", np.abs(s.C.values), np.abs(x_g)) + np.einsum(
+                "jqm,jm->jq", np.abs(s.D.values), np.abs(u_g)
+            )
+            parts.append(value - nudge(s.Y, size, 8 * (2 * sum(s.sizes) + 24), dual=False))
+        y = model.join(parts, 2)
+        u = lower_received(model, y)
+    return NetworkInstability(x, u, y, rate)
+
+
+def unstable(model: NetworkModel, least: float, loop: Loop, progress: Progress | None) -> NetworkCertificate:
+    """The certificate refuted by a growing direction, or UNDECIDED."""
+
+    def attempt(a: Approach) -> NetworkInstability | None:
+        if not a.theta > least:
+            return None
+        for rate in (least + 0.9 * (a.theta - least), least):
+            x = growing_part(model, a.x / np.abs(a.x).max(), rate)
+            if x is not None:
+                w = growth_witness(model, x, rate)
+                found = below_abscissa(model, w, loop)
+                if found is not None and all(c.verdict() is True for c in found):
+                    return w
+        return None
+
+    done: list[NetworkInstability] = []
+
+    def stop(a: Approach) -> bool:
+        w = attempt(a)
+        done.extend([] if w is None else [w])
+        return bool(done) or a.shift < least
+
+    final = descend(model, least, relative=1e-10, stop=stop, progress=progress)
+    if final is not None and final.shift < least:
+        certificate = settle(model, supply_rates(model, final.v), loop)
+        if certificate.status is Status.PROVED:
+            return certificate
+    witness = done[0] if done else None
+    return NetworkCertificate.settle(model=model, loop_weights=loop, witness=witness)

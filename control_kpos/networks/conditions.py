@@ -1,0 +1,293 @@
+"""The inequalities of Theorem 4 as conditions for the kernel, on stacked nodes and sparse coupling.
+
+Every product of given data is left to the kernel; nothing is multiplied beforehand.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
+from ..certificates.result import Condition
+from ..cones import Cone, Orthant
+from ..cones.rows import dense_rows
+from ..errors import UndecidedError
+from .blocks import Floats, Index, block_diagonal, exact_block, is_zero, nonzero_blocks, take_blocks
+from .model import NetworkModel, NodeStack
+
+STATE, INPUT, OUTPUT, DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
+INCLUSIONS = {STATE: "A X in X", INPUT: "B U in X", OUTPUT: "C X in Y", DIRECT: "D U in Y"}
+STORAGE, RATE, SUPPLY = "v'x > 0", "(v'A + rate v' - q'C) x <= 0", "(v'B - r' - q'D) u <= 0"
+STRICT = "(v'A - q'C) x < 0"
+COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"
+LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W - p') y < 0"
+
+
+def titled(name: str, model: NetworkModel, g: int) -> str:
+    """The condition's name, with the stack it is about if there are several."""
+    return name if len(model.stacks) == 1 else f"{name} [stack {g}]"
+
+
+def rays(cone: Cone) -> ExactMatrix:
+    """Generators in dense form."""
+    return dense_rows(cone.exact_rays)
+
+
+def facets(cone: Cone) -> ExactMatrix:
+    """Facet normals in dense form."""
+    return dense_rows(cone.exact_facets)
+
+
+def positivity(model: NetworkModel, g: int) -> list[Condition]:
+    """Theorem 1 for every node of a stack: forms of shape (N, facets, generators)."""
+    s = model.stacks[g]
+    out = []
+    state = BilinearForms(facets(s.X), s.A, rays(s.X))
+    where = None if model.discrete else np.broadcast_to(s.X.incidence, (len(s), s.X.n_facets, s.X.n_rays))
+    out.append(Condition(titled(STATE, model, g), state, ">=", where))
+    for name, target, matrix, source in ((INPUT, s.X, s.B, s.U), (OUTPUT, s.Y, s.C, s.X), (DIRECT, s.Y, s.D, s.U)):
+        if not (name == DIRECT and is_zero(s.D)):
+            out.append(
+                Condition(titled(name, model, g), BilinearForms(facets(target), _shared(matrix), rays(source)), ">=")
+            )
+    return out
+
+
+def _shared(stack: ExactMatrix) -> ExactMatrix:
+    """A stack of equal matrices as one matrix, since equal nodes need no separate proof."""
+    values = stack.values
+    if stack.is_double and len(values) > 1 and not values.strides[0]:
+        return ExactMatrix(values[:1])
+    return stack
+
+
+def coupling_pairs(model: NetworkModel) -> list[tuple[int, int, Index, Index]]:
+    """Nonzero blocks of W by the stacks of their ends: (target stack, source stack, nodes j, nodes k)."""
+    j, k = nonzero_blocks(model.coupling.values, model.owners(1), model.owners(2))
+    if len(model.stacks) == 1:
+        return [(0, 0, j, k)]
+    stack_of = np.empty(model.n_nodes, dtype=np.intp)
+    for g, index in enumerate(model.members):
+        stack_of[index] = g
+    key = stack_of[j] * len(model.stacks) + stack_of[k]
+    return [
+        (int(pair) // len(model.stacks), int(pair) % len(model.stacks), j[key == pair], k[key == pair])
+        for pair in np.unique(key)
+    ]
+
+
+def coupling(model: NetworkModel) -> list[Condition]:
+    """(I): h'W_jk y >= 0 for facets h of U_j and generators y of Y_k, on the nonzero blocks of W."""
+    if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
+        entries = ExactMatrix(model.coupling.values.data[None, :])
+        return [
+            Condition(COUPLING, BilinearForms(ExactMatrix(np.ones((1, 1))), None, ExactMatrix(entries.values.T)), ">=")
+        ]
+    out = []
+    for gj, gk, j, k in coupling_pairs(model):
+        u0, y0 = model.offsets[1], model.offsets[2]
+        target, source = model.stacks[gj], model.stacks[gk]
+        blocks = take_blocks(
+            model.coupling, u0[j][:, None] + np.arange(target.sizes[1]), y0[k][:, None] + np.arange(source.sizes[2])
+        )
+        name = COUPLING if len(model.stacks) == 1 else f"{COUPLING} [stack {gk} to {gj}]"
+        out.append(Condition(name, BilinearForms(facets(target.U), blocks, rays(source.Y)), ">="))
+    return out
+
+
+def storage(model: NetworkModel, g: int, v: Floats) -> Condition:
+    """v_j'x > 0 on the generators of X_j; v of shape (N, n)."""
+    s = model.stacks[g]
+    return Condition(titled(STORAGE, model, g), BilinearForms(ExactMatrix(v[:, None, :]), None, rays(s.X)), ">")
+
+
+def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bool) -> BilinearForms:
+    """(v'A + rate v' - q'C) x, with A - I for A in discrete time."""
+    n = s.sizes[0]
+    left, middle = [v], [s.A]
+    if discrete:
+        left.append(v)
+        middle.append(ExactMatrix(-np.eye(n)[None]))
+    if rate:
+        left.append(v)
+        middle.append(ExactMatrix(rate * np.eye(n)[None]))
+    if np.any(q):
+        left.append(-q)
+        middle.append(s.C)
+    row = ExactMatrix(np.concatenate(left, axis=1)[:, None, :])
+    return BilinearForms(row, exact_block(middle, axis=-2), rays(s.X))
+
+
+def decrease(model: NetworkModel, g: int, v: Floats, q: Floats, rate: float, *, discrete: bool) -> Condition:
+    """(v_j'A_j + rate v_j' - q_j'C_j) x <= 0 on the generators of X_j; strict if the rate is 0."""
+    forms = decrease_forms(model.stacks[g], v, q, rate, discrete)
+    name, relation = (RATE, "<=") if rate else (STRICT, "<")
+    return Condition(titled(name, model, g), forms, relation)  # type: ignore[arg-type]
+
+
+def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: str = SUPPLY) -> Condition:
+    """(v_j'B_j - r_j' - q_j'D_j) u <= 0 on the generators of U_j."""
+    s = model.stacks[g]
+    m = s.sizes[1]
+    left, middle = [v, r], [s.B, ExactMatrix(-np.eye(m)[None])]
+    if not is_zero(s.D):
+        left.append(-q)
+        middle.append(s.D)
+    row = ExactMatrix(np.concatenate(left, axis=1)[:, None, :])
+    return Condition(titled(name, model, g), BilinearForms(row, exact_block(middle, axis=-2), rays(s.U)), "<=")
+
+
+def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
+    """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
+    s = model.stacks[g]
+    row = ExactMatrix(np.concatenate([p, t], axis=1)[:, None, :])
+    middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[1])[None])], axis=-2)
+    return Condition(titled(LOOP_DIRECT, model, g), BilinearForms(row, middle, rays(s.U)), "<=")
+
+
+def output_generators(model: NetworkModel) -> ExactMatrix:
+    """Generators of the product of the Y_k as sparse rows of length sum q_k."""
+    if all(isinstance(s.Y, Orthant) for s in model.stacks):
+        return ExactMatrix(sp.eye_array(model.totals[2], format="csr"))
+    parts, index_parts = [], []
+    exact = all(rays(s.Y).is_double for s in model.stacks)
+    if not exact:
+        raise UndecidedError("the output cones have generators that are not doubles; give them as integers or doubles.")
+    count = 0
+    for s, places in zip(model.stacks, model.places, strict=True):
+        R = rays(s.Y).values
+        rows = count + np.arange(len(s) * len(R)).reshape(len(s), len(R))
+        index_parts.append((np.broadcast_to(R, (len(s), *R.shape)), rows, places[2]))
+        count += rows.size
+        parts.append(R)
+
+    return ExactMatrix(block_diagonal(index_parts, (count, model.totals[2])))
+
+
+def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> BilinearForms:
+    """sigma_k q_k'y + sum_j sigma_j r_j'W_jk y for every generator y of every Y_k: forms (1, sum p_k)."""
+    left = np.concatenate([q, r])[None, :]
+    generators = output_generators(model)
+    Q = model.totals[2]
+    if sigma is None or (sigma == 1).all():
+        if model.coupling.is_double:
+            middle = ExactMatrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
+        else:
+            middle = exact_block([ExactMatrix(np.eye(Q)), _dense(model.coupling)], axis=-2)
+        return BilinearForms(ExactMatrix(left), middle, generators)
+    # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
+    weights = np.concatenate([sigma[model.owners(2)], sigma[model.owners(1)]])[None, :]
+    diagonal = ExactMatrix(sp.csr_array(sp.diags_array(left[0])))
+    if all(isinstance(s.Y, Orthant) for s in model.stacks) and model.coupling.is_double:
+        right = ExactMatrix(sp.csr_array(sp.hstack([sp.eye_array(Q, format="csr"), model.WT], format="csr")))
+    else:
+        right = _exact_image(generators, model.coupling)
+    return BilinearForms(ExactMatrix(weights), diagonal, right)
+
+
+def _exact_image(generators: ExactMatrix, coupling: ExactMatrix) -> ExactMatrix:
+    """Rows [y', (W y)'] in rational arithmetic."""
+    Y, W = _dense(generators), _dense(coupling)
+    if Y.shape[0] * W.shape[0] * W.shape[1] > 10**7:
+        raise UndecidedError(
+            "weights sigma other than 1 with general output cones are proven up to 10^7 products only; scale the supply rates."
+        )
+    y, w = Y.fractions(), W.fractions()
+    return ExactMatrix.from_fractions(np.concatenate([y, y @ w.T], axis=1))
+
+
+def _dense(m: ExactMatrix) -> ExactMatrix:
+    return ExactMatrix(m.values.toarray()) if m.is_sparse else m
+
+
+def supply_by_node(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> BilinearForms:
+    """q_j'y_j + r_j'(W y)_j for every node j: forms (N, 1)."""
+    Q, M = model.totals[2], model.totals[1]
+    nodes = np.concatenate([model.owners(2), model.owners(1)])
+    left = sp.csr_array((np.concatenate([q, r]), (nodes, np.arange(Q + M))), shape=(model.n_nodes, Q + M))
+    if model.coupling.is_double:
+        middle = ExactMatrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
+    else:
+        middle = exact_block([ExactMatrix(np.eye(Q)), _dense(model.coupling)], axis=-2)
+    return BilinearForms(ExactMatrix(left), middle, ExactMatrix(y[None, :]))
+
+
+def balance(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> Condition:
+    """(III'), one inequality per node and generator of its output cone."""
+    return Condition(BALANCE, balance_forms(model, q, r, sigma), "<=")
+
+
+def loop_gain(model: NetworkModel, p: Floats, t: Floats) -> Iterator[Condition]:
+    """p and t prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
+    for g, (p_g, t_g) in enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True)):
+        s = model.stacks[g]
+        yield Condition(
+            titled(LOOP_WEIGHT, model, g), BilinearForms(ExactMatrix(p_g[:, None, :]), None, rays(s.Y)), ">"
+        )
+        yield loop_direct(model, g, p_g, t_g)
+    yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
+
+
+def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) -> Iterator[Condition]:
+    """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y."""
+    xs, us, ys = model.split(x, 0), model.split(u, 1), model.split(y, 2)
+    for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
+        yield Condition(
+            titled("h'x >= 0", model, g), BilinearForms(facets(s.X), None, ExactMatrix(x_g[:, None, :])), ">="
+        )
+        row = [x_g, u_g]
+        middle = [s.A, s.B]
+        if rate:
+            row.append(x_g)
+            middle.append(ExactMatrix(-rate * np.eye(s.sizes[0])[None]))
+        right = ExactMatrix(np.concatenate(row, axis=1)[:, None, :])
+        yield Condition(
+            titled("h'(A x + B u - rate x) >= 0", model, g),
+            BilinearForms(facets(s.X), exact_block(middle, -1), right),
+            ">=",
+        )
+        if s.sizes[2]:
+            right = ExactMatrix(np.concatenate([x_g, u_g, y_g], axis=1)[:, None, :])
+            middle = exact_block([s.C, s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
+            yield Condition(titled("h'(C x + D u - y) >= 0", model, g), BilinearForms(facets(s.Y), middle, right), ">=")
+    yield received(model, u, y)
+
+
+def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
+    """h'(W y - u) >= 0 for every facet h of every U_j."""
+    right = ExactMatrix(np.concatenate([y, u])[None, :])
+    if model.coupling.is_double:
+        middle = ExactMatrix(
+            sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr"))
+        )
+    else:
+        middle = exact_block([_dense(model.coupling), ExactMatrix(-np.eye(model.totals[1]))], axis=-1)
+    left = input_facets(model)
+    return Condition("h'(W y - u) >= 0", BilinearForms(right, _transposed(middle), left), ">=")
+
+
+def _transposed(m: ExactMatrix) -> ExactMatrix:
+    if m.is_sparse:
+        return ExactMatrix(sp.csr_array(m.values.T))
+    numerators = None if m.numerators is None else m.numerators.T
+    return ExactMatrix(m.values.T, None if m.radius is None else m.radius.T, numerators, m.denominator)
+
+
+def input_facets(model: NetworkModel) -> ExactMatrix:
+    """Facet normals of the product of the U_j as sparse rows."""
+    if all(isinstance(s.U, Orthant) for s in model.stacks):
+        return ExactMatrix(sp.eye_array(model.totals[1], format="csr"))
+
+    parts, count = [], 0
+    for s, places in zip(model.stacks, model.places, strict=True):
+        H = facets(s.U)
+        if not H.is_double:
+            raise UndecidedError("the input cones have facets that are not doubles; give them with integer generators.")
+        rows = count + np.arange(len(s) * len(H.values)).reshape(len(s), len(H.values))
+        parts.append((np.broadcast_to(H.values, (len(s), *H.shape)), rows, places[1]))
+        count += rows.size
+    return ExactMatrix(block_diagonal(parts, (count, model.totals[1])))

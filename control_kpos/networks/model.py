@@ -1,0 +1,423 @@
+"""A network: nodes x_j' = A_j x_j + B_j u_j, y_j = C_j x_j + D_j u_j and the coupling u = W y + w.
+
+         w_j --->(+)---> [ node j ] ---> y_j
+                  ^                       |
+                  |      coupling W       |
+                  +-----------------------+
+
+Nodes of one size and with the same cones stand in stacked arrays, so that nothing here loops over
+nodes.  The closed loop is x' = (A + B L C) x + ..., with L = (I - W D)^{-1} W.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from control.config import defaults
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import ExactMatrix, exact_matrix
+from ..certificates.files import register_record
+from ..cones import Cone, orthant
+from ..errors import ConeMismatchError, ShapeError, TimebaseError
+from ..statespace import ConeStateSpace
+from .blocks import Floats, Index, block_diagonal, exact_block, exact_stack, exact_take, is_zero
+
+Timebase = float | bool | None
+# Signals of networks with at most this many nodes carry names.
+READABLE = 10_000
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NodeStack:
+    """Many nodes of one size with the same cones, as `control_kpos.stack` builds them.
+
+    Attributes
+    ----------
+    A, B, C, D : ExactMatrix, shapes (N, n, n), (N, n, m), (N, q, n), (N, q, m)
+    X, U, Y : Cone
+        Proper cones in R^n, R^m, R^q.
+    dt : float, bool or None
+        Timebase as in python-control: 0 continuous, a positive number or True discrete.
+    names : tuple of str
+        Node names; empty if nobody gave any.
+    labels : tuple of (states, inputs, outputs)
+        Signal names per node, each a tuple of str; empty for the defaults x[i], u[i], y[i].
+    """
+
+    A: ExactMatrix
+    B: ExactMatrix
+    C: ExactMatrix
+    D: ExactMatrix
+    X: Cone
+    U: Cone
+    Y: Cone
+    dt: Timebase = 0
+    names: tuple[str, ...] = ()
+    labels: tuple[tuple[tuple[str, ...], ...], ...] = ()
+
+    def __len__(self) -> int:
+        return self.A.shape[0]
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """States, inputs and outputs of one node."""
+        return self.A.shape[-1], self.B.shape[-1], self.C.shape[-2]
+
+    def take(self, index: Any) -> NodeStack:
+        """The nodes at these places, as a stack."""
+        index = np.atleast_1d(np.asarray(index, dtype=np.intp))
+        blocks = [exact_take(m, index) for m in (self.A, self.B, self.C, self.D)]
+        names = tuple(self.names[i] for i in index) if self.names else ()
+        labels = tuple(self.labels[i] for i in index) if self.labels else ()
+        return NodeStack(*blocks, self.X, self.U, self.Y, self.dt, names, labels)
+
+    def __repr__(self) -> str:
+        n, m, q = self.sizes
+        return f"<NodeStack of {len(self)} nodes: {n} states, {m} inputs, {q} outputs each>"
+
+
+def stack(
+    A: ArrayLike,
+    B: ArrayLike,
+    C: ArrayLike,
+    D: ArrayLike | None = None,
+    dt: Timebase = None,
+    *,
+    X: Cone | None = None,
+    U: Cone | None = None,
+    Y: Cone | None = None,
+    names: Sequence[str] | None = None,
+) -> NodeStack:
+    """Many nodes of one size as stacked arrays, for networks up to millions of nodes.
+
+    Parameters
+    ----------
+    A : array_like, shape (N, n, n)
+    B : array_like, shape (N, n, m) or (n, m)
+        Two-dimensional B, C or D is shared by all nodes.
+    C : array_like, shape (N, q, n) or (q, n)
+    D : array_like, shape (N, q, m) or (q, m), optional
+        Zero if not given.
+    dt : float, bool or None
+        0 for continuous time, a positive number or True for discrete time; the default is
+        python-control's, 0.
+    X, U, Y : Cone, optional
+        Shared by all nodes; the nonnegative orthants if not given.
+    names : sequence of str, optional
+        One name per node.
+
+    Returns
+    -------
+    NodeStack
+        To be passed to `feedback_interconnect`.
+
+    Raises
+    ------
+    ShapeError, DataError
+        Sizes that do not fit, an empty stack, numbers that are not finite and real.
+    NotProperConeError, ConeMismatchError
+        Cones that are not proper, or of another dimension.
+
+    Notes
+    -----
+    Copies the arrays once: 8 N (n n + n m + q n + q m) bytes.
+
+    Examples
+    --------
+    >>> import numpy as np, control_kpos as kp
+    >>> A = np.array([[[0, 1], [-22, -13]], [[0, 1], [-21, -13]]])
+    >>> nodes = kp.stack(A, B=[[0], [1]], C=[[1, 0]], X=kp.PolyhedralCone([[0, 1], [1, -2]]))
+    >>> len(nodes), nodes.sizes
+    (2, (2, 1, 1))
+    """
+    matrices = {"A": exact_matrix(A, "A", ndim=3), "B": exact_matrix(B, "B", ndim=3), "C": exact_matrix(C, "C", ndim=3)}
+    count, n = matrices["A"].shape[0], matrices["A"].shape[2]
+    m, q = matrices["B"].shape[2], matrices["C"].shape[1]
+    matrices["D"] = ExactMatrix(np.zeros((1, q, m))) if D is None else exact_matrix(D, "D", ndim=3)
+    if count == 0 or n == 0:
+        raise ShapeError(f"A has shape {matrices['A'].shape}: a stack needs at least one node with at least one state.")
+    for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (q, n)), ("D", (q, m))):
+        have = matrices[name].shape
+        if have[1:] != shape or have[0] not in (1, count):
+            raise ShapeError(
+                f"{name} has shape {have}; it must be ({count}, {shape[0]}, {shape[1]}), one matrix per node as in A."
+            )
+        if have[0] == 1 < count:
+            matrices[name] = exact_take(matrices[name], np.zeros(count, dtype=np.intp))
+    cones = {}
+    for name, cone, size in (("X", X, n), ("U", U, m), ("Y", Y, q)):
+        cones[name] = orthant(size) if cone is None else cone
+        if cones[name].dim != size:
+            raise ConeMismatchError(
+                f"{name} is a cone in dimension {cones[name].dim}, but the nodes need dimension {size}."
+            )
+        cones[name].require_proper(name)
+    labels = tuple(str(name) for name in names) if names is not None else ()
+    if labels and (len(labels) != count or len(set(labels)) != count):
+        raise ShapeError(
+            f"names has {len(labels)} entries ({len(set(labels))} distinct); {count} nodes need {count} distinct names."
+        )
+    dt = defaults["control.default_dt"] if dt is None else dt
+    return NodeStack(**matrices, **cones, dt=dt, names=labels)
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NetworkModel:
+    """Nodes in stacks, their numbers, and the coupling.
+
+    Attributes
+    ----------
+    stacks : tuple of NodeStack
+    members : tuple of ndarray of int
+        Node numbers, one array per stack; together 0, ..., N-1.
+    coupling : ExactMatrix, shape (sum m_j, sum q_k)
+        W in u = W y + w; csr_array, or dense if the data are fractions.
+    dt : float, bool or None
+    """
+
+    stacks: tuple[NodeStack, ...]
+    members: tuple[Index, ...]
+    coupling: ExactMatrix
+    dt: Timebase = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "members", tuple(np.asarray(k).astype(np.intp) for k in self.members))
+
+    @property
+    def discrete(self) -> bool:
+        return bool(self.dt)
+
+    @cached_property
+    def n_nodes(self) -> int:
+        return sum(len(s) for s in self.stacks)
+
+    @cached_property
+    def has_feedthrough(self) -> bool:
+        """True unless every D is exactly zero."""
+        return not all(is_zero(s.D) for s in self.stacks)
+
+    @cached_property
+    def offsets(self) -> tuple[Index, Index, Index]:
+        """Places where the states, inputs and outputs of node j begin; N + 1 entries each."""
+        out = []
+        for kind in range(3):
+            size = np.zeros(self.n_nodes, dtype=np.intp)
+            for s, index in zip(self.stacks, self.members, strict=True):
+                size[index] = s.sizes[kind]
+            out.append(np.concatenate([[0], np.cumsum(size)]))
+        return out[0], out[1], out[2]
+
+    @property
+    def totals(self) -> tuple[int, int, int]:
+        """All states, inputs and outputs."""
+        x, u, y = self.offsets
+        return int(x[-1]), int(u[-1]), int(y[-1])
+
+    @cached_property
+    def places(self) -> tuple[tuple[Index, Index, Index], ...]:
+        """Per stack: places (N, n), (N, m), (N, q) of its signals in the vectors x, u, y."""
+        return tuple(
+            tuple(self.offsets[kind][index][:, None] + np.arange(s.sizes[kind]) for kind in range(3))  # type: ignore[misc]
+            for s, index in zip(self.stacks, self.members, strict=True)
+        )
+
+    @cached_property
+    def is_ordered(self) -> bool:
+        """True if one stack holds all nodes in their order."""
+        return len(self.stacks) == 1 and bool((self.members[0] == np.arange(self.n_nodes)).all())
+
+    def split(self, vector: Floats, kind: int) -> list[Floats]:
+        """A vector of states (kind 0), inputs (1) or outputs (2) as arrays (N, size), one per stack."""
+        if self.is_ordered:
+            return [vector.reshape(self.n_nodes, -1)]
+        return [vector[p[kind]] for p in self.places]
+
+    def join(self, parts: Sequence[Floats], kind: int) -> Floats:
+        """Inverse of `split`."""
+        if self.is_ordered:
+            return parts[0].reshape(-1)
+        out = np.zeros(self.totals[kind])
+        for part, p in zip(parts, self.places, strict=True):
+            out[p[kind]] = part
+        return out
+
+    def owners(self, kind: int) -> Index:
+        """Node number of every state (kind 0), input (1) or output (2)."""
+        return np.repeat(np.arange(self.n_nodes), np.diff(self.offsets[kind]))
+
+    def locate(self, node: int) -> tuple[int, int]:
+        """Stack and place in it of a node."""
+        for g, index in enumerate(self.members):
+            place = np.flatnonzero(index == node)
+            if place.size:
+                return g, int(place[0])
+        raise ShapeError(f"node {node} does not exist; the nodes are numbered 0 to {self.n_nodes - 1}.")
+
+    def blocks(self, blocks: Sequence[Floats], rows: int, columns: int) -> sp.csr_array:
+        """Block-diagonal matrix from one stack of blocks per node stack."""
+        parts = [(b, p[rows], p[columns]) for b, p in zip(blocks, self.places, strict=True)]
+        return block_diagonal(parts, (self.totals[rows], self.totals[columns]))
+
+    @cached_property
+    def W(self) -> sp.csr_array:
+        """The coupling in floating point."""
+        return self.coupling.values if self.coupling.is_sparse else sp.csr_array(self.coupling.values)
+
+    @cached_property
+    def WT(self) -> sp.csr_array:
+        return sp.csr_array(self.W.T)
+
+    @cached_property
+    def block_matrices(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array, sp.csr_array]:
+        """Block-diagonal A, B, C, D of all nodes, sparse."""
+        kinds = (("A", 0, 0), ("B", 0, 1), ("C", 2, 0), ("D", 2, 1))
+        a, b, c, d = (self.blocks([getattr(s, name).values for s in self.stacks], i, j) for name, i, j in kinds)
+        return a, b, c, d
+
+    def name_of(self, node: int) -> str:
+        """The name of a node, or "node" and its number."""
+        g, place = self.locate(node)
+        names = self.stacks[g].names
+        return f'node {node} ("{names[place]}")' if names else f"node {node}"
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of all nodes, made up as node[j] where none was given."""
+        out = [""] * self.n_nodes
+        for s, index in zip(self.stacks, self.members, strict=True):
+            for place, j in enumerate(index.tolist()):
+                out[j] = s.names[place] if s.names else f"node[{j}]"
+        return out
+
+    def signal_names(self, kind: int) -> list[str]:
+        """Names of all states (kind 0), inputs (1) or outputs (2): node, underscore, signal."""
+        prefix = "xuy"[kind]
+        out = [""] * self.totals[kind]
+        for s, index, places in zip(self.stacks, self.members, self.places, strict=True):
+            for row, j in enumerate(index.tolist()):
+                node = s.names[row] if s.names else f"node[{j}]"
+                for i, place in enumerate(places[kind][row].tolist()):
+                    label = s.labels[row][kind][i] if s.labels else f"{prefix}[{i}]"
+                    out[place] = f"{node}_{label}"
+        return out
+
+    def with_coupling(self, coupling: ExactMatrix) -> NetworkModel:
+        """The same nodes under another coupling."""
+        return NetworkModel(self.stacks, self.members, coupling, self.dt)
+
+
+def gather(
+    systems: NodeStack | ConeStateSpace | Iterable[NodeStack | ConeStateSpace],
+) -> tuple[tuple[NodeStack, ...], tuple[Index, ...], Timebase]:
+    """Sort nodes into stacks of one size and equal cones; return stacks, node numbers and timebase.
+
+    Raises
+    ------
+    ShapeError
+        An empty network, or something that is not a node.
+    TimebaseError
+        Nodes with different timebases.
+    """
+    items = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else list(systems)
+    if not items:
+        raise ShapeError("systems is empty; a network needs at least one node.")
+    dt: Timebase = None
+    first: str | None = None
+    groups: dict[Any, list[tuple[int, ConeStateSpace]]] = {}
+    stacks: list[NodeStack] = []
+    members: list[Index] = []
+    count = 0
+    for position, item in enumerate(items):
+        if isinstance(item, NodeStack):
+            stacks.append(item)
+            members.append(np.arange(count, count + len(item)))
+        elif isinstance(item, ConeStateSpace):
+            key = (
+                item.nstates,
+                item.ninputs,
+                item.noutputs,
+                id(item.X),
+                id(item.U),
+                id(item.Y),
+                item._generic_name_check(),
+            )
+            groups.setdefault(key, []).append((count, item))
+        else:
+            raise ShapeError(
+                f"systems[{position}] is a {type(item).__name__}; give ConeStateSpace objects or the result of kp.stack."
+            )
+        if item.dt is not None:
+            if first is not None and not _same_timebase(dt, item.dt):
+                raise TimebaseError(
+                    f"systems[{position}] has dt = {item.dt}, but {first} has dt = {dt}; bring all nodes to one sampling time."
+                )
+            dt, first = (item.dt if first is None or dt is True else dt), first or f"systems[{position}]"
+        count += len(item) if isinstance(item, NodeStack) else 1
+    for nodes in _merge_equal_cones(groups):
+        stacks.append(_stacked([s for _, s in nodes], [j for j, _ in nodes]))
+        members.append(np.array([j for j, _ in nodes], dtype=np.intp))
+    return tuple(stacks), tuple(members), dt
+
+
+def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> list[list[tuple[int, ConeStateSpace]]]:
+    """Join groups whose cones are different objects but equal sets, without comparing all pairs."""
+    merged: dict[Any, list[tuple[int, ConeStateSpace]]] = {}
+    for key, nodes in groups.items():
+        system = nodes[0][1]
+        merged.setdefault((key[:3], system.X, system.U, system.Y, key[-1]), []).extend(nodes)
+    return list(merged.values())
+
+
+def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
+    first = systems[0]
+    exact = [s._exact() for s in systems]
+    data = []
+    for name in "ABCD":
+        known = [e.get(name) for e in exact]
+        matrices = [
+            ExactMatrix(np.asarray(getattr(s, name), dtype=float)) if m is None else m
+            for s, m in zip(systems, known, strict=True)
+        ]
+        data.append(exact_stack(matrices))
+    named = not first._generic_name_check()
+    names = tuple(s.name for s in systems) if named else ()
+    labels = ()
+    if len(systems) <= READABLE:
+        labels = tuple((tuple(s.state_labels), tuple(s.input_labels), tuple(s.output_labels)) for s in systems)
+    return NodeStack(*data, first.X, first.U, first.Y, first.dt, names, labels)
+
+
+def _same_timebase(a: Timebase, b: Timebase) -> bool:
+    if a is None or b is None:
+        return True
+    if a is True or b is True:
+        return bool(a) and bool(b)
+    return a == b
+
+
+def identity(size: int) -> ExactMatrix:
+    """The identity as exact data."""
+    return ExactMatrix(np.eye(size))
+
+
+def beside(*matrices: ExactMatrix) -> ExactMatrix:
+    """Exact matrices beside each other."""
+    return exact_block(matrices, axis=-1)
+
+
+def below(*matrices: ExactMatrix) -> ExactMatrix:
+    """Exact matrices below each other."""
+    return exact_block(matrices, axis=-2)
+
+
+def constant(values: NDArray[np.float64]) -> ExactMatrix:
+    """Doubles as exact data."""
+    return ExactMatrix(values)

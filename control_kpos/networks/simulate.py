@@ -1,0 +1,323 @@
+"""Time responses and poles of large networks without a dense matrix.
+
+In continuous time the state is carried over windows of several samples by one Taylor expansion of the
+matrix exponential, sum (t^k / k!) (A - m I)^k x e^{m t}, whose terms serve all samples of the window; its
+length is chosen from the norm so that the error stays below 1e-11.  Inputs are interpolated linearly
+between samples, as in python-control.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+
+from ..arrays import vector
+from ..errors import DataError, ShapeError
+from .blocks import Floats, Index, apply
+from .closedloop import ClosedLoop
+from .model import NetworkModel
+
+Progress = Callable[[str], None]
+# Length of a window times the norm of A: rounding errors grow by e to this power.
+_REACH = 6.0
+_TAIL = 1e-13
+# Products with A above which an implicit method takes over.
+_STIFF = 300_000
+
+
+def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.float64]:
+    """Evenly spaced sample times from an array, or from a final time.
+
+    Raises
+    ------
+    ShapeError, DataError
+        No times, times that are not evenly spaced and increasing, or (discrete time) not dt apart.
+    """
+    step = (1.0 if dt is True else float(dt)) if dt else None
+    if np.ndim(T) == 0:
+        end = float(vector([T], "T")[0])
+        if not end > 0:
+            raise DataError(f"T is {end:g}; the final time must be positive.")
+        return np.arange(int(round(end / step)) + 1) * step if step else np.linspace(0.0, end, count)
+    times = vector(T, "T")
+    if times.size == 0:
+        raise ShapeError("T is empty; give sample times or a final time.")
+    gaps = np.diff(times)
+    if gaps.size and not (gaps.min() > 0 and np.ptp(gaps) <= 1e-6 * gaps.mean()):
+        raise DataError("T must increase in equal steps.")
+    if step and gaps.size and abs(gaps.mean() - step) > 1e-6 * step:
+        raise DataError(f"T has steps of {gaps.mean():g}, but the sampling time is {step:g}.")
+    return times
+
+
+def respond(
+    loop: ClosedLoop,
+    times: Floats,
+    x0: Floats,
+    inputs: tuple[sp.csr_array, Floats] | None,
+    rows: Index,
+    keep_states: bool,
+    progress: Progress | None = None,
+) -> tuple[Floats, Floats | None]:
+    """Outputs at the sample times, shape (len(rows), len(times)), and states if wanted.
+
+    Parameters
+    ----------
+    loop : ClosedLoop
+    times : ndarray
+        Evenly spaced.
+    x0 : ndarray, shape (n,)
+    inputs : (B, U) or None
+        Input matrix (n, m) and samples (m, len(times)); without feedthrough to the outputs.
+    rows : ndarray of int
+        Outputs wanted.
+    keep_states : bool
+    progress : callable, optional
+    """
+    C, _ = loop.output_matrices(rows)
+    outputs = np.zeros((len(rows), len(times)))
+    states = np.zeros((len(x0), len(times))) if keep_states else None
+
+    def store(at: int, x: Floats) -> None:
+        outputs[:, at] = C @ x
+        if states is not None:
+            states[:, at] = x
+
+    store(0, x0)
+    if loop.model.discrete:
+        x = x0
+        for i in range(1, len(times)):
+            x = loop.matrix @ x + (0.0 if inputs is None else inputs[0] @ inputs[1][:, i - 1])
+            store(i, x)
+        return outputs, states
+    if len(times) > 1:
+        h = float(times[1] - times[0])
+        centre, norm = _centre_and_norm(loop)
+        if norm * h * (len(times) - 1) > _STIFF:
+            _implicit(loop, times, x0, inputs, store)
+        elif inputs is None:
+            _free(loop.matrix, x0, h, centre, norm, C, outputs, states, progress)
+        else:
+            _forced(loop.matrix, x0, h, norm, inputs, store, len(times), progress)
+    return outputs, states
+
+
+def _centre_and_norm(loop: ClosedLoop) -> tuple[float, float]:
+    A = loop.matrix
+    if not sp.issparse(A):
+        return 0.0, float(spla.norm(loop.model.block_matrices[0], 1)) * 4
+    diagonal = A.diagonal()
+    centre = 0.5 * (float(diagonal.min()) + float(diagonal.max())) if diagonal.size else 0.0
+    rest = np.abs(diagonal - centre) - np.abs(diagonal)
+    by_row = np.asarray(abs(A).sum(axis=1)).ravel() + rest
+    by_column = np.asarray(abs(A).sum(axis=0)).ravel() + rest
+    # scaling every state by its own unit does not change the exponential: take the smaller bound
+    return centre, max(float(min(by_row.max(), by_column.max(), np.sqrt(by_row.max() * by_column.max()))), 1e-300)
+
+
+def _free(
+    A: Any,
+    x: Floats,
+    h: float,
+    centre: float,
+    norm: float,
+    C: sp.csr_array,
+    outputs: Floats,
+    states: Floats | None,
+    progress: Progress | None,
+) -> None:
+    """Windows of several samples, or several windows for one sample."""
+    count = outputs.shape[1]
+    per_window = max(1, min(int(_REACH / (norm * h)), count - 1))
+    splits = max(1, int(np.ceil(norm * h / _REACH)))
+    at = 0
+    while at < count - 1:
+        samples = min(per_window, count - 1 - at)
+        if splits > 1:
+            for _ in range(splits):
+                terms = _taylor(A, x, h / splits, centre)
+                x = np.exp(centre * h / splits) * sum(terms)  # type: ignore[assignment]
+            ends = [x]
+            outputs[:, at + 1] = C @ x
+            if states is not None:
+                states[:, at + 1] = ends[0]
+        else:
+            terms = _taylor(A, x, samples * h, centre)
+            share = np.arange(1, samples + 1) / samples
+            weights = share[:, None] ** np.arange(len(terms)) * np.exp(centre * h * np.arange(1, samples + 1))[:, None]
+            wanted = np.stack([C @ term for term in terms])
+            outputs[:, at + 1 : at + samples + 1] = (weights @ wanted).T
+            if states is not None:
+                states[:, at + 1 : at + samples + 1] = (weights @ np.stack(terms)).T
+            x = weights[-1] @ np.stack(terms) if len(x) < 10**4 else _combine(weights[-1], terms)
+        at += samples
+        if progress is not None:
+            progress(f"simulating: {at} of {count - 1} samples")
+
+
+def _combine(weights: Floats, terms: list[Floats]) -> Floats:
+    out = weights[0] * terms[0]
+    for w, term in zip(weights[1:], terms[1:], strict=True):
+        out += w * term
+    return out
+
+
+def _taylor(A: Any, x: Floats, t: float, centre: float) -> list[Floats]:
+    """Terms t^k / k! (A - centre I)^k x until they no longer matter."""
+    terms = [x]
+    size = float(np.abs(x).max(initial=0.0))
+    small = 0
+    for k in range(1, 100):
+        term = (A @ terms[-1] - centre * terms[-1]) * (t / k)
+        terms.append(term)
+        now = float(np.abs(term).max(initial=0.0))
+        size = max(size, 0.0)
+        small = small + 1 if now <= _TAIL * size else 0
+        if small == 2:
+            break
+    return terms
+
+
+def _forced(
+    A: Any,
+    x: Floats,
+    h: float,
+    norm: float,
+    inputs: tuple[sp.csr_array, Floats],
+    store: Callable[[int, Floats], None],
+    count: int,
+    progress: Progress | None,
+) -> None:
+    """One sample at a time: x' = A x + b + s c with s in [0, h]; Taylor terms of the solution."""
+    B, U = inputs
+    splits = max(1, int(np.ceil(norm * h / _REACH)))
+    step = h / splits
+    for i in range(count - 1):
+        b, slope = B @ U[:, i], (B @ (U[:, i + 1] - U[:, i])) / h
+        for part in range(splits):
+            now = b + slope * (part * step)
+            term = (A @ x + now) * step
+            total = x + term
+            scale = float(np.abs(total).max(initial=0.0)) + float(np.abs(term).max(initial=0.0))
+            small = 0
+            for k in range(2, 100):
+                term = (A @ term) * (step / k)
+                if k == 2:
+                    term = term + slope * (step * step / 2)
+                total = total + term
+                small = small + 1 if float(np.abs(term).max(initial=0.0)) <= _TAIL * scale else 0
+                if small == 2:
+                    break
+            x = total
+        store(i + 1, x)
+        if progress is not None:
+            progress(f"simulating: {i + 1} of {count - 1} samples")
+
+
+def _implicit(
+    loop: ClosedLoop,
+    times: Floats,
+    x0: Floats,
+    inputs: tuple[sp.csr_array, Floats] | None,
+    store: Callable[[int, Floats], None],
+) -> None:
+    """Stiff networks: SciPy's BDF with the sparse Jacobian."""
+
+    def drift(t: float, x: Floats) -> Floats:
+        out = loop.matrix @ x
+        if inputs is not None:
+            i = min(int((t - times[0]) / (times[1] - times[0])), len(times) - 2)
+            share = (t - times[i]) / (times[i + 1] - times[i])
+            out = out + inputs[0] @ ((1 - share) * inputs[1][:, i] + share * inputs[1][:, i + 1])
+        return out
+
+    x = x0
+    for i in range(len(times) - 1):
+        size = float(np.abs(x).max(initial=0.0)) + 1e-300
+        done = solve_ivp(
+            drift, (times[i], times[i + 1]), x, method="BDF", jac=sp.csc_array(loop.A), rtol=1e-8, atol=1e-10 * size
+        )
+        if not done.success:
+            raise DataError(f"the implicit integration stopped at t = {times[i]:g}: {done.message}")
+        x = done.y[:, -1]
+        store(i + 1, x)
+
+
+def delayed(
+    model: NetworkModel,
+    times: Floats,
+    x0: Floats,
+    delays: Floats,
+    refine: int,
+    rows: Index,
+    progress: Progress | None = None,
+) -> Floats:
+    """Outputs (len(rows), len(times)) when link l passes on y(t - delays[l]); y(t) = C x0 before t = 0.
+
+    The nodes are integrated exactly for inputs that are linear between `refine` points per sample, so that the error
+    falls with the square of their distance.
+    """
+    W = sp.coo_array(model.W)
+    target, source = W.coords
+    steps = (len(times) - 1) * refine
+    h = float(times[-1] - times[0]) / steps if steps else 1.0
+    advance = [_linear_hold(s.A.values, s.B.values, h) for s in model.stacks]
+    lag = delays / h
+    reach = int(np.ceil(lag.max(initial=0.0))) + 2
+    whole = np.floor(lag).astype(np.intp)
+    share = lag - whole
+    M = model.totals[1]
+
+    def output(x: Floats, u: Floats) -> Floats:
+        parts = zip(model.stacks, model.split(x, 0), model.split(u, 1), strict=True)
+        return model.join([apply(s.C.values, x_g) + apply(s.D.values, u_g) for s, x_g, u_g in parts], 2)
+
+    def arriving(i: int) -> Floats:
+        recent, older = past[(i - whole) % reach, source], past[(i - whole - 1) % reach, source]
+        return np.bincount(target, W.data * ((1 - share) * recent + share * older), minlength=M)
+
+    y = output(x0, np.zeros(M))
+    for _ in range(50 if model.has_feedthrough else 0):
+        y = output(x0, model.W @ y)
+    past = np.tile(y, (reach, 1))
+    u, x = arriving(0), x0
+    outputs = np.zeros((len(rows), len(times)))
+    outputs[:, 0] = y[rows]
+    for i in range(1, steps + 1):
+        free = [
+            apply(f, x_g) + apply(g0, u_g)
+            for (f, g0, _), x_g, u_g in zip(advance, model.split(x, 0), model.split(u, 1), strict=True)
+        ]
+        slot = past[i % reach] = past[(i - 1) % reach]
+        for _ in range(3):  # links shorter than a step see the new outputs
+            u_new = arriving(i)
+            x = model.join(
+                [f + apply(g1, u_g) for f, (_, _, g1), u_g in zip(free, advance, model.split(u_new, 1), strict=True)], 0
+            )
+            past[i % reach] = slot = output(x, u_new)
+            if lag.min(initial=1.0) >= 1:
+                break
+        u = u_new
+        if i % refine == 0:
+            outputs[:, i // refine] = slot[rows]
+            if progress is not None:
+                progress(f"simulating with delays: {i} of {steps} steps")
+    return outputs
+
+
+def _linear_hold(A: Floats, B: Floats, h: float) -> tuple[Floats, Floats, Floats]:
+    """F, G0, G1 with x(h) = F x + G0 u(0) + G1 u(h) for inputs linear in time; stacks (N, n, n)."""
+    count, n, m = B.shape
+    block = np.zeros((count, n + 2 * m, n + 2 * m))
+    block[:, :n, :n], block[:, :n, n : n + m] = A * h, B * h
+    block[:, n : n + m, n + m :] = np.eye(m)
+    whole = scipy.linalg.expm(block)
+    g1 = whole[:, :n, n + m :]
+    return whole[:, :n, :n], whole[:, :n, n : n + m] - g1, g1

@@ -1,0 +1,241 @@
+"""What breaks a network: a link, a node, a growing direction, an algebraic loop, or supply rates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
+from ..certificates.files import register_record
+from ..certificates.result import Condition, Status
+from ..dissipativity import DissipativityCertificate, SupplyViolation
+from ..positivity import PositivityCertificate, PositivityViolation, take_rows
+from . import conditions as on
+from .blocks import Floats, exact_block, exact_take, take_blocks
+from .model import NetworkModel
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class CouplingViolation:
+    """(I) fails: W_jk maps a generator of Y_k out of U_j.
+
+    Attributes
+    ----------
+    target, source : int
+        Node numbers j and k.
+    facet, ray : int
+        Row numbers in `U_j.facets` and `Y_k.rays`.
+    value : float
+        h'W_jk y < 0, in floating point (its sign is proven).
+    """
+
+    target: int
+    source: int
+    facet: int
+    ray: int
+    value: float
+
+    def __str__(self) -> str:
+        return (
+            f"W does not map Y into U: the link from node {self.source} to node {self.target} takes generator "
+            f"{self.ray} of its output cone across facet {self.facet} of its input cone (product {self.value:.3g} < 0)"
+        )
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NodeViolation:
+    """Node `node` is not positive on its own cones.
+
+    Attributes
+    ----------
+    node : int
+    violation : PositivityViolation
+    """
+
+    node: int
+    violation: PositivityViolation
+
+    def __str__(self) -> str:
+        return f"node {self.node} is not positive: {self.violation}"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NodeNotDissipative:
+    """Node `node` is not exponentially dissipative for the supply rate given to it.
+
+    Attributes
+    ----------
+    node : int
+    q, r : ndarray
+        The supply rate r'u + q'y.
+    violation : SupplyViolation
+        x and u that no storage v'x survives.
+    """
+
+    node: int
+    q: Floats
+    r: Floats
+    violation: SupplyViolation
+
+    def __str__(self) -> str:
+        return f"node {self.node} is not exponentially dissipative for its supply rate: {self.violation}"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NetworkInstability:
+    """x in X, x != 0, with A_cl x - rate x in X: the network has an eigenvalue of real part >= rate.
+
+    Attributes
+    ----------
+    x, u, y : ndarray, shapes (sum n_j,), (sum m_j,), (sum q_k,)
+        State, and lower bounds in the orders of U and Y on the inputs and outputs that belong to it.
+    rate : float
+        0 or more in continuous time, 1 or more in discrete time.
+    """
+
+    x: Floats
+    u: Floats
+    y: Floats
+    rate: float = 0.0
+
+    def __str__(self) -> str:
+        alive = int(np.count_nonzero(self.x))
+        return f"the network does not decay along a state x in X with {alive} nonzero entries (growth rate at least {self.rate:.3g})"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class AlgebraicLoop:
+    """y in Y, y != 0, with D W y - y in Y: instantaneous loop gain 1 or more.
+
+    Attributes
+    ----------
+    y, u : ndarray, shapes (sum q_k,), (sum m_j,)
+        u is a lower bound on W y in the order of U.
+    nodes : ndarray of int
+        The nodes in the loop.
+    """
+
+    y: Floats
+    u: Floats
+    nodes: Any
+
+    def __str__(self) -> str:
+        return f"the feedthrough terms D close an algebraic loop of gain 1 or more through {list_nodes(self.nodes)}"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NoWeights:
+    """No sigma > 0 satisfies (III') for the supply rates.
+
+    Attributes
+    ----------
+    y : ndarray, shape (sum q_k,)
+        Outputs y in Y with q_j'y_j + r_j'(W y)_j >= 0 for every node j, and > 0 for one.
+    """
+
+    y: Floats
+
+    def __str__(self) -> str:
+        return (
+            "no weights sigma > 0 satisfy (III') for these supply rates: there are outputs for which no node's supply "
+            f"q'y + r'W y is negative ({int(np.count_nonzero(self.y))} outputs involved)"
+        )
+
+
+def list_nodes(nodes: Any, most: int = 6) -> str:
+    """Node numbers in words."""
+    numbers = [str(int(j)) for j in np.asarray(nodes)[:most]]
+    return "nodes " + ", ".join(numbers) + (", ..." if len(nodes) > most else "")
+
+
+def node_positivity(model: NetworkModel, node: int) -> PositivityCertificate:
+    """Theorem 1 for one node, as a certificate without a witness."""
+    g, place = model.locate(node)
+    s = model.stacks[g]
+    a, b, c, d = (exact_take(m, place) for m in (s.A, s.B, s.C, s.D))
+    return PositivityCertificate.settle(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
+
+
+def refute(model: NetworkModel, w: Any, loop: tuple[Floats, Floats] | None) -> list[Condition] | None:
+    """The inequalities that prove a witness, or None if it makes no sense."""
+    if isinstance(w, CouplingViolation):
+        return _coupling(model, w)
+    if isinstance(w, NodeViolation):
+        part = node_positivity(model, w.node)
+        found = replace(part, witness=w.violation, status=Status.UNDECIDED).refutation()
+        return None if found is None else list(found)
+    if isinstance(w, NodeNotDissipative):
+        part = node_positivity(model, w.node)
+        found = DissipativityCertificate.settle(positivity=part, q=w.q, r=w.r, witness=w.violation)
+        return list(found._own_conditions) if found.status is Status.REFUTED else None
+    if isinstance(w, NetworkInstability):
+        return growth(model, w, loop)
+    if isinstance(w, AlgebraicLoop):
+        if not np.any(w.y):
+            return None
+        out = positive_parts(model)
+        for g, (y, u) in enumerate(zip(model.split(w.y, 2), model.split(w.u, 1), strict=True)):
+            s = model.stacks[g]
+            out.append(
+                Condition(
+                    on.titled("h'y >= 0", model, g),
+                    BilinearForms(on.facets(s.Y), None, ExactMatrix(y[:, None, :])),
+                    ">=",
+                )
+            )
+            row = ExactMatrix(np.concatenate([u, y], axis=1)[:, None, :])
+            middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
+            out.append(
+                Condition(on.titled("h'(D u - y) >= 0", model, g), BilinearForms(on.facets(s.Y), middle, row), ">=")
+            )
+        return [*out, on.received(model, w.u, w.y)]
+    return None
+
+
+def positive_parts(model: NetworkModel) -> list[Condition]:
+    """All nodes positive, and (I)."""
+    return [c for g in range(len(model.stacks)) for c in on.positivity(model, g)] + on.coupling(model)
+
+
+def growth(model: NetworkModel, w: NetworkInstability, loop: tuple[Floats, Floats] | None) -> list[Condition] | None:
+    """A_cl x - rate x in X with a rate that excludes stability, for a positive network."""
+    least = 1.0 if model.discrete else 0.0
+    if not np.any(w.x) or not w.rate >= least:
+        return None
+    return below_abscissa(model, w, loop)
+
+
+def below_abscissa(
+    model: NetworkModel, w: NetworkInstability, loop: tuple[Floats, Floats] | None
+) -> list[Condition] | None:
+    """A_cl x - rate x in X for a positive network: its spectral abscissa is at least the rate."""
+    out = positive_parts(model)
+    if model.has_feedthrough:
+        if loop is None:
+            return None
+        out += on.loop_gain(model, *loop)
+    return out + list(on.motion(model, w.x, w.u, w.y, w.rate))
+
+
+def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition]:
+    (gj, _), (gk, _) = model.locate(w.target), model.locate(w.source)
+    rows = np.arange(model.offsets[1][w.target], model.offsets[1][w.target + 1])[None]
+    columns = np.arange(model.offsets[2][w.source], model.offsets[2][w.source + 1])[None]
+    block = exact_take(take_blocks(model.coupling, rows, columns), 0)
+    h = exact_rows(on.facets(model.stacks[gj].U), w.facet)
+    y = exact_rows(on.rays(model.stacks[gk].Y), w.ray)
+    return [Condition("h'W y < 0", BilinearForms(h, block, y), "<")]
+
+
+def exact_rows(m: ExactMatrix, row: int) -> ExactMatrix:
+    """One row of the facets or generators of a cone."""
+    return take_rows(m, np.array([row]))
