@@ -40,6 +40,10 @@ from .stability import InstabilityDirection as InstabilityDirection
 from .stability import LyapunovCertificate as LyapunovCertificate
 from .stability import linear_lyapunov as linear_lyapunov
 from .statespace import ConeStateSpace as ConeStateSpace
+from .synthesis import DesignResult as DesignResult
+from .synthesis import observer_gain as observer_gain
+from .synthesis import output_feedback as output_feedback
+from .synthesis import state_feedback as state_feedback
 
 if TYPE_CHECKING:
     from .plotting import phase_portrait as phase_portrait
