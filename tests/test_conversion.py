@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 import control_kpos.cones.conversion as conversion
 from control_kpos.cones import PolyhedralCone, orthant
 from control_kpos.cones.elimination import echelon, inverse_rows, normals
+from control_kpos.cones.lifting import transposed_inverse_rows
+from control_kpos.errors import TooLargeError
 
 
 def primitive(row):
@@ -322,6 +324,56 @@ def test_large_simplicial_cones(n):
     dependent = rays.copy()
     dependent[-1] = dependent[0]
     assert not PolyhedralCone(dependent).is_solid
+
+
+@pytest.mark.parametrize(
+    ("rays", "is_simple"),
+    [
+        (np.tri(60), True),
+        (np.tri(60) * 2.0 ** np.random.default_rng(0).integers(-400, 400, 60), True),
+        (3 * np.eye(30) + np.ones((30, 30)), True),
+        (np.eye(40), True),
+        (np.eye(30) + np.eye(30, k=1) / 3, False),
+        (np.tri(30) / 3, False),
+    ],
+)
+def test_large_simplicial_cones_of_structure_have_exact_facets(rays, is_simple):
+    X = PolyhedralCone(rays)
+    assert X.is_simplicial and (X.exact_facets.radius is None) == is_simple
+    assert_incidence(X)
+
+
+def test_large_simplicial_cones_of_fractions():
+    rows = [[Fraction(1, 3 + i) if i == j else Fraction(int(i == j + 1)) for j in range(30)] for i in range(30)]
+    X = PolyhedralCone(rows)
+    assert X.is_simplicial and X.contains(X.interior_point, strict=True)
+    assert_incidence(X)
+    units = 10.0 ** np.arange(-150, 150, 10)
+    Y = PolyhedralCone((np.tri(30) + np.random.default_rng(0).random((30, 30))) * units)
+    assert (
+        Y.is_simplicial
+        and Y.contains(Y.interior_point, strict=True)
+        and Y.dual.contains(Y.dual.interior_point, strict=True)
+    )
+    assert_incidence(Y)
+
+
+def test_cones_too_large_for_elimination_are_refused():
+    rays = np.random.default_rng(0).normal(size=(250, 250))
+    rays[-1] = rays[0] + rays[1]
+    with pytest.raises(TooLargeError, match="250 vectors in dimension 250"):
+        _ = PolyhedralCone(rays).facets
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 12])
+def test_lifting_agrees_with_elimination(n):
+    rng = np.random.default_rng(n)
+    for largest in (3, 2**30, 2**53):
+        R = rng.integers(-largest, largest, (n, n)).astype(object)
+        expected = inverse_rows(R)
+        if expected is not None:
+            assert (transposed_inverse_rows(R, np.arange(n)) == expected).all()
+    assert transposed_inverse_rows(np.zeros((n, n), dtype=object), np.arange(1)) is None
 
 
 def test_elimination():

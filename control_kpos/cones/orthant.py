@@ -83,7 +83,7 @@ class Orthant(Cone):
 
     @property
     def interior_point(self) -> NDArray[np.float64]:
-        return np.ones(self._n)
+        return np.broadcast_to(1.0, (self._n,))
 
     def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
         if points.is_sparse or points.integer_rows is not None:

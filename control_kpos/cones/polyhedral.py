@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
 from ..errors import NotProperConeError, UndecidedError
-from .base import Cone, decide_membership, nonzero_rows
+from .base import Cone, nonzero_rows
 from .conversion import Faces, convert
 from .elimination import divide_by_content
 from .rows import equilibrate
@@ -150,7 +151,7 @@ class PolyhedralCone(Cone):
     def _interior_point(self) -> NDArray[np.float64]:
         if not self.is_solid:
             raise NotProperConeError(f"the cone has no interior: {self._describe_hyperplane()}.")
-        return _inner_sum(self.exact_rays, self.exact_facets)
+        return _inner_sum(self._faces)
 
     def _equals(self, other: Cone) -> bool:
         # pointed cones are equal if their extreme rays are; solid ones if their facets are
@@ -198,21 +199,30 @@ class PolyhedralCone(Cone):
         return f"<PolyhedralCone in R^{self.dim}: {self.n_rays} rays, {self.n_facets} facets{kind}>"
 
 
-def _inner_sum(rays: ExactMatrix, facets: ExactMatrix) -> NDArray[np.float64]:
-    """A sum of the rays, scaled by powers of two to similar length in balanced units; proven interior."""
-    values = np.asarray(rays.values)
-    length, _ = equilibrate(np.frexp(values)[1].astype(np.int64), values != 0)
-    scale = length - int(np.median(length)) if len(length) else length
-    values = np.ldexp(values, -scale)
-    rng = np.random.default_rng(0)
+def _inner_sum(faces: Faces) -> NDArray[np.float64]:
+    """A positive combination of the rays, proven interior.
+
+    Starts with rays scaled to similar length in balanced units.  While rounding leaves the sum outside
+    some facets, the rays off these facets count more.
+    """
+    values = np.asarray(faces.rays.values)
+    size = np.frexp(values)[1].astype(np.int64)
+    length, _ = equilibrate(size, values != 0)
     weights = np.ones(len(values))
-    for _ in range(100):
-        point = weights @ values
+    rng = np.random.default_rng(0)
+    for _ in range(200):
+        mantissa, exponent = np.frexp(weights[:, None])
+        move = exponent - length
+        move -= np.where(values != 0, size + move, -(2**40)).max(initial=-(2**40))
+        point = np.ldexp(values * mantissa, move).sum(axis=0)
         point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
-        if decide_membership(facets, ExactMatrix(point[None]), True)[0]:
+        inside = BilinearForms(faces.facets, None, ExactMatrix(point[None])).signs()[:, 0] == 1
+        if inside.all():
             point.flags.writeable = False
             return point
-        weights = np.exp2(rng.integers(-6, 7, len(values)) + rng.random(len(values)))
+        off = ~faces.incidence[~inside].all(axis=0)
+        weights[off] *= 8 * (1 + rng.random(off.sum()))
+        weights /= weights.max()
     raise UndecidedError("the cone is too thin for an interior point in double precision; rescale the coordinates.")
 
 

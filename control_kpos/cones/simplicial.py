@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import HALF_ULP, ExactMatrix, Integers, dense
-from .elimination import divide_by_content, inverse_rows, normals
+from ..arrays import HALF_ULP, ExactMatrix, Integers, dense, granularity
+from ..errors import TooLargeError
+from .elimination import divide_by_content
+from .lifting import transposed_inverse_rows
 from .rows import equilibrate
 
 # Up to this dimension exact elimination is cheap.
@@ -23,20 +25,22 @@ LARGE = 24
 
 @dataclass(frozen=True, eq=False)
 class InverseRows:
-    """Exact rows of the transposed inverse of a regular matrix, up to positive factors."""
+    """Exact rows of the transposed inverse of a regular matrix, up to positive factors.
+
+    Attributes
+    ----------
+    generators : ExactMatrix, shape (n, n)
+    """
 
     generators: ExactMatrix
 
     def __call__(self, index: NDArray[np.intp]) -> Integers:
-        n = self.generators.shape[0]
-        rows = divide_by_content(self.generators.rows_as_integers(np.arange(n)))
-        if len(index) > n // 8:
-            inverse = inverse_rows(rows)
-            if inverse is not None:
-                return inverse[index]
-        out = normals(np.array([np.delete(rows, k, axis=0) for k in index], dtype=object).reshape(len(index), n - 1, n))
-        inward = (out * rows[index]).sum(axis=1) > 0
-        return np.where(inward[:, None], out, -out)
+        """Some rows, by p-adic lifting; without common factors."""
+        rows = divide_by_content(self.generators.rows_as_integers(np.arange(self.generators.shape[0])))
+        out = transposed_inverse_rows(rows, index)
+        if out is None:
+            raise TooLargeError(f"an exact inverse of a {rows.shape[0]} x {rows.shape[0]} matrix is out of reach.")
+        return out
 
 
 def simplicial_facets(generators: ExactMatrix) -> ExactMatrix | None:
@@ -67,16 +71,54 @@ def simplicial_facets(generators: ExactMatrix) -> ExactMatrix | None:
         c = C.sum(axis=1).max() * (1 + 1e-9)
         if not c < 0.5:
             return None
+        simple = _simple_rows(Z, R) if generators.is_double else None
+        if simple is not None:
+            values, shift = _unit_length(simple, -columns)
+            if (np.ldexp(values, columns + shift) == simple).all():
+                return ExactMatrix(_frozen(values))
         error = (C @ (size + c / (1 - c) * size.max(axis=0))) * (1 + 1e-9)
-        # rows to largest entry in [1/2, 1), in the units of the given columns
-        _, shift = np.frexp(np.ldexp(size, -columns).max(axis=1))
-        move = -columns - shift[:, None]
-        values, error = np.ldexp(Z, move), np.ldexp(error, move) + 2.0**-1073
+        values, shift = _unit_length(Z, -columns)
+        error = np.ldexp(error, -columns - shift) + 2.0**-1073
     if not (np.isfinite(values).all() and np.isfinite(error).all()):
         return None
-    values.flags.writeable = False
-    error.flags.writeable = False
-    return ExactMatrix(values, error, integer_rows=InverseRows(generators))
+    return ExactMatrix(_frozen(values), _frozen(error), integer_rows=InverseRows(generators))
+
+
+def _unit_length(Z: NDArray[np.float64], units: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Rows times 2**(units - shift), largest entries in [1/2, 1); and shift, one for each row."""
+    size = np.where(Z != 0, np.frexp(Z)[1] + units, -(2**40))
+    shift = size.max(axis=1, keepdims=True)
+    return np.ldexp(Z, units - shift), shift
+
+
+def _simple_rows(Z: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Small integers proportional to the rows of an inverse, if there are such and they are proven right.
+
+    They are, for cones of structure: orderings, sums, differences.  Floating point alone would blur their zeros.
+    """
+    size = np.abs(Z)
+    smallest = np.where(size > 1e-9 * size.max(axis=1, keepdims=True), size, np.inf).min(axis=1, keepdims=True)
+    rows = Z / smallest
+    found = np.zeros(len(Z), dtype=bool)
+    out = np.empty_like(Z)
+    for multiple in range(1, 13):
+        if multiple > 1 and not found.any():
+            return None  # not that kind of matrix
+        guess = np.rint(rows * multiple)
+        fits = ~found & (np.abs(rows * multiple - guess) < 1e-6).all(axis=1) & (np.abs(guess) < 2**20).all(axis=1)
+        out[fits] = guess[fits]
+        found |= fits
+    if not found.all() or (np.abs(out) @ np.abs(R.T)).max() >= np.ldexp(1.0, granularity(R) + 52):
+        return None
+    product = out @ R.T  # exact: all terms are multiples of one power of two, and small
+    diagonal = np.diag(product).copy()
+    np.fill_diagonal(product, 0)
+    return out if (diagonal > 0).all() and not product.any() else None
+
+
+def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
+    array.flags.writeable = False
+    return array
 
 
 def _scaled(generators: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None:
