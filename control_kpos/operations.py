@@ -26,6 +26,8 @@ from .rounding import rounded_into
 
 # Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
 _POSITIVE_HOLDS = ("zoh", "foh", "impulse")
+# States up to which a change of coordinates is computed in fractions: a rounded inverse would lose the boundary.
+_EXACT_TRANSFORM = 32
 
 
 class ConeOperations(StateSpace):
@@ -48,9 +50,12 @@ class ConeOperations(StateSpace):
         """The result as a system with cones; as it is if there are none."""
 
     def _adopt(
-        self, result: Any, rule: Callable[..., Model | None], *others: ConeOperations, gain: ExactMatrix | None = None
+        self, result: Any, rule: Callable[..., Model | None], *others: ConeOperations, exactly: bool = False
     ) -> Any:
-        """The result with the cones that `rule` finds from the operands, if they follow."""
+        """The result with the cones that `rule` finds from the operands, if they follow.
+
+        `exactly`: track the matrices in fractions even if the operands are doubles.
+        """
         if type(result) is not StateSpace:
             return result  # NotImplemented, or an interconnection with a nonlinear system
         operands = (self, *others)
@@ -58,7 +63,7 @@ class ConeOperations(StateSpace):
             return result  # a system without timebase was positive as a continuous one
         if not _is_finite(result):
             return result  # overflow
-        tracked = any(s._exact() for s in operands) or not (gain is None or gain.is_double)
+        tracked = exactly or any(s._exact() for s in operands)
         return self._with_cones(result, rule(*(s._model(tracked) for s in operands)))
 
     def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, ExactMatrix], Model | None]) -> Any:
@@ -66,7 +71,7 @@ class ConeOperations(StateSpace):
         if isinstance(factor, numbers.Real):
             return self._adopt(result, lambda s: connections.scale(s, float(factor)))
         gain = _gain(factor)
-        return result if gain is None else self._adopt(result, lambda s: rule(s, gain), gain=gain)
+        return result if gain is None else self._adopt(result, lambda s: rule(s, gain), exactly=not gain.is_double)
 
     def _require_timebase(self, other: Any) -> None:
         if isinstance(other, (StateSpace, ct.TransferFunction)):
@@ -102,7 +107,11 @@ class ConeOperations(StateSpace):
         if isinstance(other, numbers.Real):
             other = np.full((self.noutputs, self.ninputs), float(other))
         gain = _gain(other)
-        return result if gain is None else self._adopt(result, lambda s: connections.add_gain(s, gain), gain=gain)
+        return (
+            result
+            if gain is None
+            else self._adopt(result, lambda s: connections.add_gain(s, gain), exactly=not gain.is_double)
+        )
 
     def __radd__(self, other: Any) -> Any:
         if isinstance(other, StateSpace):
@@ -180,7 +189,7 @@ class ConeOperations(StateSpace):
         return (
             result
             if gain is None
-            else self._adopt(result, lambda s: connections.feedback_gain(s, gain, D1, k), gain=gain)
+            else self._adopt(result, lambda s: connections.feedback_gain(s, gain, D1, k), exactly=not gain.is_double)
         )
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> StateSpace:
@@ -282,7 +291,7 @@ class ConeOperations(StateSpace):
         return self._adopt(super().to_ss(*args, **kwargs), lambda s: s)
 
     def similarity_transform(self, T: ArrayLike, timescale: float = 1, inverse: bool = False) -> StateSpace:
-        """The same system in states z = T x, with the cone T X.
+        """The same system in states z = T x, with the cone T X; exact up to 32 states.
 
         Parameters
         ----------
@@ -312,11 +321,19 @@ class ConeOperations(StateSpace):
         """
         n = self.nstates
         exact = require_shape(exact_matrix(T, "T"), "T", (n, n), "the number of states")
+        singular = DataError("T is singular; a change of coordinates must be invertible.")
         try:
             result = ct.similarity_transform(self, exact.values, timescale, inverse)
         except np.linalg.LinAlgError:
-            raise DataError("T is singular; a change of coordinates must be invertible.") from None
-        return self._adopt(result, lambda s: connections.transform(s, exact, timescale, inverse), gain=exact)
+            raise singular from None
+
+        def moved(s: Model) -> Model | None:
+            model = connections.transform(s, exact, timescale, inverse)
+            if model is None and timescale > 0:
+                raise singular
+            return model
+
+        return self._adopt(result, moved, exactly=n <= _EXACT_TRANSFORM)
 
 
 def _is_finite(s: StateSpace) -> bool:

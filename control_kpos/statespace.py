@@ -34,6 +34,7 @@ from .system_data import Removal, SystemSizeError, read_cone, read_matrix, requi
 _MATRICES = ("A", "B", "C", "D")
 # As numpy summarises larger arrays, a cone with more numbers is described rather than listed.
 _MOST_RAY_ENTRIES = 1000
+_LONGEST_FRACTION = 24
 
 
 class ConeStateSpace(ConeOperations):
@@ -328,7 +329,9 @@ class ConeStateSpace(ConeOperations):
             text, at = super()._repr_eval_().removeprefix("StateSpace").removesuffix(")"), 0
             for name in _MATRICES:
                 doubles = repr(getattr(self, name))
-                shown = repr(exact[name].fractions().astype(str).tolist()) if name in exact else doubles
+                shown = _fractions(exact[name]) if name in exact else doubles
+                if not self.nstates and name != "D" and self.D.size:
+                    shown = "[]"  # numpy's text for empty arrays needs names that are not ours
                 at = text.index(doubles, at)
                 text = text[:at] + shown + text[at + len(doubles) :]
                 at += len(shown)
@@ -342,6 +345,14 @@ class ConeStateSpace(ConeOperations):
 
     def __str__(self) -> str:
         return "\n\n".join([super().__str__(), *(f"{n}: {_described(c)}" for n, c in self._shown_cones().items())])
+
+
+def _fractions(m: ExactMatrix) -> str:
+    """Fractions as text that can be read back, decimals with all digits if the fractions are long."""
+    text = m.fractions().astype(str)
+    if max(map(len, text.ravel())) <= _LONGEST_FRACTION:
+        return repr(text.tolist())
+    return repr(np.asarray(m.values))
 
 
 def _default_print_options() -> bool:
@@ -365,4 +376,4 @@ def _rays(cone: Cone) -> str:
     if cone.n_rays * cone.dim > _MOST_RAY_ENTRIES:
         return repr(cone)
     numbers = dense(rays.values) if rays.is_double else rays.rows_as_integers(np.arange(cone.n_rays))
-    return repr([[int(x) if x == int(x) else x for x in row] for row in numbers.tolist()])
+    return repr([[int(x) if abs(x) < 2**53 and x == int(x) else x for x in row] for row in numbers.tolist()])
