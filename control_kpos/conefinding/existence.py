@@ -69,7 +69,7 @@ class SpectralObstruction:
     def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
         if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
             return None
-        holds = _holds(spectrum_polynomial(layer(matrices, self.matrix)), self)
+        holds = excludes_cones(spectrum_polynomial(layer(matrices, self.matrix)), self)
         return [fact(f"the eigenvalue {self.kind} of {float(self.bound):.6g} is in the way", holds)]
 
     def __str__(self) -> str:
@@ -110,7 +110,7 @@ def spectral_obstruction(A: ExactMatrix, *, matrix: int = 0, discrete: bool = Fa
     p = spectrum_polynomial(A)
     for kind, bound, value in _guesses(values, p, discrete):
         found = SpectralObstruction(matrix, kind, bound, float(value.real), float(value.imag), discrete)
-        if _holds(p, found):
+        if excludes_cones(p, found):
             return found
     return None
 
@@ -164,7 +164,8 @@ def _centred(p: Polynomial, bound: Fraction, discrete: bool) -> Polynomial:
     return moebius(p, bound) if discrete else shift_roots(p, bound)
 
 
-def _holds(p: Polynomial, w: SpectralObstruction) -> bool:
+def excludes_cones(p: Polynomial, w: SpectralObstruction) -> bool:
+    """True if the obstruction holds for this characteristic polynomial."""
     if w.discrete and w.bound <= 0 or real_roots_above(p, w.bound):
         return False
     if w.kind == "ahead":

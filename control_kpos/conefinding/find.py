@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from control import StateSpace
 
 from ..arrays import ExactMatrix, exact_matrix
+from ..certificates.result import Status
 from ..cones import Cone
 from ..certificates.exact import BilinearForms
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from .certificate import ConeCertificate
-from .existence import spectral_obstruction, transposed
+from .existence import layer, spectral_obstruction, transposed
 from .explicit import fewest_rays
+from .family import find_common
 from .generated import proper_cone
 from .modes import dominant_index
 from .port_obstruction import port_obstruction
@@ -32,6 +34,10 @@ def find_cone(
     *,
     discrete: bool | None = None,
     few: Literal["rays", "facets"] = "rays",
+    seed: int = 0,
+    restarts: int = 200,
+    time_limit: float = 30.0,
+    progress: Callable[[str], None] | None = None,
 ) -> FoundCone:
     """Find a proper polyhedral cone X that A leaves invariant, or prove that there is none.
 
@@ -45,6 +51,12 @@ def find_cone(
     >>> find_cone([[0, 1], [-1, 0]]).status.name
     'REFUTED'
     """
+    if few not in ("rays", "facets"):
+        raise DataError(f'few is {few!r}; it must be "rays" or "facets".')
+    if _is_family(A):
+        if contains is not None or within is not None or few == "facets":
+            raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
+        return _common(family(A, "A"), max_rays, bool(discrete), seed, restarts, time_limit, progress)
     if isinstance(A, StateSpace):
         matrix, vectors, normals, discrete = _of_system(A, contains, within, discrete)
     else:
@@ -54,6 +66,60 @@ def find_cone(
     if vectors.shape[0] or normals.shape[0]:
         return _with_ports(matrix, vectors, normals, max_rays, bool(discrete))
     return _one(matrix, max_rays, bool(discrete), few)
+
+
+def _is_family(A: Any) -> bool:
+    if isinstance(A, (list, tuple)):
+        return not A or any(isinstance(x, StateSpace) or np.ndim(x) == 2 for x in A)
+    return getattr(A, "ndim", 2) == 3
+
+
+def family(data: Any, name: str) -> ExactMatrix:
+    """Read several square matrices of one size, or systems, as a stack."""
+    items = list(data)
+    if not items:
+        raise ShapeError(f"{name} is an empty family; give at least one matrix.")
+    read = [square(getattr(x, "A", x), f"{name}[{s}]") for s, x in enumerate(items)]
+    for s, matrix in enumerate(read):
+        if matrix.shape != read[0].shape:
+            raise ShapeError(
+                f"{name}[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but {name}[0] is {read[0].shape[0]} x "
+                f"{read[0].shape[1]}; all matrices of a family must have one size."
+            )
+    return as_stack(read)
+
+
+def _common(
+    matrices: ExactMatrix,
+    max_rays: int | None,
+    discrete: bool,
+    seed: int,
+    restarts: int,
+    time_limit: float,
+    progress: Callable[[str], None] | None,
+) -> FoundCone:
+    bound = max(lower_bound(layer(matrices, s), discrete=discrete) for s in range(matrices.shape[0]))
+    certificate, separators, conditioning = find_common(
+        matrices,
+        discrete=discrete,
+        max_rays=max_rays,
+        seed=seed,
+        restarts=restarts,
+        time_limit=time_limit,
+        progress=progress,
+    )
+    if certificate.status is not Status.REFUTED:
+        _require_rays(max_rays, bound)
+    if not certificate or certificate.rays is None or certificate.right_inverse is None:
+        more = "" if certificate.witness else f"Any common cone needs at least {bound} rays. Try more restarts, another seed, or more time."
+        return FoundCone(certificate, None, bound, np.inf, more)
+    cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
+    more = (
+        "It is invariant under the whole convex hull of the family."
+        if certificate.v is None
+        else "It is invariant under the whole convex hull of the family, and v proves exponential stability for arbitrary switching in the hull."
+    )
+    return FoundCone(certificate, cone, bound, conditioning, more)
 
 
 def _of_system(

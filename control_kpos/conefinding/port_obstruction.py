@@ -174,7 +174,7 @@ def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
         return bool(c @ x < 0)
     if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift) or _is_root(A, w.shift):
         return False
-    adjugate, determinant = _adjugate(A, w.shift)
+    adjugate, determinant = resolvent(A, w.shift)
     x = b
     for _ in range(w.power):
         x = adjugate @ x
@@ -185,7 +185,7 @@ def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
 
 
 def _is_root(A: ExactMatrix, s: Fraction) -> bool:
-    return _adjugate(A, s)[1] == 0
+    return resolvent(A, s)[1] == 0
 
 
 def _is_not_identically_zero(A: ExactMatrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
@@ -197,7 +197,7 @@ def _is_not_identically_zero(A: ExactMatrix, b: NDArray[np.object_], c: NDArray[
     return False
 
 
-def _adjugate(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
+def resolvent(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
     """Integer matrix and number: (s I - A)^-1 = adjugate / determinant up to a positive factor."""
     M, factor = A.as_integers()
     ratio = s / Fraction(factor)

@@ -1,0 +1,236 @@
+"""A common cone for a family A_1..A_M: filters, then searches from many starts within a time limit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import matrix_balance
+
+from ..arrays import ExactMatrix
+from ..linear_programs import solve
+from .certificate import ConeCertificate
+from .commutator import simplicial_descent
+from .existence import layer
+from .explicit import modal_cone
+from .filters import family_obstruction
+from .modes import Modes, modes
+from .moving import moving_descent
+from .multipliers import multipliers
+from .reduction import extreme_generators
+from .single import as_stack, flatness
+
+Array = NDArray[np.float64]
+Progress = Callable[[str], None]
+
+# Attempts at rounding a cone that is invariant without margin to simple fractions.
+_NEARLY = 1e-5
+_DENOMINATORS = (1, 12, 1000)
+
+
+def find_common(
+    matrices: ExactMatrix,
+    *,
+    discrete: bool,
+    max_rays: int | None,
+    seed: int,
+    restarts: int,
+    time_limit: float,
+    progress: Progress | None,
+) -> tuple[ConeCertificate, Array | None, float]:
+    """Certificate, separators and conditioning of a common cone.
+
+    Every attempt is put to the proof; the certificate is REFUTED only with a proven obstruction.
+    """
+    end = time.monotonic() + time_limit
+
+    def remaining() -> float:
+        return end - time.monotonic()
+
+    say = progress or (lambda _: None)
+    units = _units(matrices)
+    balanced = np.asarray(matrices.values) * units / units[:, None]
+    known = [modes(A, discrete=discrete) for A in balanced]
+    obstruction = family_obstruction(matrices, [_unscaled(m, units) for m in known], discrete=discrete)
+    if obstruction is not None:
+        say(f"excluded: {obstruction}")
+        return ConeCertificate.settle(matrices=matrices, discrete=discrete, witness=obstruction), None, np.inf
+    nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
+    if any(m is None for m in known):
+        return nothing, None, np.inf
+    normal, e, w = _aligned(balanced, [m for m in known if m is not None], discrete)
+    rng = np.random.default_rng(seed)
+    best = -np.inf
+    for attempt, R in enumerate(_starts(normal, e, w, rng, discrete, restarts, max_rays)):
+        if remaining() <= 0:
+            say(f"time limit of {time_limit:g} s reached after {attempt} starts")
+            break
+        if R.shape[1] == R.shape[0]:
+            R, margin = simplicial_descent(normal, R, discrete=discrete, remaining=remaining)
+        else:
+            place = moving_descent(normal, R, w, discrete=discrete, remaining=remaining)
+            R, margin = (R, -np.inf) if place is None else (place.X, place.margin)
+        best = max(best, margin)
+        say(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
+        if margin < -_NEARLY:
+            continue
+        for rays in _roundings(R, units, margin):
+            certificate = _proven(matrices, rays, units, discrete)
+            if certificate:
+                point = np.asarray(certificate.pointing)
+                index, separators = extreme_generators(np.asarray(rays.values), point)
+                return certificate, separators if len(index) == rays.shape[0] else None, flatness(R)
+    return nothing, None, np.inf
+
+
+def _units(matrices: ExactMatrix) -> Array:
+    """Powers of two in which all matrices together are balanced."""
+    size = np.abs(matrices.values).max(axis=0)
+    _, (units, _) = matrix_balance(size, permute=False, separate=True)
+    return units
+
+
+def _unscaled(m: Modes | None, units: Array) -> Modes | None:
+    if m is None:
+        return None
+    return Modes(m.dominant, m.right * units, m.left / units, m.others, m.bases, m.conditioning)
+
+
+def _aligned(matrices: Array, known: list[Modes], discrete: bool) -> tuple[Array, Array, Array]:
+    """Matrices shifted and scaled to size one, the mean dominant direction, and the mean functional."""
+    first = known[0]
+    side = np.array([1.0 if m.left @ first.right >= 0 else -1.0 for m in known])
+    left = np.mean([s * m.left / np.linalg.norm(m.left) for s, m in zip(side, known, strict=True)], axis=0)
+    right = np.mean([s * m.right for s, m in zip(side, known, strict=True)], axis=0)
+    n = matrices.shape[-1]
+    if discrete:
+        scaled = np.array([A / (m.dominant or 1.0) for A, m in zip(matrices, known, strict=True)])
+    else:
+        scaled = np.array([A - m.dominant * np.eye(n) for A, m in zip(matrices, known, strict=True)])
+        scaled = scaled / np.maximum(np.abs(scaled).max(axis=(1, 2), keepdims=True), 1e-300)
+    height = float(left @ right)
+    return scaled, right / (height if height > 0 else 1.0), left
+
+
+def _starts(
+    matrices: Array, e: Array, w: Array, rng: np.random.Generator, discrete: bool, restarts: int, max_rays: int | None
+) -> Iterator[Array]:
+    """Generators to begin with: the orthant, cones of the mean matrix, and random simplices around e."""
+    n = len(e)
+    most = max_rays or 3 * n + 4
+    yield np.eye(n)
+    mean = modes(matrices.mean(axis=0), discrete=discrete)
+    cone = None if mean is None else modal_cone(mean, discrete=discrete, max_rays=most)
+    if cone is not None and not (w @ cone.R > 0).all():
+        cone = None
+    if cone is not None and cone.R.shape[1] == n:
+        yield cone.R
+    centre = e if w @ e > 0 else w / (w @ w)
+    for k in range(restarts):
+        if k == 3 and cone is not None and cone.R.shape[1] > n:
+            yield cone.R
+        extra = 0 if n < 3 or k % 4 < 3 else 1 + int(rng.integers(0, max(1, min(n, most - n))))
+        basis = np.eye(n) if mean is None or k % 2 else np.column_stack([mean.right, *mean.bases])
+        flat = basis[:, 1:] - np.outer(centre, w @ basis[:, 1:]) / (w @ centre)
+        corners = _corners(n - 1, min(n + extra, most), rng)
+        size = (3.0, 1.0, 10.0)[k % 3]
+        yield centre[:, None] + size * flat @ corners
+
+
+def _corners(dim: int, count: int, rng: np.random.Generator) -> Array:
+    """Corners of a random regular simplex, or of a random polytope around 0 with more corners."""
+    if dim == 0:
+        return np.zeros((0, 1))
+    if count == dim + 1:
+        simplex = np.linalg.svd(np.eye(count) - 1 / count)[0][:, :dim].T
+    else:
+        points = rng.standard_normal((dim, count))
+        simplex = points / np.linalg.norm(points, axis=0)
+        simplex = simplex - simplex.mean(axis=1, keepdims=True)
+    turn = np.linalg.qr(rng.standard_normal((dim, dim)))[0]
+    return turn @ simplex
+
+
+def _roundings(R: Array, units: Array, margin: float) -> Iterator[ExactMatrix]:
+    """The generators as doubles, and as simple fractions where there is no margin to spare."""
+    rays = (R / np.abs(R).max(axis=0)).T * units
+    if margin > 1e-9:
+        yield ExactMatrix(np.ascontiguousarray(rays))
+    if margin < 1e-6:
+        for most in _DENOMINATORS:
+            scaled = rays / np.abs(rays).max(axis=1, keepdims=True)
+            rows = [[Fraction(float(x)).limit_denominator(most) for x in row] for row in scaled]
+            if np.linalg.matrix_rank(np.array(rows, dtype=float)) == rays.shape[1]:
+                yield ExactMatrix.from_fractions(np.array(rows, dtype=object))
+
+
+def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ConeCertificate:
+    """The certificate for these generators, with a common Lyapunov vector if there is one."""
+    values = np.asarray(rays.values)
+    pointing = _pointing(values / units) / units
+    inverse = np.linalg.pinv((values / units).T) / units
+    quick = _solved(matrices, rays, units, discrete)
+    if quick is None:
+        found = [multipliers(layer(matrices, s), rays, pointing, discrete=discrete) for s in range(matrices.shape[0])]
+        if any(P is None for P in found):
+            return ConeCertificate.settle(matrices=matrices, discrete=discrete)
+        quick = as_stack([P for P in found if P is not None])
+    data = {
+        "matrices": matrices,
+        "discrete": discrete,
+        "rays": rays,
+        "multipliers": quick,
+        "pointing": pointing,
+        "right_inverse": inverse,
+    }
+    certificate = ConeCertificate.settle(**data)
+    if not certificate:
+        return certificate
+    v = common_vector(np.asarray(matrices.values), values, discrete=discrete)
+    if v is None:
+        return certificate
+    with_vector = ConeCertificate.settle(**data, v=v)
+    return with_vector if with_vector else certificate
+
+
+def _solved(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ExactMatrix | None:
+    """Multipliers of a simplicial cone, if they are well away from zero."""
+    n = rays.shape[1]
+    if rays.shape[0] != n:
+        return None
+    R = (np.asarray(rays.values) / units).T
+    P = np.linalg.solve(R, (np.asarray(matrices.values) * units / units[:, None]) @ R)
+    free = P[:, np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)]
+    return ExactMatrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
+
+
+def _pointing(rays: Array) -> Array:
+    """w with w'x well above 0 for every generator of length 1, by a linear program."""
+    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    n = rays.shape[1]
+    answer = solve(
+        np.append(np.zeros(n), -1.0),
+        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
+        b_ub=np.zeros(len(unit)),
+        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
+    )
+    return answer.x[:-1] if answer else np.zeros(n)
+
+
+def common_vector(matrices: Array, rays: Array, *, discrete: bool) -> Array | None:
+    """v with v'x > 0 and v'A_s x < 0 (discrete time: < v'x) on every generator, by a linear program."""
+    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    n = rays.shape[1]
+    moved = np.concatenate([unit @ A.T - (unit if discrete else 0) for A in matrices])
+    moved = moved / np.maximum(np.abs(moved).max(), 1e-300)
+    rows = np.block([[-unit, np.ones((len(unit), 1))], [moved, np.ones((len(moved), 1))]])
+    answer = solve(
+        np.append(np.zeros(n), -1.0),
+        A_ub=rows,
+        b_ub=np.zeros(len(rows)),
+        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
+    )
+    return answer.x[:-1] if answer and answer.x[-1] > 1e-12 else None
