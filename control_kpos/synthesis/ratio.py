@@ -5,14 +5,16 @@
 where D picks positive multiples of entries of xi.  The smallest gain and the largest decay rate on a
 simplicial cone are of this form.  For fixed theta it is a linear program; Dinkelbach's iteration, with
 the denominators of the last point as weights (Crouzeix, Ferland and Schaible 1985), needs a handful of
-them where bisection needs dozens, and every iterate is feasible.
+them where bisection needs dozens, and every iterate is feasible.  Matrices are dense or sparse.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..linear_programs import Solution
@@ -28,12 +30,12 @@ _STEPS = 40
 _TIERS = (1e-7, 1e-5, 1e-3)
 
 
-def first_point(fixed: Floats, N: Floats, owner: Owners, lp: Solver) -> Solution:
+def first_point(fixed: Any, N: Any, owner: Owners, lp: Solver) -> Solution:
     """Some x with fixed x <= 0, xi >= 1 and max N x small; the last entry of the answer is that maximum.
 
     Parameters
     ----------
-    fixed, N : ndarray, shapes (R, v), (Q, v)
+    fixed, N : ndarray or csr_array, shapes (R, v), (Q, v)
     owner : ndarray of int, shape (v,)
         The xi that each variable is proportional to; the first n are xi themselves.
     lp : callable
@@ -41,21 +43,21 @@ def first_point(fixed: Floats, N: Floats, owner: Owners, lp: Solver) -> Solution
     """
     n, v = int(owner.max()) + 1, len(owner)
     cost = np.append(np.zeros(v), 1.0)
-    rows = np.block([[fixed, np.zeros((len(fixed), 1))], [N, -np.ones((len(N), 1))]])
+    rows = bordered(fixed, N, -np.ones(N.shape[0]))
     low = np.concatenate([np.ones(n), np.full(v - n, -np.inf), [0.0]])
     answer = Solution("failed", np.empty(0))
     for spread in (_SPREAD, np.inf):
         high = np.concatenate([np.full(n, spread), np.full(v - n + 1, np.inf)])
-        answer = lp(cost, rows, np.zeros(len(rows)), bounds=(low, high))
+        answer = lp(cost, rows, np.zeros(rows.shape[0]), bounds=(low, high))
         if answer.outcome != "infeasible":
             break
     return answer
 
 
 def minimise_ratio(
-    fixed: Floats,
-    N: Floats,
-    D: Floats,
+    fixed: Any,
+    N: Any,
+    D: Any,
     owner: Owners,
     lp: Solver,
     *,
@@ -67,7 +69,7 @@ def minimise_ratio(
 
     Parameters
     ----------
-    fixed, N, D : ndarray, shapes (R, v), (Q, v), (Q, v)
+    fixed, N, D : ndarray or csr_array, shapes (R, v), (Q, v), (Q, v)
         Rows of fixed x <= 0 and N x <= theta D x.
     owner : ndarray of int, shape (v,)
     lp : callable
@@ -92,7 +94,7 @@ def minimise_ratio(
             break
         x = x / x[:n].max()
         scale = x[owner]
-        block = np.block([[fixed * scale, np.zeros((len(fixed), 1))], [(N - theta * D) * scale, -(D @ x)[:, None]]])
+        block = bordered(scaled(fixed, scale), scaled(N - theta * D, scale), -(D @ x))
         answer = _nearby(block, np.clip(floor / x[:n], _SHRINK, 1.0), lp)
         if not answer:
             break
@@ -131,9 +133,9 @@ def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: So
     scale = x[owner]
     size = np.abs(rows) @ np.abs(x)
     size = np.where(size > 0, size, 1.0)
-    scaled = rows * scale / size[:, None]
+    relative = rows * scale / size[:, None]
     slack = np.hstack([np.eye(count) * tier for tier in _TIERS])
-    block = np.block([[fixed * scale, np.zeros((len(fixed), slack.shape[1]))], [-scaled, slack]])
+    block = np.block([[fixed * scale, np.zeros((len(fixed), slack.shape[1]))], [-relative, slack]])
     cost = np.concatenate([np.zeros(v), -np.ones(slack.shape[1])])
     low = np.concatenate([np.full(n, 0.5), np.full(v - n, -np.inf), np.zeros(slack.shape[1])])
     high = np.concatenate([np.full(n, 2.0), np.full(v - n, np.inf), np.ones(slack.shape[1])])
@@ -141,20 +143,33 @@ def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: So
     return answer.x[:v] * scale if answer else x
 
 
-def _worst(N: Floats, D: Floats, x: Floats) -> float:
+def satisfies(fixed: Any, x: Floats) -> bool:
+    """True if fixed x <= 0 up to rounding, relative to the size of each row at x."""
+    return bool((fixed @ x <= 1e-7 * (abs(fixed) @ np.abs(x))).all())
+
+
+def scaled(M: Any, scale: Floats) -> Any:
+    """M with its columns multiplied."""
+    return M @ sp.diags_array(scale, format="csr") if sp.issparse(M) else M * scale
+
+
+def bordered(top: Any, bottom: Any, border: Floats) -> Any:
+    """[[top, 0], [bottom, border]]."""
+    if sp.issparse(top):
+        column = sp.csr_array(np.concatenate([np.zeros(top.shape[0]), border])[:, None])
+        return sp.csr_array(sp.hstack([sp.vstack([top, bottom]), column], format="csr"))
+    return np.block([[top, np.zeros((len(top), 1))], [bottom, border[:, None]]])
+
+
+def _worst(N: Any, D: Any, x: Floats) -> float:
     with np.errstate(all="ignore"):
         return float(np.max((N @ x) / (D @ x), initial=-np.inf))
 
 
-def satisfies(fixed: Floats, x: Floats) -> bool:
-    """fixed x <= 0 up to rounding, relative to the size of each row at x."""
-    return bool((fixed @ x <= 1e-7 * (np.abs(fixed) @ np.abs(x))).all())
-
-
-def _nearby(block: Floats, low: Floats, lp: Solver) -> Solution:
+def _nearby(block: Any, low: Floats, lp: Solver) -> Solution:
     """Minimise the last variable over block (u, z, last) <= 0 with u in [low, 1]."""
     n, free = len(low), block.shape[1] - len(low)
     cost = np.append(np.zeros(block.shape[1] - 1), 1.0)
     low = np.concatenate([low, np.full(free, -np.inf)])
     high = np.concatenate([np.ones(n), np.full(free, np.inf)])
-    return lp(cost, block, np.zeros(len(block)), bounds=(low, high))
+    return lp(cost, block, np.zeros(block.shape[0]), bounds=(low, high))

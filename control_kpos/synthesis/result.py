@@ -133,7 +133,9 @@ class DesignResult:
         return f"{lead}: {self.message}{proof}{nearest}{notes}"
 
     def _weakening(self) -> str:
-        least = float(np.max(self.certified_fraction, initial=0.0))
+        if np.ndim(self.certified_fraction):
+            return ""  # a network: the notes name the most sensitive node
+        least = float(self.certified_fraction)
         if np.isnan(least):
             return ""
         if least <= 0:

@@ -1,0 +1,358 @@
+"""Local feedback for the nodes of a network, so that the whole network is certified (section V.B of the paper)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import HALF_ULP, ExactMatrix, exact_matrix
+from ..certificates.result import Status
+from ..errors import DataError, NotProperConeError, ShapeError
+from ..networks.certificate import flat
+from ..networks.coupling import read_coupling
+from ..networks.model import NetworkModel, NodeStack, gather
+from ..networks.network import ConeNetwork
+from ..statespace import ConeStateSpace
+from .backend import SolverChoice, backend
+from .network_program import MARGINS, NetworkProgram
+from .one_shot import design_on_simplicial
+from .plant import read_plant
+from .result import DesignResult, Nearest
+from .state import read_rate, read_time_limit
+from .weakening import interval_starts
+
+Floats = NDArray[np.float64]
+
+NETWORK_GAIN = "smallest gain max |F_j x_k| over all nodes and generators"
+BOUNDED = "largest |F_j x_k| relative to its bound"
+# Entries of the closed loop up to which A + B F is formed in rational arithmetic.
+_EXACT_ENTRIES = 20_000
+_DIGITS = (4, 6, 9, 12)
+_NODES_TRIED = 50
+_SLACK = 0.05
+
+
+def network_feedback(
+    systems: Any,
+    coupling: Any,
+    *,
+    uniform: bool = False,
+    rate: float = 0.0,
+    gain_bound: ArrayLike | None = None,
+    solver: SolverChoice = None,
+    time_limit: float = 600.0,
+) -> DesignResult:
+    """Find local gains u_j = F_j x_j + sum_k W_jk y_k + w_j for which the network is positive and stable.
+
+    Parameters
+    ----------
+    systems : sequence of ConeStateSpace, or result of `stack`
+        Nodes with simplicial state cones, B_j U_j inside X_j, C_j X_j inside Y_j and D_j = 0.
+    coupling : as in `feedback_interconnect`
+    uniform : bool
+        True: one F for all nodes, which must have equal sizes and one cone.  Found with one vector for all nodes,
+        a sufficient condition.
+    rate : float
+        Decay rate of the network.
+    gain_bound : float, array_like, shape (sum m_j,), optional
+        |F_j x_k| <= gain_bound at every generator of X_j.  With a bound one program is solved, and the gains are
+        whatever it gives; without, several, for the smallest bound that is possible.
+    solver, time_limit
+        As in `state_feedback`.
+
+    Returns
+    -------
+    DesignResult
+        `F` of shape (N, m, n) (a tuple of arrays if nodes differ in size; shape (m, n) if uniform), `closed_loop` a
+        network as from `feedback_interconnect`, `certificate` its Theorem-4 certificate, `certified_fraction` of
+        shape (N,).  REFUTED if some node alone cannot be made positive and stable, or leaves its cones.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError, NotProperConeError, TimebaseError, SolverError
+        Arguments that do not fit together; a node with feedthrough or a state cone that is not simplicial.
+
+    Notes
+    -----
+    One sparse program with n + n m variables and about n^2 + n m rows per node.  Up to 5000 nodes or so A + B F
+    is formed exactly; beyond, the certificate is about the doubles of A + B F, and a note says whether the margins
+    also cover the rounding of that sum.
+
+    Examples
+    --------
+    >>> import control_kpos as kp, numpy as np
+    >>> node = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    >>> ring = np.roll(np.eye(5), 1, axis=1)
+    >>> d = kp.network_feedback([node] * 5, ring, rate=0.5)
+    >>> bool(d), d.F.shape, d.decay_rate >= 0.5
+    (True, (5, 1, 2), True)
+    """
+    limit = read_time_limit(time_limit)
+    target = read_rate(rate)
+    if target == "max":
+        raise DataError('rate must be a number for a network; "max" is for single systems.')
+    stacks, members, dt = gather(systems)
+    empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+    model = empty.with_coupling(read_coupling(coupling, empty))
+    _require_nodes(model, uniform)
+    bound = _read_bound(gain_bound, model)
+    lp = backend(solver, limit)
+    result = DesignResult(Status.UNDECIDED)
+    for margin in MARGINS:
+        program = NetworkProgram(model, bound, uniform, lp, margin)
+        result = _design(model, program, bound, float(target))
+        if result:
+            return result
+    if result.message:
+        return result
+    return _explain_failure(model, program, bound, float(target), program.start(float(target))[1])
+
+
+def _require_nodes(model: NetworkModel, uniform: bool) -> None:
+    if model.has_feedthrough:
+        raise DataError("some D is not zero; network feedback needs nodes without feedthrough.")
+    for s, index in zip(model.stacks, model.members, strict=True):
+        if s.sizes[1] == 0:
+            raise ShapeError(f"{model.name_of(int(index[0]))} has no inputs.")
+        if not s.X.is_simplicial:
+            raise NotProperConeError(
+                f"{model.name_of(int(index[0]))}: the state cone has {s.X.n_rays} generators in dimension {s.X.dim}; network "
+                "feedback needs simplicial cones."
+            )
+    first = model.stacks[0]
+    if uniform and any(s.sizes[:2] != first.sizes[:2] or s.X != first.X for s in model.stacks[1:]):
+        raise ShapeError("uniform=True needs nodes with equal numbers of states and inputs, and one state cone.")
+
+
+def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
+    if bound is None:
+        return None
+    values = np.asarray(exact_matrix(bound, "gain_bound", ndim=1).values, dtype=float)
+    total = model.totals[1]
+    if values.shape == (1,):
+        values = np.full(total, values[0])
+    if values.shape != (total,):
+        raise ShapeError(
+            f"gain_bound has {values.size} entries; give one number, or one for each of the {total} inputs."
+        )
+    if not (values > 0).all():
+        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| must be positive.")
+    return values
+
+
+def _design(model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float) -> DesignResult:
+    start, _ = program.start(rate)
+    if start is None:
+        return DesignResult(Status.UNDECIDED)
+    points, limit = [start], 1.0
+    if bound is None:
+        slim, limit = program.smallest_gain(rate, start)
+        # with a little more gain there is room for margins
+        roomy, _ = program.start(rate, limit * (1 + _SLACK)) if limit > 0 else (None, "")
+        points = [p for p in (roomy, slim, start) if p is not None]
+    for x in points:
+        for digits in _DIGITS:
+            result = _certified(model, program, bound, rate, x, digits, limit)
+            if result is not None:
+                return result
+    return DesignResult(
+        Status.UNDECIDED, limit=limit, message="gains were found, but the network they make could not be proven."
+    )
+
+
+def _certified(
+    model: NetworkModel,
+    program: NetworkProgram,
+    bound: Floats | None,
+    rate: float,
+    x: Floats,
+    digits: int,
+    limit: float,
+) -> DesignResult | None:
+    gains = [round_to(F, digits) for F in program.gains(x)]
+    if program.uniform:
+        gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
+    used = [np.abs(np.einsum("jma,ka->jmk", F, g.rays)) for F, g in zip(gains, program.parts, strict=True)]
+    value = max(float(u.max(initial=0.0)) for u in used)
+    if bound is not None:
+        bounds = model.split(bound, 1)
+        if any((u > b[:, :, None]).any() for u, b in zip(used, bounds, strict=True)):
+            return None
+        value = max(float((u / b[:, :, None]).max(initial=0.0)) for u, b in zip(used, bounds, strict=True))
+    closed, exact = _closed(model, gains)
+    if not all((g >= 0).all() for g in _invariance(program, closed)):
+        return None
+    network = ConeNetwork(closed)
+    certificate = network.certificate
+    if not certificate:
+        return None
+    reached = certificate.decay_rate
+    if reached < rate:
+        tight = network.spectral_abscissa()[1]
+        if not -tight >= rate:
+            return None
+    fraction = _fractions(model, gains, certificate)
+    notes = [] if exact else [_rounding_note(program, gains, closed)]
+    weakest = int(np.argmax(fraction))
+    if fraction[weakest] > 0:
+        notes.append(
+            f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most sensitive node "
+            f"({model.name_of(weakest)}); see certified_fraction for each."
+        )
+    return DesignResult(
+        Status.PROVED,
+        _shaped(model, program, gains),
+        network,
+        certificate,
+        NETWORK_GAIN if bound is None else BOUNDED,
+        value,
+        limit,
+        max(reached, rate),
+        fraction,
+        notes=tuple(notes),
+    )
+
+
+def round_to(F: Floats, digits: int) -> Floats:
+    """Each entry to so many significant decimal digits."""
+    with np.errstate(divide="ignore"):
+        place = digits - 1 - np.floor(np.log10(np.abs(F)))
+    place = np.clip(np.where(np.isfinite(place), place, 0), -300, 300)
+    unit = 10.0 ** np.abs(place)
+    return np.where(place >= 0, np.rint(F * unit) / unit, np.rint(F / unit) * unit)
+
+
+def _closed(model: NetworkModel, gains: list[Floats]) -> tuple[NetworkModel, bool]:
+    """The network of A + B F, exactly if it is not too large."""
+    exact = sum(s.A.values.size for s in model.stacks) <= _EXACT_ENTRIES
+    stacks = []
+    for s, F in zip(model.stacks, gains, strict=True):
+        if exact:
+            A, B = s.A.fractions(), s.B.fractions()
+            K = ExactMatrix(np.ascontiguousarray(F)).fractions()
+            loop = ExactMatrix.from_fractions(
+                np.array([a + b @ k for a, b, k in zip(A, B, K, strict=True)], dtype=object)
+            )
+        else:
+            loop = ExactMatrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
+        stacks.append(replace(s, A=loop))
+    return replace(model, stacks=tuple(stacks)), exact
+
+
+def _invariance(program: NetworkProgram, closed: NetworkModel) -> list[Floats]:
+    """h_i'(A + B F)t_k for pairs that matter, with values below rounding set to 0; a glance before the proof."""
+    out = []
+    for g, s in zip(program.parts, closed.stacks, strict=True):
+        M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
+        size = np.einsum(
+            "ia,jab,kb->jik", np.abs(g.facets), np.abs(np.asarray(s.A.values)), np.abs(g.rays), optimize=True
+        )
+        where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
+        out.append(np.where(np.abs(M) <= 1e-15 * size, 0.0, M)[:, where])
+    return out
+
+
+def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: NetworkModel) -> str:
+    """Whether the margins of invariance exceed what rounding A + B F can change."""
+    safe = True
+    for g, F, s in zip(program.parts, gains, closed.stacks, strict=True):
+        A, B = np.abs(g.A), np.abs(g.B)
+        moved = B.max(axis=2) > 0
+        error = 4 * (F.shape[1] + 2) * HALF_ULP * (A + np.einsum("jam,jmb->jab", B, np.abs(F))) * moved[:, :, None]
+        change = np.einsum("ia,jab,kb->jik", np.abs(g.facets), error, np.abs(g.rays), optimize=True)
+        M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
+        where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
+        safe &= bool((M >= 2 * change)[:, where].all() or (change[:, where] == 0).all())
+    return (
+        "The certificate is about the doubles of A + B F; the margins of invariance also cover the rounding of that sum."
+        if safe
+        else "The certificate is about the doubles of A + B F, which differ from the exact sum in the last place."
+    )
+
+
+def _fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -> Floats:
+    """Smallest certified fraction of the local gain, node by node; all nodes may be weakened at once."""
+    v = flat(certificate.v, model, 0)
+    block_b, block_c = model.block_matrices[1], model.block_matrices[2]
+    received = block_c.T @ (model.WT @ (block_b.T @ v))
+    out = np.zeros(model.n_nodes)
+    for s, index, F, v_j, c_j in zip(
+        model.stacks, model.members, gains, model.split(v, 0), model.split(received, 0), strict=True
+    ):
+        rays = np.asarray(s.X.rays)
+        facets = np.asarray(s.X.facets)
+        A, BF = np.asarray(s.A.values), np.einsum("jam,jmb->jab", np.asarray(s.B.values), F)
+        where = np.ones_like(s.X.incidence) if model.discrete else np.asarray(s.X.incidence)
+        constant = np.einsum("ia,jab,kb->jik", facets, A, rays, optimize=True)[:, where]
+        slope = np.einsum("ia,jab,kb->jik", facets, BF, rays, optimize=True)[:, where]
+        drift = A - np.eye(s.sizes[0]) if model.discrete else A
+        fall = -(np.einsum("ja,jab,kb->jk", v_j, drift, rays, optimize=True) + c_j @ rays.T)
+        fall_slope = -np.einsum("ja,jab,kb->jk", v_j, BF, rays, optimize=True)
+        ends = interval_starts(np.concatenate([constant, fall], axis=1), np.concatenate([slope, fall_slope], axis=1))
+        out[index] = ends
+    return out
+
+
+def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -> Any:
+    if program.uniform:
+        return np.array(gains[0][0])
+    if len({s.sizes[:2] for s in model.stacks}) == 1:
+        out = np.empty((model.n_nodes, *gains[0].shape[1:]))
+        for index, F in zip(model.members, gains, strict=True):
+            out[index] = F
+        return out
+    slots: list[Any] = [None] * model.n_nodes
+    for index, F in zip(model.members, gains, strict=True):
+        for j, f in zip(index.tolist(), F, strict=True):
+            slots[j] = f
+    return tuple(slots)
+
+
+def _explain_failure(
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, message: str
+) -> DesignResult:
+    refuted = _blocking_node(model, bound)
+    if refuted is not None:
+        return refuted
+    nearest = None
+    if rate > 0:
+        start, _ = program.start(0.0)
+        if start is not None:
+            nearest = Nearest(decay_rate=program.largest_rate(start)[1])
+    if nearest is None and bound is not None:
+        free = NetworkProgram(model, None, program.uniform, program.lp)
+        start, _ = free.start(rate)
+        if start is not None:
+            nearest = Nearest(gain_bound=free.smallest_gain(rate, start)[1])
+    lead = "no common gain was found" if program.uniform else "the linear program has no solution"
+    return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
+
+
+def _blocking_node(model: NetworkModel, bound: Floats | None) -> DesignResult | None:
+    """A node that cannot be made positive and stable even alone: then no network with it can."""
+    seen: set[bytes] = set()
+    bounds = None if bound is None else model.split(bound, 1)
+    for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
+        for place, j in enumerate(index.tolist()):
+            key = np.asarray(s.A.values[place]).tobytes() + np.asarray(s.B.values[place]).tobytes()
+            if key in seen:
+                continue
+            seen.add(key)
+            if len(seen) > _NODES_TRIED:
+                return None
+            node = node_system(s, place)
+            plant = read_plant(node, None, gain_bound=None if bounds is None else bounds[g][place])
+            result = design_on_simplicial(plant, 0.0, backend(None, 10.0))
+            if result.status is Status.REFUTED:
+                return replace(result, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
+    return None
+
+
+def node_system(s: NodeStack, place: int) -> ConeStateSpace:
+    """One node of a stack."""
+    parts = (np.asarray(M.values[place]) for M in (s.A, s.B, s.C, s.D))
+    return ConeStateSpace(*parts, s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False)

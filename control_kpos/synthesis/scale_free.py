@@ -1,0 +1,169 @@
+"""One gain for any number of nodes on any graph: scale-free design (section V.B of the paper, where w = 1).
+
+Nodes x' = A x + B(F x + u), y = C x with one input and one output, u_j = sum_k W_jk y_k, W >= 0.  If A + B F keeps X
+invariant, B is in X, C in X* and A + B F + w B C is stable, the network is positive and stable for every number
+of nodes and every W whose column sums (or row sums) are at most w: with v'(A + B F + w B C)x < 0 on X, the sum of
+v'x_j decreases, as sum_j W_jk v'B C x_k <= w v'B C x_k; row sums go through a vector in X instead.  For
+different nodes (A_s, B_s, C_s) on one cone, a common x in X with (A_s + B_s F)x + w B_s c < 0 for c = max_s C_s x
+covers row sums at most w.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..arrays import ExactMatrix, exact_matrix
+from ..certificates.result import Certificate, Status
+from ..cones import Cone, orthant
+from ..errors import DataError, ShapeError
+from ..positivity import PositivityCertificate, cone_positivity
+from ..stability import LyapunovCertificate
+from .backend import SolverChoice, backend
+from .one_shot import design_on_simplicial
+from .plant import read_plant, require_simplicial
+from .result import DesignResult
+from .state import read_rate, read_time_limit
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ScaleFreeCertificate(Certificate):
+    """Proof for any number of identical nodes on any graph with link weights summing to at most `weight`.
+
+    Attributes
+    ----------
+    node : PositivityCertificate
+        Of the closed node (A + B F, B, C) with U = Y = [0, inf).
+    coupled : LyapunovCertificate
+        Of A + B F + weight * B C.
+    weight : float
+        Bound on all column sums, or on all row sums, of W >= 0.
+    """
+
+    claim: ClassVar[str] = "scale-free network"
+
+    node: PositivityCertificate
+    coupled: LyapunovCertificate
+    weight: float
+
+    def parts(self) -> Sequence[Certificate]:
+        """The proofs this one rests on."""
+        return (self.node, self.coupled)
+
+    def conditions(self) -> Sequence[Any]:
+        """None of its own; raises unless the two parts are about the same node and weight."""
+        A, B, C = self.node.A, self.node.B, self.node.C
+        if B is None or C is None or self.node.U != orthant(1) or self.node.Y != orthant(1):
+            raise DataError("the node certificate must cover one input and one output on half-lines.")
+        weight = exact_matrix([[float(self.weight)]], "weight").fractions()[0, 0]
+        expected = A.fractions() + weight * (B.fractions() @ C.fractions())
+        if weight < 0 or (expected != self.coupled.A.fractions()).any() or self.coupled.discrete != self.node.discrete:
+            raise DataError("the coupled matrix is not A + weight * B C.")
+        if self.coupled.X != self.node.X:
+            raise DataError("the two parts are about different cones.")
+        return ()
+
+    def refutation(self) -> None:
+        """There is no witness against this claim."""
+        return
+
+    @property
+    def margin(self) -> float:  # type: ignore[override]
+        """The smaller margin of the parts."""
+        return min(self.node.margin, self.coupled.margin)
+
+    @property
+    def decay_rate(self) -> float:
+        """Proven for every such network."""
+        return self.coupled.decay_rate
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if not self:
+            return "The scale-free claim is not proven."
+        return (
+            f"Proved for any number of these nodes on any graph with nonnegative links whose weights out of each node sum to at "
+            f"most {self.weight:g} (or whose weights into each node do): positive and exponentially stable, decay rate "
+            f"at least {self.coupled.decay_rate:.4g}."
+        )
+
+
+def scale_free_feedback(
+    sys: Any,
+    weight: float = 1.0,
+    *,
+    X: Cone | ArrayLike | None = None,
+    rate: float | Literal["max"] = 0.0,
+    gain_bound: ArrayLike | None = None,
+    structure: ArrayLike | None = None,
+    solver: SolverChoice = None,
+    time_limit: float = 60.0,
+) -> DesignResult:
+    """Find one F that certifies every network of such nodes with link weights summing to at most `weight`.
+
+    Parameters
+    ----------
+    sys : ConeStateSpace or control.StateSpace
+        The node: one input, one output, D = 0, B in X and C in X*, X simplicial.
+    weight : float
+        Bound on the sum of the weights of the links out of each node (or into each node).
+    X, rate, gain_bound, structure, solver, time_limit
+        As in `state_feedback`; `rate` is that of the whole network, whatever its size.
+
+    Returns
+    -------
+    DesignResult
+        `closed_loop` is the node A + B F; `certificate` a `ScaleFreeCertificate`.  REFUTED means that no F does this
+        for every such network: for links of total weight `weight`, A + B F + weight * B C must be stable.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError, NotProperConeError, SolverError
+        As in `state_feedback`; a node with several inputs or outputs, or with feedthrough.
+
+    Notes
+    -----
+    The cost is that of one node.  By the sum of v'x_j for out-weights, by a common vector in X for in-weights.
+
+    Examples
+    --------
+    >>> import control_kpos as kp, numpy as np
+    >>> node = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    >>> d = kp.scale_free_feedback(node, weight=1)
+    >>> ring = kp.feedback_interconnect([d.closed_loop] * 100, np.roll(np.eye(100), 1, axis=1))
+    >>> bool(d), bool(ring.certificate)
+    (True, True)
+    """
+    limit, target = read_time_limit(time_limit), read_rate(rate)
+    value = float(np.asarray(exact_matrix(weight, "weight").values).ravel()[0])
+    if value < 0:
+        raise DataError(f"weight is {value:g}; link weights are nonnegative.")
+    plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
+    system = plant.system
+    if (system.ninputs, system.noutputs) != (1, 1):
+        raise ShapeError(f"scale-free design takes one input and one output; the node has {system.ninputs} and {system.noutputs}.")
+    if np.any(np.asarray(system.D)):
+        raise DataError("scale-free design needs D = 0.")
+    require_simplicial(plant.X, "scale-free design")
+    _, B, C, D = system._data()
+    ports = cone_positivity(np.eye(plant.n), B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
+    if ports.status is Status.REFUTED:
+        return DesignResult(
+            Status.REFUTED, certificate=ports, message="B must lie in X and C in X*, which no feedback changes; choose another cone."
+        )
+    product = exact_matrix([[value]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
+    plant = replace(plant, coupling=ExactMatrix.from_fractions(product))
+    result = design_on_simplicial(plant, target, backend(solver, limit))
+    if not result:
+        return result
+    closed = exact_matrix(result.closed_loop._data()[0], "A")
+    node = cone_positivity(closed, B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
+    coupled = next(c for c in result.certificate.others[::-1] if isinstance(c, LyapunovCertificate))
+    certificate = ScaleFreeCertificate.settle(node=node, coupled=coupled, weight=value)
+    if not certificate:
+        return DesignResult(Status.UNDECIDED, message="a gain was found, but the scale-free claim could not be proven.")
+    return replace(result, certificate=certificate, decay_rate=certificate.decay_rate)
