@@ -41,18 +41,26 @@ from .stability import LyapunovCertificate as LyapunovCertificate
 from .stability import linear_lyapunov as linear_lyapunov
 from .statespace import ConeStateSpace as ConeStateSpace
 from .synthesis import DesignResult as DesignResult
+from .synthesis import Tradeoff as Tradeoff
+from .synthesis import gain_rate_tradeoff as gain_rate_tradeoff
+from .synthesis import network_feedback as network_feedback
 from .synthesis import observer_gain as observer_gain
 from .synthesis import output_feedback as output_feedback
+from .synthesis import scale_free_feedback as scale_free_feedback
 from .synthesis import state_feedback as state_feedback
 
 if TYPE_CHECKING:
     from .plotting import phase_portrait as phase_portrait
+    from .plotting import plot_closed_loop as plot_closed_loop
     from .plotting import plot_cone as plot_cone
+    from .plotting import plot_network as plot_network
+    from .plotting import plot_poles as plot_poles
+    from .plotting import plot_tradeoff as plot_tradeoff
 
 __version__ = "0.1.0"
 
 # Where names are that load matplotlib, which takes longer to import than the rest of the package.
-_ON_DEMAND = {"phase_portrait": ".plotting", "plot_cone": ".plotting"}
+_ON_DEMAND = dict.fromkeys(("phase_portrait", "plot_closed_loop", "plot_cone", "plot_network", "plot_poles", "plot_tradeoff"), ".plotting")
 
 
 def __getattr__(name: str) -> Any:
