@@ -120,7 +120,8 @@ def one_node(output: Path) -> bool:
         verdict = state_positivity(A + B @ (paper_gain() + [0, change]), paper_cone())
         print(f"  F2 = -13 {'-+'[change > 0]} 1e-10: {verdict.status.name}")
     _say(f"Theorem 2: {stable.explain()}")
-    print(f"  v = ({_numbers(_scaled(stable))}), decay rate {stable.decay_rate:.10g}")
+    v = np.asarray(stable.v)
+    print(f"  v = ({_numbers(v / np.abs(v).max())}), decay rate {stable.decay_rate:.10g}")
     print(f"  poles {_numbers(np.sort(node.poles().real))}")
     paper_v = np.array([5.09, 0.836])
     values, slopes = paper_cone().rays @ paper_v, paper_cone().rays @ node.A.T @ paper_v
@@ -178,11 +179,6 @@ def _why(certificate: LyapunovCertificate) -> str:
 
 def _numbers(values: np.ndarray) -> str:
     return ", ".join(f"{value:.6g}" for value in values)
-
-
-def _scaled(certificate: LyapunovCertificate) -> np.ndarray:
-    """The Lyapunov vector with its largest entry 1; its length has no meaning."""
-    return certificate.v / np.abs(certificate.v).max()
 
 
 @contextmanager

@@ -266,10 +266,10 @@ def _draw_trajectories(
 def _exponentials(A: Points, duration: float | None) -> Points:
     """e^{At} at times that resolve the fastest and the slowest mode, shape (k, 2, 2)."""
     modes = np.linalg.eigvals(A)
-    fast, slow = np.abs(modes).max(), np.abs(modes.real.max())
+    fast, slow = float(np.abs(modes).max()), abs(float(np.real(modes).max()))
     if duration is None:
         duration = 5 / slow if slow > 1e-6 * fast else 5 / (fast or 1.0)
-    turns = np.abs(modes.imag).max() * duration / (2 * np.pi)
+    turns = np.abs(np.imag(modes)).max() * duration / (2 * np.pi)
     times = np.linspace(0, duration, 200 + min(5000, int(50 * turns)))
     if fast:
         times = np.union1d(times, np.geomspace(min(1e-2 / fast, duration), duration, 200))
@@ -299,9 +299,9 @@ def _arrow(ax: Any, path: Points, width: Points) -> None:
 
 def _draw_dominant_direction(ax: Any, A: Points, discrete: bool, window: Points) -> list[Any]:
     modes, vectors = np.linalg.eig(A)
-    k = int(np.argmax(np.abs(modes) if discrete else modes.real))
-    if modes[k].imag != 0:
+    k = int(np.argmax(np.abs(modes) if discrete else np.real(modes)))
+    if np.imag(modes[k]) != 0:
         return []
-    x = unit(vectors[:, k].real) * 2 * np.abs(window).max()
+    x = unit(np.real(vectors[:, k])) * 2 * np.abs(window).max()
     ends = np.column_stack([-x, x])
     return ax.plot(*ends, color=GREEN, linestyle="-.", linewidth=1.3, zorder=2, label="dominant direction")
