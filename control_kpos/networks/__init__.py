@@ -7,6 +7,8 @@ from .model import NetworkModel as NetworkModel
 from .model import NodeStack as NodeStack
 from .model import stack as stack
 from .network import ConeNetwork as ConeNetwork
+from .scalefree import OutWeightCertificate as OutWeightCertificate
+from .scalefree import scale_free_certificate as scale_free_certificate
 from .witnesses import AlgebraicLoop as AlgebraicLoop
 from .witnesses import CouplingViolation as CouplingViolation
 from .witnesses import NetworkInstability as NetworkInstability

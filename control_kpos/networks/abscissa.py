@@ -125,12 +125,12 @@ def descend(
     for step in range(limit):
         try_at = _solve_at(model, mu, order, c, d, best)
         if try_at is None:
-            below = max(below, mu)
-            if best is None:
+            if best is None:  # no evidence that mu is too low: only that sweeps do not converge
                 mu, rise = mu + rise, 4 * rise
                 if rise > 1e6 * scale:
                     return None
                 continue
+            below = max(below, mu)
             mu = 0.5 * (max(mu, best.theta) + best.shift)
             if best.shift - mu <= 1e-15 * abs(best.shift) + 1e-300:
                 return best
@@ -168,7 +168,8 @@ def _solve_at(
         tolerance = 1e-3 if distance > 1e-3 * abs(best.theta) else 1e-6
         system.loop.iteration_limit = min(40 + 4 * best.iterations, 400)
     else:
-        system.loop.sweeps_only = True  # without iterates to start from, stay where sweeps converge
+        # without iterates to start from, stay where sweeps converge, as they do for large mu without feedthrough
+        system.loop.sweeps_only = not model.has_feedthrough
     v, _, c = system.dual(c, tolerance, guess=guess_v, near=best is not None)
     if not (is_inside(model, v, dual=True) and is_inside(model, c, dual=True)):
         return None

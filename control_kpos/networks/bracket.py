@@ -63,6 +63,11 @@ class AbscissaCertificate(Certificate):
         upper = dissipation(model, v, r, q, -self.upper, discrete=False)
         return [*lower, *upper, on.balance(model, q, r, None)]
 
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and (self.v is None or self.below is None):
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
+
     def refutation(self) -> Sequence[Condition] | None:
         return None
 

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from ..certificates.exact import BilinearForms
-from ..certificates.result import Certificate, Condition
+from ..certificates.result import Certificate, Condition, Status
 from ..errors import DataError
 from . import conditions as on
 from .blocks import Floats
@@ -98,6 +98,11 @@ class NetworkCertificate(Certificate):
                 raise DataError("loop_weights are missing although some D is not zero.")
             out += on.loop_gain(model, *self.loop_weights)
         return out
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and (self.v is None):
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
 
     def refutation(self) -> Sequence[Condition] | None:
         if isinstance(self.witness, NoWeights):

@@ -253,6 +253,17 @@ class NetworkModel:
         """Node number of every state (kind 0), input (1) or output (2)."""
         return np.repeat(np.arange(self.n_nodes), np.diff(self.offsets[kind]))
 
+    @cached_property
+    def _home(self) -> tuple[Index, Index]:
+        group, place = np.empty(self.n_nodes, dtype=np.intp), np.empty(self.n_nodes, dtype=np.intp)
+        for g, index in enumerate(self.members):
+            group[index], place[index] = g, np.arange(len(index))
+        return group, place
+
+    def find(self, node: int) -> tuple[int, int]:
+        """Stack and place in it of a node, from a table made once."""
+        return int(self._home[0][node]), int(self._home[1][node])
+
     def locate(self, node: int) -> tuple[int, int]:
         """Stack and place in it of a node."""
         for g, index in enumerate(self.members):
@@ -355,7 +366,7 @@ def gather(
                 f"systems[{position}] is a {type(item).__name__}; give ConeStateSpace objects or the result of kp.stack."
             )
         if item.dt is not None:
-            if first is not None and not _same_timebase(dt, item.dt):
+            if first is not None and not same_timebase(dt, item.dt):
                 raise TimebaseError(
                     f"systems[{position}] has dt = {item.dt}, but {first} has dt = {dt}; bring all nodes to one sampling time."
                 )
@@ -395,7 +406,8 @@ def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     return NodeStack(*data, first.X, first.U, first.Y, first.dt, names, labels)
 
 
-def _same_timebase(a: Timebase, b: Timebase) -> bool:
+def same_timebase(a: Timebase, b: Timebase) -> bool:
+    """True if systems with these timebases can be combined."""
     if a is None or b is None:
         return True
     if a is True or b is True:

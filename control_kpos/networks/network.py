@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from ..arrays import exact_matrix, vector
 from ..certificates.result import Status
 from ..cones import Cone, product
 from ..errors import DataError, ShapeError, TooLargeError, UndecidedError
+from ..statespace import ConeStateSpace
 from .abscissa import descend
 from .blocks import Floats, Index
 from .bracket import AbscissaCertificate, bracket
@@ -25,8 +26,8 @@ from .certificate import NetworkCertificate
 from .certify import certify
 from .closedloop import ClosedLoop
 from .coupling import read_coupling
-from .edits import inherit
-from .model import READABLE, NetworkModel
+from .edits import LocalCertificate, Overlay, check_timebase, inherit
+from .model import READABLE, NetworkModel, NodeStack, gather
 from .simulate import delayed, respond, sample_times
 from .solvers import PortSystem
 
@@ -63,22 +64,23 @@ class ConeNetwork(StateSpace):
 
     def __init__(
         self,
-        model: NetworkModel,
+        model: NetworkModel | None = None,
         *,
+        overlay: Overlay | None = None,
         external: tuple[Index, Index] | None = None,
         name: str | None = None,
-        certificate: NetworkCertificate | None = None,
+        certificate: NetworkCertificate | LocalCertificate | None = None,
         find: Callable[[NetworkModel], NetworkCertificate] | None = None,
         progress: Callable[[str], None] | bool | None = None,
     ) -> None:
         # StateSpace.__init__ would ask for dense matrices; set up what the classes above it need.
-        self.loop = ClosedLoop(model)
-        self.model = model
-        _, m, q = model.totals
-        self._inputs, self._outputs = (np.arange(m), np.arange(q)) if external is None else external
         self.name = self._name_or_default(name)
-        self.nstates, self.ninputs, self.noutputs = model.totals[0], len(self._inputs), len(self._outputs)
-        self.dt = model.dt
+        self._overlay = overlay
+        if model is not None:
+            self.__dict__["model"] = model
+            self.__dict__["loop"] = ClosedLoop(model)  # refuses networks that are not well posed
+        self._external = external
+        self.dt = model.dt if model is not None else overlay.base.model.dt if overlay is not None else None
         self._repr_format = None
         self.params: dict[str, Any] = {}
         self._current_params: dict[str, Any] = {}
@@ -87,7 +89,42 @@ class ConeNetwork(StateSpace):
         if certificate is not None:
             self.__dict__["certificate"] = certificate
 
+    @cached_property
+    def model(self) -> NetworkModel:
+        """Nodes in stacks and the coupling."""
+        if self._overlay is None:
+            raise DataError("a network needs a model.")
+        return self._overlay.build()
+
+    @cached_property
+    def loop(self) -> ClosedLoop:
+        """The closed loop as sparse matrices and as an operator."""
+        return ClosedLoop(self.model)
+
+    @cached_property
+    def _inputs(self) -> Index:
+        return np.arange(self.model.totals[1]) if self._external is None else self._external[0]
+
+    @cached_property
+    def _outputs(self) -> Index:
+        return np.arange(self.model.totals[2]) if self._external is None else self._external[1]
+
     # -- what StateSpace stores, made on demand
+
+    @cached_property
+    def nstates(self) -> int:  # type: ignore[override]
+        """Number of states."""
+        return self.model.totals[0]
+
+    @cached_property
+    def ninputs(self) -> int:  # type: ignore[override]
+        """Number of external inputs."""
+        return len(self._inputs)
+
+    @cached_property
+    def noutputs(self) -> int:  # type: ignore[override]
+        """Number of outputs."""
+        return len(self._outputs)
 
     @property
     def A(self) -> NDArray[np.float64]:  # type: ignore[override]
@@ -182,7 +219,7 @@ class ConeNetwork(StateSpace):
         return product(cones)
 
     @cached_property
-    def certificate(self) -> NetworkCertificate:
+    def certificate(self) -> NetworkCertificate | LocalCertificate:
         """Theorem 4 for this network: PROVED, or REFUTED with what breaks it."""
         with Reporter(self._progress) as report:
             if self._find is certify:
@@ -469,10 +506,125 @@ class ConeNetwork(StateSpace):
         model = self.model.with_coupling(read_coupling(coupling, self.model))
         return ConeNetwork(
             model,
-            external=(self._inputs, self._outputs),
-            certificate=inherit(self.certificate, model),
+            external=self._external,
+            certificate=inherit(getattr(self.certificate, "whole", self.certificate), model),
             progress=self._progress,
         )
+
+    def with_node(
+        self,
+        system: ConeStateSpace | NodeStack,
+        *,
+        incoming: Mapping[int, Any] | None = None,
+        outgoing: Mapping[int, Any] | None = None,
+    ) -> ConeNetwork:
+        """The network with one more node, which gets the last number.
+
+        Parameters
+        ----------
+        system : ConeStateSpace
+        incoming : dict of int to float or array_like, optional
+            Weights (blocks) of links into the new node, by the number of the node they come from.
+        outgoing : dict of int to float or array_like, optional
+            Weights (blocks) of links out of the new node, by the number of the node they lead to.
+
+        Returns
+        -------
+        ConeNetwork
+            With all external signals.  If this network is certified and its certificate leaves room, the
+            new one is proven by looking at the new node and its neighbours only, whatever the size of the
+            network; otherwise its certificate is found anew when first asked for.
+        """
+        overlay = self._changes()
+        stack = self._single(system)
+        return self._changed(overlay.place(overlay.count, stack, *self._identified(overlay, incoming, outgoing)))
+
+    def replace_node(
+        self,
+        node: int,
+        system: ConeStateSpace | NodeStack,
+        *,
+        incoming: Mapping[int, Any] | None = None,
+        outgoing: Mapping[int, Any] | None = None,
+    ) -> ConeNetwork:
+        """The network with another system as one of its nodes.
+
+        Parameters
+        ----------
+        node : int
+        system : ConeStateSpace
+        incoming, outgoing : dict, optional
+            New links, see `with_node`; the old ones stay if not given.
+
+        Returns
+        -------
+        ConeNetwork
+            Certified like that of `with_node`.
+        """
+        overlay = self._changes()
+        identity = overlay.identity(node)
+        into, out_of = self._identified(overlay, incoming, outgoing)
+        into = overlay.links(identity, True) if incoming is None else into
+        out_of = overlay.links(identity, False) if outgoing is None else out_of
+        return self._changed(overlay.place(identity, self._single(system), into, out_of))
+
+    def without_node(self, node: int) -> ConeNetwork:
+        """The network without a node and its links; later nodes move up.
+
+        Parameters
+        ----------
+        node : int
+
+        Returns
+        -------
+        ConeNetwork
+            Certified if this one is, without looking at more than the neighbours.
+        """
+        overlay = self._changes()
+        if overlay.n_nodes == 1:
+            raise ShapeError("the only node of a network cannot be removed.")
+        return self._changed(overlay.remove(overlay.identity(node)))
+
+    def room_for(self, system: ConeStateSpace, sources: Sequence[int], targets: Sequence[int]) -> float:
+        """Which links of a new node stay certified: the largest product of the weights in and out.
+
+        Parameters
+        ----------
+        system : ConeStateSpace
+            A node with one input and one output.
+        sources, targets : sequence of int
+            Nodes with one output (input) that the new node listens to (feeds), each with one weight.
+
+        Returns
+        -------
+        float
+            Every pair of link weights a (from each source) and b (to each target) with a * b below this
+            number is covered by the certificate: the new node then needs no solve.  inf without a loop
+            through the network, 0 if the certificate does not hold.
+        """
+        overlay = self._changes()
+        return overlay.room_for(self._single(system), [overlay.identity(k) for k in sources], [overlay.identity(j) for j in targets])
+
+    def _changes(self) -> Overlay:
+        certificate = self.certificate
+        return certificate.overlay if isinstance(certificate, LocalCertificate) else Overlay.of(certificate)
+
+    def _single(self, system: ConeStateSpace | NodeStack) -> NodeStack:
+        stacks, _, _ = gather(system)
+        if len(stacks) != 1 or len(stacks[0]) != 1:
+            raise ShapeError("give one node; add several one after the other.")
+        check_timebase(stacks[0], self.dt)
+        return stacks[0]
+
+    @staticmethod
+    def _identified(overlay: Overlay, *links: Mapping[int, Any] | None) -> list[dict[int, Any]]:
+        return [{overlay.identity(int(k)): w for k, w in (link or {}).items()} for link in links]
+
+    def _changed(self, overlay: Overlay) -> ConeNetwork:
+        if overlay.covered:
+            certificate = LocalCertificate(overlay=overlay, status=Status.PROVED)
+            return ConeNetwork(overlay=overlay, certificate=certificate, progress=self._progress)
+        return ConeNetwork(overlay.build(), progress=self._progress)
 
     def copy(self, name: str | None = None, use_prefix_suffix: bool = True) -> ConeNetwork:
         """A network that shares the immutable data.
@@ -483,7 +635,7 @@ class ConeNetwork(StateSpace):
         use_prefix_suffix : bool
             As in python-control.
         """
-        out = ConeNetwork(self.model, external=(self._inputs, self._outputs), find=self._find, progress=self._progress)
+        out = ConeNetwork(self.model, external=self._external, find=self._find, progress=self._progress)
         if "certificate" in self.__dict__:
             out.__dict__["certificate"] = self.certificate
         out.name = self._name_or_default(
