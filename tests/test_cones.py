@@ -118,6 +118,7 @@ def test_membership_shapes():
     assert PAPER.contains(points).tolist() == [True, True, True, False]
     assert PAPER.contains(points, strict=True).tolist() == [False, False, True, False]
     assert PAPER.contains(points[0]) is True
+    assert PAPER.contains(PAPER.exact_facets).tolist() == [True, True]
     assert PAPER.contains(np.zeros((0, 2))).shape == (0,)
     assert orthant(2).contains(points).tolist() == [True, False, True, False]
     assert PAPER.contains(orthant(2)) and not orthant(2).contains(PAPER)

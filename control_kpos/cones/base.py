@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import DENSE_LIMIT, ExactMatrix, dense, exact_matrix
 from ..certificates.exact import UNKNOWN, BilinearForms
 from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TooLargeError, UndecidedError
-from .rows import dense_rows, image_rows, nonzero, stack_rows
+from .rows import dense_rows, frozen, image_rows, nonzero, stack_rows
 
 
 class Cone(ABC):
@@ -276,9 +276,7 @@ class Cone(ABC):
 
     def _dense(self, matrix: ExactMatrix, name: str) -> NDArray[np.float64]:
         self._refuse_large(matrix.shape, name)
-        out = dense(matrix.values)
-        out.flags.writeable = False
-        return out
+        return frozen(dense(matrix.values))
 
     def _refuse_large(self, shape: tuple[int, ...], name: str) -> None:
         if shape[0] * shape[1] > DENSE_LIMIT:
@@ -314,7 +312,7 @@ def decide_membership(facets: ExactMatrix, points: ExactMatrix, strict: bool) ->
 def _points(x: Any, dim: int) -> tuple[ExactMatrix, bool]:
     """Vectors to test as rows, and whether there is only one, given without a second dimension."""
     exact = exact_matrix(x, "x")
-    ndim = x.ndim if hasattr(x, "ndim") else _depth(x)
+    ndim = len(exact.shape) if isinstance(x, ExactMatrix) else _depth(x)
     if ndim == 0 or exact.shape[1] != dim:
         found = (
             "a number"
@@ -328,6 +326,7 @@ def _points(x: Any, dim: int) -> tuple[ExactMatrix, bool]:
 
 
 def _depth(x: Any) -> int:
+    """Number of dimensions of an array_like."""
     depth = 0
     while isinstance(x, Sequence) and not isinstance(x, (str, bytes)):
         depth += 1

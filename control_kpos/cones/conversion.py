@@ -18,7 +18,7 @@ from ..errors import TooLargeError
 from .elimination import divide_by_content, echelon, inverse_rows
 from .hull import Facets, Lines, beneath_beyond
 from .hyperplanes import Hyperplanes
-from .rows import equilibrate, exact_rows, negative_rows, select_rows, stack_rows, unit_rows
+from .rows import equilibrate, exact_rows, frozen, negative_rows, select_rows, stack_rows, unit_rows
 from .simplicial import LARGE, simplicial_facets
 
 # Normals of all facets are computed exactly at once if they cost fewer multiplications than this.
@@ -77,7 +77,7 @@ def convert(generators: ExactMatrix) -> Faces:
     if p == n > LARGE:
         facets = simplicial_facets(generators)
         if facets is not None:
-            return Faces(generators, facets, _frozen(~np.eye(n, dtype=bool)), 0, 0)
+            return Faces(generators, facets, frozen(~np.eye(n, dtype=bool)), 0, 0)
 
     if p * n * n > _TOO_LARGE:
         raise TooLargeError(
@@ -116,7 +116,7 @@ def convert(generators: ExactMatrix) -> Faces:
     facets = stack_rows([normals, exact_rows(np.concatenate([equations, -equations]))])
     incidence = np.ones((facets.shape[0], rays.shape[0]), dtype=bool)
     incidence[: len(positive), : len(kept)] = ~positive
-    return Faces(rays, facets, _frozen(incidence), len(lines), len(equations))
+    return Faces(rays, facets, frozen(incidence), len(lines), len(equations))
 
 
 def _pointed_hull(G: Integers) -> Facets | Lines | Integers:
@@ -174,9 +174,7 @@ def _normals(facets: FacetNormals) -> ExactMatrix:
     if len(poor):
         values[poor] = unit_rows(facets(poor))[0]
         radius[poor] = rounding_radius(values[poor])
-    values.flags.writeable = False
-    radius.flags.writeable = False
-    return ExactMatrix(values, radius, integer_rows=facets)
+    return ExactMatrix(frozen(values), frozen(radius), integer_rows=facets)
 
 
 def _distinct(rows: Integers) -> NDArray[np.intp]:
@@ -212,8 +210,3 @@ def _balanced(rows: Integers) -> tuple[Integers, NDArray[np.int64]]:
 def _in_given_units(normals: Integers, shift: NDArray[np.int64]) -> Integers:
     """Normals for balanced columns as normals for the given ones."""
     return divide_by_content(normals << (shift.max(initial=0) - shift).astype(object))
-
-
-def _frozen(array: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    array.flags.writeable = False
-    return array

@@ -92,13 +92,11 @@ class _Boundary:
         Sign of h'x for the inner normal h of each simplex and every generator x, or _UNKNOWN.
     exact : ndarray of int (object), shape (k, n)
         Inner normals, once they are needed; zero before.
-    """
 
-    first: NDArray[np.intp]
-    order: NDArray[np.intp]
-    vertices: NDArray[np.intp]
-    signs: NDArray[np.int8]
-    exact: Integers
+    Notes
+    -----
+    The arrays have room for more rows, so that adding a generator costs no copy of all of them.
+    """
 
     def __init__(self, G: Integers) -> None:
         p, n = G.shape
@@ -117,11 +115,23 @@ class _Boundary:
         self.hyperplanes = Hyperplanes(G, T, center)
 
         self.first, self.order = first, rest[np.random.default_rng(0).permutation(len(rest))]
-        self.vertices = np.array([np.delete(first, k) for k in range(n)], dtype=np.intp).reshape(n, n - 1)
-        self.exact = np.zeros((n, n), dtype=object)
-        self.signs = np.empty((n, p), dtype=np.int8)
-        self.signs[:, first] = np.eye(n, dtype=np.int8)
-        self.signs[:, rest] = self._filtered(self.vertices)[:, rest]
+        self._size = n
+        self._vertices = np.array([np.delete(first, k) for k in range(n)], dtype=np.intp).reshape(n, n - 1)
+        self._exact = np.zeros((n, n), dtype=object)
+        self._signs = self._filtered(self._vertices)
+        self._signs[:, first] = np.eye(n, dtype=np.int8)
+
+    @property
+    def vertices(self) -> NDArray[np.intp]:
+        return self._vertices[: self._size]
+
+    @property
+    def signs(self) -> NDArray[np.int8]:
+        return self._signs[: self._size]
+
+    @property
+    def exact(self) -> Integers:
+        return self._exact[: self._size]
 
     def signs_at(self, x: int) -> NDArray[np.int8]:
         """Proven signs of h'x for all simplices."""
@@ -137,9 +147,22 @@ class _Boundary:
         """Replace the simplices that see x by those joining x to the horizon."""
         ridges = _horizon(self.vertices[seen])
         new = np.sort(np.concatenate([ridges, np.full((len(ridges), 1), x)], axis=1), axis=1)
-        self.vertices = np.concatenate([self.vertices[~seen], new])
-        self.signs = np.concatenate([self.signs[~seen], self._filtered(new)])
-        self.exact = np.concatenate([self.exact[~seen], np.zeros((len(new), self.exact.shape[1]), dtype=object)])
+        holes = np.flatnonzero(seen)
+        size = len(seen) + len(new) - len(holes)
+        if size > len(self._vertices):
+            for name in ("_vertices", "_signs", "_exact"):  # room for as many again
+                old = getattr(self, name)
+                setattr(self, name, np.concatenate([old, np.zeros((size, old.shape[1]), dtype=old.dtype)]))
+        if size < len(seen):
+            # fill the holes that stay in front with rows from behind the new end
+            tail = size + np.flatnonzero(~seen[size:])
+            holes = holes[holes < size]
+            to, holes = holes[: len(tail)], holes[len(tail) :]
+            for array in (self._vertices, self._signs, self._exact):
+                array[to] = array[tail]
+        at = np.concatenate([holes, np.arange(len(seen), size)])
+        self._size = size
+        self._vertices[at], self._signs[at], self._exact[at] = new, self._filtered(new), 0
 
     def facets(self) -> Facets:
         """The facets, one simplex taken from each."""

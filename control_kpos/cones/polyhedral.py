@@ -13,7 +13,7 @@ from ..errors import NotProperConeError, UndecidedError
 from .base import Cone, nonzero_rows
 from .conversion import Faces, convert
 from .elimination import divide_by_content
-from .rows import equilibrate
+from .rows import equilibrate, frozen
 from .simplicial import LARGE
 
 
@@ -218,8 +218,7 @@ def _inner_sum(faces: Faces) -> NDArray[np.float64]:
         point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
         inside = BilinearForms(faces.facets, None, ExactMatrix(point[None])).signs()[:, 0] == 1
         if inside.all():
-            point.flags.writeable = False
-            return point
+            return frozen(point)
         off = ~faces.incidence[~inside].all(axis=0)
         weights[off] *= 8 * (1 + rng.random(off.sum()))
         weights /= weights.max()

@@ -16,7 +16,7 @@ from ..arrays import ExactMatrix, Integers
 from ..errors import DataError, ShapeError
 from .base import Cone
 from .orthant import Orthant
-from .rows import dense_rows
+from .rows import dense_rows, frozen
 
 
 class ProductCone(Cone):
@@ -187,8 +187,7 @@ class ProductCone(Cone):
         kinds, blocks, _ = self._kinds
         for X, block in zip(kinds, blocks, strict=True):
             out[self._coordinates[block][:, None] + np.arange(X.dim)] = X.interior_point
-        out.flags.writeable = False
-        return out
+        return frozen(out)
 
     def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
         if points.is_sparse or points.integer_rows is not None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,10 +159,16 @@ def stack_rows(parts: Sequence[ExactMatrix]) -> ExactMatrix:
     return _read_only(ExactMatrix(values, radius, integer_rows=StackedRows(parts)))
 
 
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, made read-only."""
+    array.flags.writeable = False
+    return array
+
+
 def _read_only(matrix: ExactMatrix) -> ExactMatrix:
     for array in (matrix.values, matrix.radius, matrix.numerators):
         if isinstance(array, np.ndarray):
-            array.flags.writeable = False
+            frozen(array)
     return matrix
 
 

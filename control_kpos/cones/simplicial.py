@@ -17,7 +17,7 @@ from ..arrays import HALF_ULP, ExactMatrix, Integers, dense, granularity
 from ..errors import TooLargeError
 from .elimination import divide_by_content
 from .lifting import transposed_inverse_rows
-from .rows import equilibrate
+from .rows import equilibrate, frozen
 
 # Up to this dimension exact elimination is cheap.
 LARGE = 24
@@ -75,13 +75,13 @@ def simplicial_facets(generators: ExactMatrix) -> ExactMatrix | None:
         if simple is not None:
             values, shift = _unit_length(simple, -columns)
             if (np.ldexp(values, columns + shift) == simple).all():
-                return ExactMatrix(_frozen(values))
+                return ExactMatrix(frozen(values))
         error = (C @ (size + c / (1 - c) * size.max(axis=0))) * (1 + 1e-9)
         values, shift = _unit_length(Z, -columns)
         error = np.ldexp(error, -columns - shift) + 2.0**-1073
     if not (np.isfinite(values).all() and np.isfinite(error).all()):
         return None
-    return ExactMatrix(_frozen(values), _frozen(error), integer_rows=InverseRows(generators))
+    return ExactMatrix(frozen(values), frozen(error), integer_rows=InverseRows(generators))
 
 
 def _unit_length(Z: NDArray[np.float64], units: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -114,11 +114,6 @@ def _simple_rows(Z: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.f
     diagonal = np.diag(product).copy()
     np.fill_diagonal(product, 0)
     return out if (diagonal > 0).all() and not product.any() else None
-
-
-def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
-    array.flags.writeable = False
-    return array
 
 
 def _scaled(generators: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.int64]] | None:
