@@ -60,7 +60,8 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 # Where names are that load matplotlib, which takes longer to import than the rest of the package.
-_ON_DEMAND = dict.fromkeys(("phase_portrait", "plot_closed_loop", "plot_cone", "plot_network", "plot_poles", "plot_tradeoff"), ".plotting")
+_PICTURES = ("phase_portrait", "plot_closed_loop", "plot_cone", "plot_network", "plot_poles", "plot_tradeoff")
+_ON_DEMAND = dict.fromkeys(_PICTURES, ".plotting")
 
 
 def __getattr__(name: str) -> Any:

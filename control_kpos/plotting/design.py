@@ -1,4 +1,4 @@
-"""The flow before and after feedback."""
+"""Pictures of a design: what a decay rate costs, and the flow before and after feedback."""
 
 from __future__ import annotations
 
@@ -10,8 +10,62 @@ import numpy as np
 
 from ..errors import DataError
 from ..synthesis import DesignResult
-from .figure import control_style
+from ..synthesis.tradeoff import Tradeoff
+from .figure import BLUE, ORANGE, choose_axes, control_style, legend_beside, set_title
 from .phase import phase_portrait
+
+
+def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) -> ct.ControlPlot:
+    """Smallest gain against decay rate, with the largest rate as a line and proven designs as markers.
+
+    Parameters
+    ----------
+    curve : Tradeoff
+        From `gain_rate_tradeoff`.
+    ax : matplotlib Axes, optional
+        Where to draw; default as in python-control.
+    title : str, optional
+
+    Returns
+    -------
+    control.ControlPlot
+
+    Raises
+    ------
+    DataError
+        No rate of the curve is within reach.
+
+    Examples
+    --------
+    >>> import control as ct, control_kpos as kp
+    >>> plant = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+    >>> curve = kp.gain_rate_tradeoff(plant, X=[[0, 1], [1, -1]])
+    >>> cplt = kp.plot_tradeoff(curve)
+    """
+    held = np.isfinite(curve.gains)
+    if not held.any():
+        raise DataError("no decay rate of the curve is within reach; there is nothing to draw.")
+    with control_style():
+        axes = choose_axes(ax, "rectilinear")
+        lines = axes.plot(curve.rates[held], curve.gains[held], "-", color=BLUE, label="smallest gain (linear program)")
+        if np.isfinite(curve.largest_rate):
+            lines.append(
+                axes.axvline(curve.largest_rate, color="black", linestyle=":", label="no faster decay possible")
+            )
+        proven = [d for d in curve.designs if d]
+        if proven:
+            points = [d.decay_rate for d in proven], [d.value for d in proven]
+            lines += axes.plot(*points, "o", color=ORANGE, markerfacecolor="none", label="proven designs")
+        axes.set_xlabel("decay rate [1/time]")
+        axes.set_ylabel("gain max |F x_k| at the generators of X")
+        axes.set_ylim(bottom=0, top=1.15 * float(curve.gains[held].max()) or 1.0)
+        axes.grid(True, alpha=0.3)
+        legend = legend_beside(axes)
+        grid = np.empty((1, 1), dtype=object)
+        grid[0, 0] = axes
+        cplt = ct.ControlPlot(np.array([[lines]], dtype=object), grid, axes.figure, legend=legend)
+        set_title(cplt, ax, title, "Gain against decay rate")
+    return cplt
 
 
 def plot_closed_loop(sys: Any, design: DesignResult, *, title: str | None = None, **kwargs: Any) -> ct.ControlPlot:
