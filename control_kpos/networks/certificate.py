@@ -114,21 +114,25 @@ class NetworkCertificate(Certificate):
 
     @cached_property
     def node_margins(self) -> NDArray[np.float64]:
-        """Scale-free slack of every node's strict inequalities, shape (N,); NaN without a proof.
+        """How fast each node's storage is sure to decay, relative to the fastest rate in the network; shape (N,).
 
-        The smaller of v'x / |v|'|x| and -(v'A - q'C)x / (|v|'|A||x| + |q|'|C||x|) over the generators
-        of X_j.  The node with the smallest is where the network is weakest.
+        The smallest -(v'A - q'C)x / v'x over the generators of X_j, divided by the largest
+        (|v|'|A||x| + |q|'|C||x|) / v'x of all nodes: free of all units, NaN without a proof.  The node with
+        the smallest is where the network is weakest.
         """
-        out = np.full(self.model.n_nodes, np.nan)
+        rate, gross = np.full(self.model.n_nodes, np.nan), 0.0
         if self.v is None or self.q is None:
-            return out
+            return rate
         model = self.model
         vs, qs = model.split(flat(self.v, model, 0), 0), model.split(flat(self.q, model, 2), 2)
         for g, index in enumerate(model.members):
-            storage = on.storage(model, g, vs[g]).forms.relative()
-            slack = -on.decrease_forms(model.stacks[g], vs[g], qs[g], 0.0, model.discrete).relative()
-            out[index] = np.minimum(storage.min(axis=(1, 2)), slack.min(axis=(1, 2)))
-        return out
+            s = model.stacks[g]
+            forms = on.decrease_forms(s, vs[g], qs[g], 0.0, model.discrete)
+            with np.errstate(all="ignore"):
+                value = np.einsum("jn,kn->jk", vs[g], s.X.rays)
+                rate[index] = (-forms.values[:, 0] / value).min(axis=1)
+                gross = max(gross, float((forms.magnitudes[:, 0] / value).max()))
+        return rate / gross if gross > 0 else rate
 
     @property
     def margin(self) -> float:  # type: ignore[override]
