@@ -111,10 +111,13 @@ class ConeStateSpace(ConeOperations):
             exact = {name: m for name, (_, m) in zip(_MATRICES, read, strict=True) if m is not None}
             args = (*(values for values, _ in read), *args[4:])
             require_timebase(args[4] if len(args) == 5 else names.get("dt"))
-        elif isinstance(source, ConeStateSpace):
-            X, U, Y = (own if own is not None else old for own, old in zip((X, U, Y), source.cones, strict=True))
-            exact = source._exact()
-        elif source is not None and not isinstance(source, StateSpace):
+        elif isinstance(source, StateSpace):
+            X, U, Y = (
+                given if given is not None else getattr(source, name, None)
+                for name, given in (("X", X), ("U", U), ("Y", Y))
+            )
+            exact = source._exact() if isinstance(source, ConeStateSpace) else {}
+        elif source is not None:
             raise TypeError(
                 "the one-argument constructor can only take in a StateSpace object; "
                 f"received {type(source)}. Convert transfer functions with control.ss first."
