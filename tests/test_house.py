@@ -37,7 +37,7 @@ FLOORS = {
     "verdicts": {"certificates"},
     "theorems about matrices": {"positivity", "rounding", "perron", "stability", "storage", "dissipativity"},
     "systems": {"connections", "operations", "system_data", "statespace"},
-    "theorems about systems": {"networks", "synthesis", "conefinding", "nonlinear"},
+    "theorems about systems": {"networks", "synthesis", "conefinding", "intervals", "nonlinear"},
     "examples": {"examples"},
     "pictures": {"plotting"},
     "entrance": {"__init__", "__main__"},
@@ -70,10 +70,13 @@ PASSES_KEYWORDS = {
     "ConeStateSpace.sample": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).sample(0.1, nonsense=1),
     "ConeStateSpace.linearize": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).linearize(0, 0, nonsense=1),
     "ConeStateSpace.to_ss": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).to_ss(nonsense=1),
+    "gain_rate_tradeoff": lambda: kp.gain_rate_tradeoff(SMALL_PLANT, nonsense=1),
+    "plot_closed_loop": lambda: kp.plot_closed_loop(SMALL_PLANT, kp.state_feedback(SMALL_PLANT), nonsense=1),
     "phase_portrait": lambda: kp.phase_portrait([[-1.0, 0.0], [0.0, -1.0]], nonsense=1),
     "examples.mass_spring_node": lambda: kp.examples.mass_spring_node(nonsense=1),
 }
 SMALL_SYSTEM = [[-1.0]], [[1.0]], [[1.0]], [[0.0]]
+SMALL_PLANT = kp.ConeStateSpace([[1.0, 1.0], [1.0, -3.0]], [[1.0], [0.0]], [[1.0, 0.0]], 0)
 
 
 # -- imports
@@ -203,8 +206,8 @@ def public_names() -> dict[str, object]:
 
 
 def own_methods(cls):
-    """Public methods, those inherited from python-control left out."""
-    for name in dir(cls):
+    """Public methods that are not python-control's; its `updfcn` and `outfcn` are for its simulations only."""
+    for name in sorted(set(dir(cls)) - {"updfcn", "outfcn"}):
         member = inspect.getattr_static(cls, name)
         member = getattr(member, "__func__", member)  # of a classmethod or staticmethod
         if not name.startswith("_") and inspect.isfunction(member) and member.__module__.startswith("control_kpos"):
