@@ -19,8 +19,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..cones import Orthant
+
 from .blocks import Floats, Index, apply
-from .model import NetworkModel
+from .model import NetworkModel, NodeStack
 from .solvers import PortSystem, banded_order, direct_loop
 
 Progress = Callable[[str], None]
@@ -208,26 +210,52 @@ def coupled_inputs(model: NetworkModel, y0: Floats) -> Floats:
     return direct_loop(model).solve(u, False, 1e-15)
 
 
-def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 200) -> Floats | None:
-    """x cut down to nodes where A_cl x - rate x stays in X, or None if nothing is left.
+def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400) -> Floats | None:
+    """x cut down to where A_cl x - rate x stays in X, or None if nothing is left.
 
-    Cutting a node away lowers what the others receive, so nodes are removed until none has to be.
+    Cutting a part away lowers what the others receive, so parts are removed until none has to be: single
+    generators of simplicial cones, whole nodes of others.
     """
-    x = x.copy()
-    slack = 0.0
+    shares = [_shares(s, part) for s, part in zip(model.stacks, model.split(x, 0), strict=True)]
     for _ in range(rounds):
+        x = model.join([_combined(s, a) for s, a in zip(model.stacks, shares, strict=True)], 0)
         if not np.any(x):
             return None
-        ahead = apply_loop(model, x) - (rate + slack) * x
-        bad_anywhere = False
-        parts = model.split(x, 0)
-        kept = []
-        for s, part, z in zip(model.stacks, parts, model.split(ahead, 0), strict=True):
-            size = np.abs(part).max(axis=1)
-            bad = (size > 0) & ~((z @ s.X.facets.T) > 0).all(axis=1)
-            bad_anywhere |= bool(bad.any())
-            kept.append(np.where(bad[:, None], 0.0, part))
-        if not bad_anywhere:
+        ahead = apply_loop(model, x) - rate * x
+        changed = False
+        for g, (s, z) in enumerate(zip(model.stacks, model.split(ahead, 0), strict=True)):
+            bad = ~(np.einsum("jn,kn->jk", z, s.X.facets) >= 0)
+            if s.X.is_simplicial:
+                bad = bad[:, _opposite(s)] & (shares[g] > 0)
+            else:
+                bad = bad.any(axis=1, keepdims=True) & shares[g].any(axis=1, keepdims=True)
+            if bad.any():
+                shares[g] = np.where(bad, 0.0, shares[g])
+                changed = True
+        if not changed:
             return x
-        x = model.join(kept, 0)
     return None
+
+
+def _opposite(s: NodeStack) -> Index:
+    """For each generator of a simplicial cone, the facet it does not lie on."""
+    return np.argmin(s.X.incidence, axis=0)
+
+
+def _shares(s: NodeStack, x: Floats) -> Floats:
+    """Coefficients on the generators of a simplicial cone, rounded to 26 bits so that a part of x has no rounding
+    errors on its face; x itself for other cones."""
+    if not s.X.is_simplicial:
+        return x
+    k = _opposite(s)
+    scale = np.einsum("kn,kn->k", s.X.facets[k], s.X.rays)
+    share = np.maximum(np.einsum("jn,kn->jk", x, s.X.facets[k]) / scale, 0.0)
+    if isinstance(s.X, Orthant):
+        return share
+    size = share.max(axis=1, keepdims=True, initial=0.0)
+    unit = np.ldexp(1.0, np.frexp(size)[1] - 26)
+    return np.floor(share / unit) * unit
+
+
+def _combined(s: NodeStack, shares: Floats) -> Floats:
+    return np.einsum("jk,kn->jn", shares, s.X.rays) if s.X.is_simplicial else shares
