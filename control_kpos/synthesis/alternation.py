@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .plant import Floats, Plant
-from .ratio import Solver
+from .ratio import TIERS, Solver
 
 _RHO = 1e-2
 _SHIFTS = (1.0, 0.1, 0.01, 1e-4)
@@ -157,27 +157,22 @@ class GainProgram:
             return None
         return Iterate(self._fill(answer.x[:-1]), v, rate), float(answer.x[-1])
 
-    def centred(self, v: Floats, rate: float, most: float, margin: float = 1e-3) -> Floats | None:
-        """Gain within `most` with a slack of its own in every inequality, as far as possible."""
+    def centred(self, v: Floats, rate: float, most: float) -> Floats | None:
+        """Gain within `most` with a slack of its own in every inequality; see `ratio.spread_margins`."""
         G, g = self.invariance
         bounds, right = self._bounds()
         S, s, w = self._stability(v)
-        size_g = np.abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
-        rows_g, count = G.shape[0], G.shape[0] + S.shape[0]
-        eye = np.eye(count)
-        scale = np.concatenate([np.where(size_g > 0, size_g, 1.0), w * max(self.plant.scale, rate)])
-        top = np.concatenate([-G, S])
-        rows = np.concatenate(
-            [np.hstack([top, eye * scale[:, None]]), np.hstack([bounds, np.zeros((len(bounds), count))])]
-        )
+        size = np.abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
+        scale = np.concatenate([np.where(size > 0, size, 1.0), w * max(self.plant.scale, rate)])
+        slack = np.hstack([np.diag(scale * tier) for tier in TIERS])
+        count, free = slack.shape[1], len(self.free)
+        rows = np.block([[np.concatenate([-G, S]), slack], [bounds, np.zeros((len(bounds), count))]])
         limits = np.concatenate([g, -s - rate * w, np.minimum(right, most)])
-        cost = np.concatenate([np.zeros(len(self.free)), -np.ones(count)])
-        low = np.concatenate([np.full(len(self.free), -np.inf), np.zeros(count)])
-        high = np.concatenate(
-            [np.full(len(self.free), np.inf), np.full(rows_g, margin), np.full(count - rows_g, margin)]
-        )
+        cost = np.concatenate([np.zeros(free), -np.ones(count)])
+        low = np.concatenate([np.full(free, -np.inf), np.zeros(count)])
+        high = np.concatenate([np.full(free, np.inf), np.ones(count)])
         answer = self.lp(cost, rows, limits, bounds=(low, high))
-        return self._fill(answer.x[: len(self.free)]) if answer else None
+        return self._fill(answer.x[:free]) if answer else None
 
     def _fill(self, entries: Floats) -> Floats:
         out = np.zeros(self.shape[0] * self.shape[1])

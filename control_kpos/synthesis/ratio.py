@@ -27,7 +27,7 @@ Solver = Callable[..., Solution]
 # Where the infimum is only reached as an entry of xi vanishes, the gain would lose all its margins.
 _SHRINK, _FLOOR, _SPREAD = 1e-3, 1e-5, 1e4
 _STEPS = 40
-_TIERS = (1e-7, 1e-5, 1e-3)
+TIERS = (1e-7, 1e-5, 1e-3)
 
 
 def first_point(fixed: Any, N: Any, owner: Owners, lp: Solver) -> Solution:
@@ -84,7 +84,7 @@ def minimise_ratio(
     -------
     x : ndarray, shape (v,)
     theta : float
-        Largest of N x / D x.
+        Largest of N x / D x; -inf if the solver finds that nothing limits it.
     """
     n = int(owner.max()) + 1
     x, theta = start, _worst(N, D, start)
@@ -96,6 +96,8 @@ def minimise_ratio(
         scale = x[owner]
         block = bordered(scaled(fixed, scale), scaled(N - theta * D, scale), -(D @ x))
         answer = _nearby(block, np.clip(floor / x[:n], _SHRINK, 1.0), lp)
+        if answer.outcome in ("unbounded", "infeasible"):  # x itself is feasible
+            return x, -np.inf
         if not answer:
             break
         candidate = answer.x[:-1] * scale
@@ -113,7 +115,7 @@ def minimise_ratio(
 def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: Solver) -> Floats:
     """A point near x where every row that can be positive is so.
 
-    Each row, relative to its size, earns for its slack what `_TIERS` say: the first 1e-7 as much as the next
+    Each row, relative to its size, earns for its slack what `TIERS` say: the first 1e-7 as much as the next
     1e-5 and the next 1e-3 (a concave utility), so that no row takes all and rows that must be 0 do no harm.
 
     Parameters
@@ -134,7 +136,7 @@ def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: So
     size = np.abs(rows) @ np.abs(x)
     size = np.where(size > 0, size, 1.0)
     relative = rows * scale / size[:, None]
-    slack = np.hstack([np.eye(count) * tier for tier in _TIERS])
+    slack = np.hstack([np.eye(count) * tier for tier in TIERS])
     block = np.block([[fixed * scale, np.zeros((len(fixed), slack.shape[1]))], [-relative, slack]])
     cost = np.concatenate([np.zeros(v), -np.ones(slack.shape[1])])
     low = np.concatenate([np.full(n, 0.5), np.full(v - n, -np.inf), np.zeros(slack.shape[1])])

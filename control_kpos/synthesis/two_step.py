@@ -19,7 +19,9 @@ from .ratio import Solver
 from .result import DesignResult
 from .simplicial import gain_of
 
-FIRST_FOUND = "nothing; the first gain found, max |F x_k| at the generators of X"
+FIRST_FOUND = "sum of h_i'(A + B F)x_k, in the first step; max |F x_k| at the generators of X"
+# Bound on |F x_k| if none is given, relative to the sizes of A and B.
+_BOX = 20.0
 
 
 def design_in_two_steps(plant: Plant, rate: float, lp: Solver) -> DesignResult:
@@ -35,8 +37,11 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Solver) -> DesignResult:
     inner, constant = np.concatenate(rows), np.concatenate(constants)
     height = (plant.facets @ plant.rays.T)[i, k]
     need = np.tile((rate + program.strict) * height, len(plant.pairs))
+    right = np.minimum(right, _BOX * program.unit)
+    every, at = (index.ravel() for index in np.indices((len(plant.facets), len(plant.rays))))
+    total = sum(program._coefficients((plant.facets @ B)[every], at).sum(axis=0) for _, B in plant.pairs)
     answer = lp(
-        np.zeros(len(program.free)),
+        np.asarray(total, dtype=float),
         np.concatenate([-G, bounds, inner]),
         np.concatenate([g, right, -constant - need]),
         bounds=(-np.inf, np.inf),

@@ -1,0 +1,71 @@
+"""Plants for which a stabilising gain exists by construction, with all margins open."""
+
+import numpy as np
+
+import control_kpos as kp
+
+
+def metzler_hurwitz(rng, n):
+    """Off-diagonal entries in [0.05, 1], diagonally dominant up to a scaling of the coordinates."""
+    M = rng.uniform(0.05, 1.0, size=(n, n))
+    np.fill_diagonal(M, 0.0)
+    np.fill_diagonal(M, -M.sum(axis=1) - rng.uniform(0.2, 1.0, size=n))
+    scale = rng.uniform(0.4, 2.5, size=n)
+    return M * scale[:, None] / scale
+
+
+def generators(rng, n):
+    """Columns of a well-conditioned simplicial cone."""
+    while True:
+        T = rng.normal(size=(n, n))
+        if np.linalg.cond(T) < 200:
+            return T
+
+
+def simplicial(rng, n, m):
+    """(A, B, rays, F) with A + B F Metzler and Hurwitz in the coordinates of the rays."""
+    T = generators(rng, n)
+    closed = T @ metzler_hurwitz(rng, n) @ np.linalg.inv(T)
+    B, F = rng.normal(size=(n, m)), rng.normal(size=(m, n))
+    return closed - B @ F, B, T.T, F
+
+
+def discrete(rng, n, m):
+    """(A, B, rays, F) with A + B F positive and Schur in the coordinates of the rays."""
+    T = generators(rng, n)
+    M = rng.uniform(0.05, 1.0, size=(n, n))
+    M *= rng.uniform(0.3, 0.95) / M.sum(axis=1).max()
+    B, F = rng.normal(size=(n, m)), rng.normal(size=(m, n))
+    return T @ M @ np.linalg.inv(T) - B @ F, B, T.T, F
+
+
+def round_cone(rng, n, extra):
+    """A proper cone with more generators than dimensions: around an axis, then skewed."""
+    directions = rng.normal(size=(n + extra, n - 1))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rays = np.hstack([directions, np.ones((n + extra, 1))])
+    rays = np.vstack([rays, np.hstack([-directions[:1], np.ones((1, 1))])])
+    return kp.PolyhedralCone(rays @ (np.eye(n) + 0.3 * rng.normal(size=(n, n)) / np.sqrt(n)))
+
+
+def polyhedral(rng, n, m, extra):
+    """(A, B, X, F) on a cone that is not simplicial: A + B F = R N - s I with N >= 0 mapping the cone into itself."""
+    while True:
+        X = round_cone(rng, n, extra)
+        if X.is_proper and not X.is_simplicial:
+            break
+    inside, normals = X.rays, X.facets / np.linalg.norm(X.facets, axis=1, keepdims=True)
+    inward = sum(
+        np.outer(rng.dirichlet(np.ones(len(inside))) @ inside, rng.dirichlet(np.ones(len(normals))) @ normals) for _ in range(n)
+    )
+    closed = inward - (np.linalg.eigvals(inward).real.max() + rng.uniform(0.2, 1.0)) * np.eye(n)
+    B, F = rng.normal(size=(n, m)), rng.normal(size=(m, n))
+    return closed - B @ F, B, X, F
+
+
+def output(rng, n, m, q):
+    """(A, B, C, rays, K) with A + B K C Metzler and Hurwitz in the coordinates of the rays."""
+    T = generators(rng, n)
+    closed = T @ metzler_hurwitz(rng, n) @ np.linalg.inv(T)
+    B, K, C = rng.normal(size=(n, m)), rng.normal(size=(m, q)), rng.normal(size=(q, n))
+    return closed - B @ K @ C, B, C, T.T, K

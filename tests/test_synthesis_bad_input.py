@@ -1,0 +1,177 @@
+"""Wrong arguments, hopeless plants, and solvers that fail, hang or lie: never a gain without proof."""
+
+import time
+
+import control as ct
+import numpy as np
+import pytest
+
+import control_kpos as kp
+from control_kpos import linear_programs
+from control_kpos.linear_programs import Solution
+
+PAPER = [[0, 1], [1, -2]]
+PLANT = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "message"),
+    [
+        ({"X": [[0, 1, 0], [1, 0, 0], [0, 0, 1]]}, kp.ConeMismatchError, "dimension 3, but the system has 2"),
+        ({"X": [[0, 1], [0, -1], [1, 0]]}, kp.NotProperConeError, "not pointed"),
+        ({"rate": -1}, kp.DataError, "rate is -1"),
+        ({"rate": "fast"}, kp.DataError, "'fast'"),
+        ({"rate": np.nan}, kp.DataError, "rate is nan"),
+        ({"gain_bound": -1}, kp.DataError, "cannot be negative"),
+        ({"gain_bound": [1, 2, 3]}, kp.ShapeError, "3 entries"),
+        ({"gain_bound": np.nan}, kp.DataError, "finite"),
+        ({"structure": [[1, 0, 1]]}, kp.ShapeError, "structure is 1 x 3, but the gain is 1 x 2"),
+        ({"structure": [["a", "b"]]}, kp.DataError, "booleans"),
+        ({"vertices": []}, kp.ShapeError, "vertices is empty"),
+        ({"vertices": [([[0, 1], [-1, 0]], [[0], [1]]), ([[0]], [[1]])]}, kp.ShapeError, r"vertices\[1\]\[0\] is 1 x 1"),
+        ({"vertices": [3]}, kp.ShapeError, "pair"),
+        ({"disturbance": [[0, 1]]}, kp.ShapeError, "disturbance must be"),
+        ({"disturbance": ([[1]], [[1, 0]])}, kp.ShapeError, "disturbance E is 1 x 1"),
+        ({"disturbance": ([[0], [1]], [[1, 0]]), "rate": "max"}, kp.DataError, "fixed rate"),
+        ({"method": "magic"}, kp.DataError, "one-shot"),
+        ({"method": "one-shot", "structure": [[0, 1]]}, kp.DataError, "blocks"),
+        ({"solver": "NOSUCHSOLVER"}, kp.SolverError, "cvxpy finds"),
+        ({"solver": 7}, kp.SolverError, "solver is 7"),
+        ({"time_limit": 0}, kp.DataError, "time_limit"),
+        ({"constraints": lambda F: [F[0, 5] == 1]}, kp.DataError, "shape"),
+        ({"constraints": lambda F: [1]}, kp.DataError, "list of cvxpy constraints"),
+        ({"objective": lambda F: -F[0, 0] ** 2}, kp.DataError, "convex"),
+    ],
+)
+def test_wrong_arguments(arguments, error, message):
+    with pytest.raises(error, match=message):
+        kp.state_feedback(PLANT, **{"X": PAPER, **arguments})
+
+
+def test_not_a_system():
+    with pytest.raises(kp.DataError, match=r"give a ConeStateSpace"):
+        kp.state_feedback([[1]])
+    with pytest.raises(kp.ShapeError, match="no inputs"):
+        kp.state_feedback(ct.ss([[1.0]], np.zeros((1, 0)), [[1.0]], np.zeros((1, 0)), remove_useless_states=False))
+
+
+# -- hopeless plants
+
+
+def test_uncontrollable_mode_that_matters_is_named():
+    d = kp.state_feedback(ct.ss([[1, 0], [0, -1]], [[0], [1]], [[1, 0]], 0))
+    assert d.status is kp.Status.REFUTED and d.check()
+    assert "mode 1 is not controllable" in d.explain() and "no feedback stabilises" in d.explain()
+
+
+def test_uncontrollable_mode_that_does_not_matter_is_named():
+    d = kp.state_feedback(ct.ss([[1, 0], [0, -1]], [[1], [0]], [[1, 0]], 0))
+    assert d and "mode -1 is not controllable: it is stable" in d.explain()
+
+
+def test_no_actuator():
+    d = kp.state_feedback(ct.ss([[1, 0], [0, -1]], [[0], [0]], [[1, 0]], 0))
+    assert d.status is kp.Status.REFUTED and d.check()
+
+
+def test_zero_bound_is_no_feedback():
+    d = kp.state_feedback(PLANT, X=PAPER, gain_bound=0)
+    assert d.status is kp.Status.REFUTED and d.check()
+
+
+def test_invariance_alone_impossible_on_a_cone_that_is_not_simplicial():
+    square = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
+    turn = [[0, -5, 0], [5, 0, 0], [0, 0, -1]]
+    d = kp.state_feedback(ct.ss(turn, [[0], [0], [1e-3]], np.eye(3), 0), X=square, structure=[[1, 0, 0]])
+    assert d.status is kp.Status.REFUTED and d.check() and "invariance alone" in d.message
+
+
+# -- solvers
+
+
+def wrong_length(c, *_):
+    return np.zeros(len(c) + 1)
+
+
+def not_numbers(c, *_):
+    return np.full(len(c), np.nan)
+
+
+def random_point(c, *_):
+    return np.random.default_rng(0).normal(size=len(c)) * 100
+
+
+def garbage(c, *_):
+    return Solution("optimal", np.ones(len(c)), 0.0)
+
+
+def failing(*_):
+    raise RuntimeError("licence expired")
+
+
+def out_of_memory(*_):
+    raise MemoryError
+
+
+def hanging(*_):
+    time.sleep(20)
+
+
+def always_infeasible(c, *_):
+    return Solution("infeasible", np.empty(0))
+
+
+def text(c, *_):
+    return "optimal"
+
+
+def nothing(c, *_):
+    return None
+
+
+LIARS = [wrong_length, not_numbers, random_point, garbage, failing, out_of_memory, hanging, always_infeasible, text, nothing]
+
+
+@pytest.mark.parametrize("solver", LIARS, ids=lambda f: f.__name__)
+@pytest.mark.parametrize(
+    "design",
+    [
+        lambda **k: kp.state_feedback(PLANT, X=PAPER, rate=1, **k),
+        lambda **k: kp.state_feedback(PLANT, X=PAPER, rate="max", **k),
+        lambda **k: kp.state_feedback(PLANT, X=PAPER, method="alternation", **k),
+        lambda **k: kp.state_feedback(PLANT, X=PAPER, method="two-step", **k),
+        lambda **k: kp.state_feedback(PLANT, X=PAPER, disturbance=([[0], [1]], [[1, 0]]), gain_bound=8, **k),
+        lambda **k: kp.output_feedback(ct.ss([[-3, 1], [2, 1]], [[0], [1]], [[0, 1]], 0), **k),
+        lambda **k: kp.network_feedback([kp.ConeStateSpace(PLANT, X=PAPER)] * 2, [[0, 1], [1, 0]], **k),
+    ],
+    ids=["one-shot", "largest rate", "alternation", "two-step", "disturbance", "output", "network"],
+)
+def test_a_bad_solver_never_gives_an_uncertified_gain(solver, design):
+    begin = time.monotonic()
+    d = design(solver=solver, time_limit=0.3)
+    assert time.monotonic() - begin < 2 + 0.3 + 2
+    if d:
+        assert d.check()
+    else:
+        assert d.F is None and d.closed_loop is None and d.explain()
+    assert d.status is not kp.Status.REFUTED
+
+
+@pytest.mark.parametrize("solver", [always_infeasible, failing])
+def test_a_bad_solver_hides_no_proof(solver):
+    d = kp.state_feedback(PLANT, X=kp.orthant(2), solver=solver)
+    assert d.status is kp.Status.REFUTED and d.check()
+
+
+def test_highs_itself_may_fail(monkeypatch):
+    monkeypatch.setattr(linear_programs, "_run_highs", lambda *_: failing())
+    d = kp.state_feedback(PLANT, X=PAPER, rate=1)
+    assert (d and d.check()) or (d.status is kp.Status.UNDECIDED and d.F is None)
+    refuted = kp.state_feedback(PLANT, X=kp.orthant(2))
+    assert refuted.status is kp.Status.REFUTED and refuted.check()
+
+
+@pytest.mark.parametrize("name", ["CLARABEL", "scipy", "highs"])
+def test_other_solvers_by_name(name):
+    d = kp.state_feedback(PLANT, X=PAPER, rate=1, solver=name)
+    assert d and d.check() and d.value == pytest.approx(5, rel=0.07)

@@ -1,0 +1,186 @@
+"""Local gains for whole networks, uniform gains, and gains that are good for any number of nodes."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import control_kpos as kp
+
+PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
+
+
+def node(k=1.0):
+    return kp.ConeStateSpace([[0, 1], [-k, 0]], [[0], [1]], [[1, 0]], 0, X=PAPER)
+
+
+def ring(n):
+    return sp.csr_array(np.roll(np.eye(n), 1, axis=1))
+
+
+def random_network(n, seed=0, degree=3, weight=1.0):
+    rng = np.random.default_rng(seed)
+    A = np.zeros((n, 2, 2))
+    A[:, 0, 1], A[:, 1, 0] = 1, -rng.uniform(0.5, 2, size=n)
+    where = (np.repeat(np.arange(n), degree), rng.integers(0, n, size=degree * n))
+    W = sp.csr_array((weight * rng.uniform(0, 1, size=degree * n), where), shape=(n, n))
+    return kp.stack(A, [[0], [1]], [[1, 0]], X=PAPER), W, A
+
+
+# -- scale-free gains, section V.B
+
+
+@pytest.mark.parametrize("weight", [0, 1, 5])
+def test_one_node_program_serves_rings_of_any_size(weight):
+    d = kp.scale_free_feedback(node(), weight)
+    assert d and d.check()
+    for n in (1, 2, 3, 10, 400):
+        net = kp.feedback_interconnect([d.closed_loop] * n, weight * ring(n))
+        assert net.certificate and net.spectral_abscissa()[1] <= -d.decay_rate + 1e-9
+
+
+def test_scale_free_gain_serves_random_graphs_and_heavier_links_break_it():
+    d = kp.scale_free_feedback(node(), 2, rate=0.2)
+    rng = np.random.default_rng(1)
+    for n in (5, 50):
+        W = rng.uniform(size=(n, n)) * (rng.uniform(size=(n, n)) < 0.3)
+        W = 2 * W / np.maximum(W.sum(axis=0), 1e-9)  # out-weights
+        for coupling in (W, W.T):  # and in-weights
+            net = kp.feedback_interconnect([d.closed_loop] * n, coupling)
+            assert net.certificate and net.spectral_abscissa()[1] <= -0.2 + 1e-9
+    heavy = kp.feedback_interconnect([d.closed_loop] * 5, 50 * ring(5))
+    assert not heavy.certificate
+
+
+def test_weight_decides():
+    assert kp.scale_free_feedback(node(), 5, gain_bound=5.5)
+    d = kp.scale_free_feedback(node(), 50, gain_bound=5.5)
+    assert d.status is kp.Status.REFUTED and d.check() and d.nearest.gain_bound == pytest.approx(27, rel=1e-2)
+
+
+def test_scale_free_certificate_needs_its_parts():
+    c = kp.scale_free_feedback(node(), 1).certificate
+    assert not replace(c, weight=2.0).check()
+    assert not replace(c, coupled=kp.linear_lyapunov([[-1, 0], [0, -1]], PAPER)).check()
+
+
+def test_scale_free_saving(tmp_path):
+    kp.scale_free_feedback(node(), 1).certificate.save(tmp_path / "c.json")
+    assert kp.load_certificate(tmp_path / "c.json").status is kp.Status.PROVED
+
+
+def test_scale_free_refusals():
+    with pytest.raises(kp.DataError, match="weight is -1"):
+        kp.scale_free_feedback(node(), -1)
+    with pytest.raises(kp.ShapeError, match="one input"):
+        kp.scale_free_feedback(kp.ConeStateSpace(-np.eye(2), np.eye(2), np.eye(2), 0), 1)
+    d = kp.scale_free_feedback(kp.ConeStateSpace(node(), X=[[0, -1], [1, 2]]), 1)
+    assert d.status is kp.Status.REFUTED
+
+
+# -- local gains
+
+
+@pytest.mark.parametrize("n", [1, 2, 7])
+def test_ring_of_paper_plants(n):
+    d = kp.network_feedback([node()] * n, ring(n), rate=0.5)
+    assert d and d.check() and d.F.shape == (n, 1, 2)
+    closed = np.kron(np.eye(n), node().A) + np.kron(ring(n).toarray(), [[0, 0], [1, 0]])
+    for j in range(n):
+        closed[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] += node().B @ d.F[j]
+    np.testing.assert_allclose(d.closed_loop.A, closed, atol=1e-12)
+    assert np.linalg.eigvals(closed).real.max() <= -0.5 + 1e-9
+    assert d.value == pytest.approx(5, rel=0.06)
+
+
+def test_different_nodes_with_a_bound():
+    stack, W, A = random_network(300)
+    d = kp.network_feedback(stack, W, gain_bound=15, rate=0.1)
+    assert d and d.check() and d.decay_rate >= 0.1
+    used = np.abs(np.einsum("jma,ka->jmk", d.F, PAPER.rays))
+    assert used.max() <= 15
+    np.testing.assert_allclose(d.closed_loop.model.stacks[0].A.values[:, 1], A[:, 1] + d.F[:, 0], atol=1e-12)
+
+
+def test_nodes_of_different_sizes():
+    small = kp.ConeStateSpace([[1.0]], [[1.0]], [[1.0]], 0)
+    d = kp.network_feedback([node(), small, node(2.0)], [[0, 1, 0], [0, 0, 1], [1, 0, 0]], rate=0.2)
+    assert d and isinstance(d.F, tuple) and [f.shape for f in d.F] == [(1, 2), (1, 1), (1, 2)]
+    assert [k.shape for k in d.K] == [(1, 2), (1, 1), (1, 2)]
+
+
+def test_discrete_time_network():
+    part = kp.ConeStateSpace([[1.1, 0.1], [0.2, 0.5]], [[1], [0]], [[0, 1]], 0, 1)
+    d = kp.network_feedback([part] * 4, 0.3 * ring(4), rate=0.1)
+    assert d and d.check()
+    assert np.abs(np.linalg.eigvals(d.closed_loop.A)).max() <= 0.9 + 1e-9
+
+
+def test_uniform_gain_for_nodes_that_differ():
+    stack, W, _ = random_network(40, weight=0.5)
+    d = kp.network_feedback(stack, W, uniform=True, rate=0.2)
+    assert d and d.check() and d.F.shape == (1, 2)
+
+
+def test_weakened_local_gains():
+    stack, W, _ = random_network(30)
+    d = kp.network_feedback(stack, W, gain_bound=15, rate=0.1)
+    s = np.asarray(d.certified_fraction)
+    assert s.shape == (30,) and (0 < s).all() and (s < 1).all()
+    base = d.closed_loop.model
+
+    def weakened(fraction):
+        A = stack.A.values + fraction[:, None, None] * np.einsum("am,jmb->jab", [[0.0], [1.0]], d.F)
+        return kp.feedback_interconnect(kp.stack(A, [[0], [1]], [[1, 0]], X=PAPER), base.coupling.values)
+
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        assert weakened(s + rng.uniform(size=30) * (1 - s)).certificate
+    assert not weakened(0.5 * s).certificate
+    assert "%" in d.explain()
+
+
+def test_rounding_of_large_networks_is_stated():
+    stack, W, _ = random_network(6000)
+    d = kp.network_feedback(stack, W, gain_bound=15, rate=0.1)
+    assert d and any("rounding" in note or "last place" in note for note in d.notes)
+
+
+# -- failures
+
+
+def test_node_that_blocks_everything_is_named():
+    d = kp.network_feedback([node()] * 3, ring(3), gain_bound=4)
+    assert d.status is kp.Status.REFUTED and d.check() and "node 0" in d.message
+
+
+def test_too_fast_or_too_tight_names_what_is_possible():
+    fast = kp.network_feedback([node()] * 3, ring(3), rate=3)
+    assert fast.status is kp.Status.UNDECIDED and fast.F is None
+    assert fast.nearest.decay_rate == pytest.approx(2, rel=1e-2)
+    tight = kp.network_feedback([node()] * 3, 20 * ring(3), gain_bound=6)
+    assert tight.status is kp.Status.UNDECIDED and tight.nearest.gain_bound == pytest.approx(12, rel=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("systems", "coupling", "arguments", "error", "message"),
+    [
+        ([node()], [[0, 1]], {}, kp.ConeMismatchError, "1 x 2"),
+        ([], [[0]], {}, kp.ShapeError, "empty"),
+        ([node()], [[0]], {"gain_bound": [1, 2]}, kp.ShapeError, "2 entries"),
+        ([node()], [[0]], {"gain_bound": 0}, kp.DataError, "positive"),
+        ([node()], [[0]], {"rate": "max"}, kp.DataError, "number"),
+        ([kp.ConeStateSpace([[-1.0]], [[1.0]], [[1.0]], [[1.0]])], [[0]], {}, kp.DataError, "D is not zero"),
+        ([node(), kp.ConeStateSpace([[-1.0]], [[1.0]], [[1.0]], 0)], np.zeros((2, 2)), {"uniform": True}, kp.ShapeError, "equal"),
+    ],
+)
+def test_wrong_arguments(systems, coupling, arguments, error, message):
+    with pytest.raises(error, match=message):
+        kp.network_feedback(systems, coupling, **arguments)
+
+
+def test_cone_that_is_not_simplicial_is_refused():
+    square = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
+    with pytest.raises(kp.NotProperConeError, match="4 generators"):
+        kp.network_feedback([kp.ConeStateSpace(-np.eye(3), [[0], [0], [1]], [[0, 0, 1]], 0, X=square)], [[0]])
