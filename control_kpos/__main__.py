@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from .certificates.files import load_certificate
+from .certificates.independent import verdict
 from .certificates.result import Status
 from .cones import orthant, product
 from .errors import CertificateFileError
@@ -70,14 +71,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def check_file(path: Path) -> int:
-    """Check a saved certificate, say what it shows, and return the exit status."""
+    """Check a saved certificate twice, say what it shows, and return the exit status.
+
+    The independent checker proves it from the proof in the file, the package from the data; both must agree.
+    """
     try:
         certificate = load_certificate(path)
+        independent = verdict(path)
     except (CertificateFileError, OSError) as error:
         _say(f"UNREADABLE {error}")
         return UNREADABLE
     _say(f"{certificate.status.name} {certificate.explain()}")
-    return PROVED if certificate.status is Status.PROVED and certificate.check() else REFUTED
+    _say(independent.text)
+    agreed = independent.status in (certificate.status.name, "")
+    return PROVED if certificate.status is Status.PROVED and agreed else REFUTED
 
 
 def demo(output: Path, n_nodes: int) -> int:

@@ -22,12 +22,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import ExactMatrix, concatenate, dense, exact_matrix, identity, require_shape
+from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
-from .certificates.files import register_record
+from .certificates.proofs import Prover, drift, exact_vector, numbers
+from .certificates.proofs import product as exact_product
 from .certificates.result import Certificate, Condition, Status, all_hold
 from .cones import Cone
 from .errors import DataError, KposError, UndecidedError
-from .positivity import PositivityCertificate, PositivityViolation, System, cone_positivity
+from .positivity import PositivityCertificate, PositivityViolation, System, cone_positivity, split_contents
 from .stability import exact_row, lyapunov_on, transpose
 from .storage import storage_candidates, supply_witness
 
@@ -137,6 +139,32 @@ class DissipativityCertificate(Certificate):
             Condition("h'(A x + B u) >= 0", motion, ">="),
             Condition("q'y + r'u <= 0", supply, "<="),
         ]
+
+    def evidence(self) -> dict[str, Any]:
+        """Evidence of positivity, and of a witness the weights of x, u and A x + B u in their cones."""
+        w, p, out = self.witness, self.positivity.system(), self.positivity.evidence()
+        if not isinstance(w, SupplyViolation):
+            return out
+        x, u, prover = exact_vector(w.x, w.x_exact), exact_vector(w.u, w.u_exact), Prover()
+        motion = drift(p.A, x, p.discrete) + exact_product(p.B, u)
+        weights = {"wx": prover.vector(p.X, x), "wu": prover.vector(p.U, u), "wz": prover.vector(p.X, motion)}
+        return {**out, "x": numbers(x), "u": numbers(u), "rate": int(p.discrete), **weights}
+
+    def contents(self) -> dict[str, Any]:
+        """The data of `positivity` and the fields."""
+        return {**self.positivity.contents(), **{k: x for k, x in self.data().items() if k != "positivity"}}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> DissipativityCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By field, those of the certificate of positivity among them.
+        """
+        positivity, own = split_contents(cls, contents)
+        return cls.settle(positivity=positivity, **own)
 
     def explain(self) -> str:
         """For which supply rate, at what rate, or why not."""

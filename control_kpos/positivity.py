@@ -13,20 +13,22 @@ for every facet and generator.  D is not in the paper; a static system needs the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import ExactMatrix, exact_matrix, require_shape
+from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
-from .certificates.files import register_record
+from .certificates.proofs import Prover, violation
 from .certificates.result import Certificate, Condition
 from .cones import Cone
 from .errors import DataError
 
 _STATE, _INPUT, _OUTPUT, _DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
+_WEIGHTS = {"A": "P", "B": "N", "C": "L", "D": "K"}
 _MEANING = {_STATE: "A X in X", _INPUT: "B U in X", _OUTPUT: "C X in Y", _DIRECT: "D U in Y"}
 
 
@@ -133,8 +135,24 @@ class PositivityCertificate(Certificate):
         same = _parallel(w.normal, dense_row(normal)) and _parallel(w.generator, dense_row(generator))
         if not same or condition.forms.middle is None:
             return None
-        value = np.asarray(w.normal) @ (condition.forms.middle.values @ np.asarray(w.generator))
-        return out if _close(w.value, float(value)) else None
+        own = BilinearForms(ExactMatrix(w.normal[None]), condition.forms.middle, ExactMatrix(w.generator[None]))
+        rounding = 1e-11 * abs(w.value) + 1e-14 * own.magnitudes[0, 0]
+        return out if abs(own.values[0, 0] - w.value) <= rounding else None
+
+    def evidence(self) -> dict[str, Any]:
+        """A X = X P, B U = X N, C X = Y L, D U = Y K with weights P, N, L, K; or the normal of the broken facet."""
+        maps = {"A": (self.X, self.A, self.X), "B": (self.X, self.B, self.U), "C": (self.Y, self.C, self.X)}
+        maps["D"] = (self.Y, self.D, self.U)
+        if isinstance(self.witness, PositivityViolation):
+            name = self.witness.condition[0]
+            target = maps[name][0] or self.X
+            return violation(name, target.exact_facets, self.witness.facet, self.witness.ray)
+        prover, out = Prover(), {}
+        for name, (target, matrix, source) in maps.items():
+            if matrix is not None and target is not None and source is not None:
+                invariance = name == "A" and not self.discrete
+                out[_WEIGHTS[name]] = prover.inclusion(target, matrix, source, invariance=invariance)
+        return out
 
     def explain(self) -> str:
         """Which inclusions hold, or where one breaks."""
@@ -283,6 +301,15 @@ def cone_positivity(
     return settle_positivity(A=A, X=X, discrete=bool(discrete), **data)
 
 
+def split_contents(cls: type[Certificate], contents: dict[str, Any]) -> tuple[PositivityCertificate, dict[str, Any]]:
+    """Contents of a file as the certificate of positivity and what `cls` adds to it."""
+    own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+    system = {key: value for key, value in contents.items() if key not in own}
+    witness = contents.get("witness")
+    violation = witness if isinstance(witness, PositivityViolation) else None
+    return PositivityCertificate.settle(**system, witness=violation), own
+
+
 def settle_positivity(**data: Any) -> PositivityCertificate:
     """The certificate for data already read, with the worst violation as witness if there is one."""
     draft = PositivityCertificate.settle(**data)
@@ -342,10 +369,6 @@ def _parallel(a: Any, b: NDArray[np.float64]) -> bool:
         return False
     top_a, top_b = np.abs(a).max(initial=0.0), np.abs(b).max(initial=0.0)
     return bool(top_a > 0 and top_b > 0 and np.abs(a / top_a - b / top_b).max() < 1e-12)
-
-
-def _close(a: float, b: float) -> bool:
-    return bool(np.isfinite(a) and abs(a - b) <= 1e-11 * max(abs(a), abs(b)))
 
 
 def _sizes(name: str, n: int) -> str:

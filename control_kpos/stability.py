@@ -21,13 +21,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import ExactMatrix, concatenate, identity
+from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
-from .certificates.files import register_record
+from .certificates.proofs import Prover, drift, exact_vector, numbers
 from .certificates.result import Certificate, Condition, Status, all_hold
 from .cones import Cone
 from .errors import DataError
 from .perron import ScaledProblem, SingularMatrixError, decide_exactly
-from .positivity import PositivityCertificate, PositivityViolation, state_positivity
+from .positivity import PositivityCertificate, PositivityViolation, split_contents, state_positivity
 
 _POSITIVE, _DECREASING, _RATE = "v'x > 0", "v'A x < 0", "v'A x + rate v'x <= 0"
 _SLOW, _SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
@@ -145,6 +146,32 @@ class LyapunovCertificate(Certificate):
         if not isinstance(w, InstabilityDirection) or self.positivity.status is not Status.PROVED or not np.any(w.x):
             return None
         return instability_conditions(self.A, self.X, self.discrete, w)
+
+    def evidence(self) -> dict[str, Any]:
+        """Evidence of positivity, and of a witness x the weights of x and A x in X."""
+        w, out, prover = self.witness, self.positivity.evidence(), Prover()
+        if not isinstance(w, InstabilityDirection):
+            return out
+        x = exact_vector(w.x, w.exact)
+        moved = drift(self.A, x, self.discrete)
+        weights = {"wx": prover.vector(self.X, x), "wz": prover.vector(self.X, moved)}
+        return {**out, "x": numbers(x), "rate": int(self.discrete), **weights}
+
+    def contents(self) -> dict[str, Any]:
+        """The data of `positivity` and the fields."""
+        return {**self.positivity.contents(), **{k: x for k, x in self.data().items() if k != "positivity"}}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> LyapunovCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By field, those of the certificate of positivity among them.
+        """
+        positivity, own = split_contents(cls, contents)
+        return cls.settle(positivity=positivity, **own)
 
     def explain(self) -> str:
         """What has been proven, and at what rate."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from .exact import UNKNOWN, BilinearForms
 from .files import register_claim, save_certificate
+from .proofs import ProofOmittedError
 
 Relation = Literal[">", ">=", "<", "<=", "=="]
 _ALLOWED: dict[str, tuple[int, ...]] = {">": (1,), ">=": (0, 1), "<": (-1,), "<=": (-1, 0), "==": (0,)}
@@ -153,7 +154,7 @@ class Certificate(ABC):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "claim" in cls.__dict__:
-            register_claim(cls.claim, lambda data: cls.settle(**data))
+            register_claim(cls.claim, cls.restore)
 
     @classmethod
     def settle(cls: type[C], **data: Any) -> C:
@@ -213,7 +214,8 @@ class Certificate(ABC):
         minus sign.
         """
         if self.witness is not None:
-            return -abs(min((c.margin for c in self._own_conditions), default=0.0))
+            broken = (c.margin for c in self._own_conditions if c.relation != "==")
+            return 0.0 - abs(min(broken, default=0.0))
         return min((c.margin for c in self._own_conditions if c.name not in self.no_margin), default=0.0)
 
     def check(self) -> bool:
@@ -235,14 +237,32 @@ class Certificate(ABC):
             return False  # data that do not even fit together prove nothing
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the certificate as JSON (format ``kpos-certificate/1``); see `load_certificate`.
+        """Write the certificate (format ``kpos-certificate/1``); see `load_certificate`.
 
         Parameters
         ----------
         path : path-like
-            Written whole or not at all.
+            Written whole or not at all.  JSON with what an independent checker needs; with the suffix
+            ``.npz`` an archive of arrays, for large networks.
         """
-        save_certificate(self.claim, self.status.name, self.data(), path)
+        save_certificate(self, path)
+
+    def proof(self) -> dict[str, Any]:
+        """What a checker without this package needs besides the data, as JSON data.
+
+        Returns
+        -------
+        dict
+            Empty if the data suffice; {"omitted": reason} if the claim cannot be checked without the package.
+        """
+        try:
+            return self.evidence()
+        except ProofOmittedError as reason:
+            return {"omitted": str(reason)}
+
+    def evidence(self) -> dict[str, Any]:
+        """The content of `proof`; raises `ProofOmittedError` where it would be too long."""
+        raise ProofOmittedError(f"claims of the kind {self.claim!r} are for control_kpos alone")
 
     def __bool__(self) -> bool:
         return self.status is Status.PROVED
@@ -254,6 +274,21 @@ class Certificate(ABC):
         """The fields that determine the verdict, by name."""
         derived = ("status", "residuals")
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in derived}
+
+    def contents(self) -> dict[str, Any]:
+        """What determines the verdict, by the names it has in files; `restore` is the inverse."""
+        return self.data()
+
+    @classmethod
+    def restore(cls: type[C], contents: dict[str, Any]) -> C:
+        """The certificate for the contents of a file, with the status that follows from them.
+
+        Parameters
+        ----------
+        contents : dict
+            What `contents` returned.
+        """
+        return cls.settle(**contents)
 
 
 def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.float64]] | None) -> bool:
