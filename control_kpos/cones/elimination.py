@@ -8,6 +8,7 @@ Entries are int64 while products fit, Python integers afterwards.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,7 +60,7 @@ def divide_by_content(rows: Integers) -> Integers:
     return rows // np.where(content == 0, 1, content)
 
 
-def as_small_integers(matrix: NDArray[np.object_] | NDArray[np.int64]) -> NDArray[np.object_] | NDArray[np.int64]:
+def as_small_integers(matrix: NDArray[Any]) -> NDArray[Any]:
     """As int64 if products of two entries fit into it."""
     if matrix.dtype == np.int64 or not matrix.size:
         return matrix
@@ -67,7 +68,7 @@ def as_small_integers(matrix: NDArray[np.object_] | NDArray[np.int64]) -> NDArra
     return matrix.astype(np.int64) if small else matrix
 
 
-def _room(matrix: NDArray[np.object_] | NDArray[np.int64]) -> NDArray[np.object_] | NDArray[np.int64]:
+def _room(matrix: NDArray[Any]) -> NDArray[Any]:
     """As Python integers if products of two entries would overflow int64."""
     if matrix.dtype != np.int64 or not matrix.size or max(matrix.max(), -matrix.min()) <= _INT64_FACTOR:
         return matrix
@@ -140,32 +141,33 @@ def normals(stack: Integers) -> Integers:
         rows are dependent.  Costs about k n^3 / 2 multiplications of integers.
     """
     count, rows, n = stack.shape
-    work = as_small_integers(stack)
+    work: NDArray[Any] = np.array(as_small_integers(stack))
     order = np.tile(np.arange(n), (count, 1))
     each = np.arange(count)
-    last: NDArray[np.object_] | NDArray[np.int64] = np.ones(count, dtype=np.int64)
+    last: NDArray[Any] = np.ones(count, dtype=work.dtype)
     singular = np.zeros(count, dtype=bool)
     for k in range(rows):
         # row k of an independent set has a nonzero entry left; swap it into column k
         pivot_at = k + np.argmax(work[:, k, k:] != 0, axis=1)
         swap = np.flatnonzero(pivot_at != k)
-        order[swap, k], order[swap, pivot_at[swap]] = order[swap, pivot_at[swap]], order[swap, k]
-        moved = work[swap, :, k]
-        work = work.copy() if k == 0 else work
-        work[swap, :, k] = work[swap, :, pivot_at[swap]]
-        work[swap, :, pivot_at[swap]] = moved
+        at = pivot_at[swap]
+        order[swap, k], order[swap, at] = order[swap, at], order[swap, k]
+        work[swap, :, k], work[swap, :, at] = work[swap, :, at], work[swap, :, k]
+        work = _room(work)
         pivot = work[:, k, k].copy()
         singular |= pivot == 0
         pivot[pivot == 0] = 1
-        work = _room(work)
-        factor, kept, tail = work[:, :, k].copy(), work[:, k, k + 1 :].copy(), work[:, :, k + 1 :]
-        work[:, :, k + 1 :] = (tail * pivot[:, None, None] - factor[:, :, None] * kept[:, None, :]) // last[
-            :, None, None
-        ]
-        work[:, k, k + 1 :] = kept
-        last = pivot
-    out = np.zeros((count, n), dtype=object)
-    out[each[:, None], order[:, :rows]] = -work[:, :, rows].astype(object)
-    out[each, order[:, rows]] = last
+        below = pivot[:, None, None] * work[:, k + 1 :, k + 1 :]
+        below -= work[:, k + 1 :, k, None] * work[:, None, k, k + 1 :]
+        work[:, k + 1 :, k + 1 :] = below // last[:, None, None] if k else below
+        work[:, k, k] = last = pivot
+
+    # back substitution; minors of the whole matrix, so that every division is exact
+    h = np.zeros((count, n), dtype=object)
+    h[:, rows] = last
+    for k in range(rows - 1, -1, -1):
+        h[:, k] = -(work[:, k, k + 1 :] * h[:, k + 1 :]).sum(axis=1) // work[:, k, k]
+    out = np.zeros_like(h)
+    out[each[:, None], order] = h
     out[singular] = 0
     return divide_by_content(out)
