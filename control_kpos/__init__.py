@@ -8,7 +8,6 @@ from . import examples as examples
 from .certificates.files import load_certificate as load_certificate
 from .certificates.result import Certificate as Certificate
 from .certificates.result import Status as Status
-from .conefinding import find_cone as find_cone
 from .cones import Cone as Cone
 from .cones import PolyhedralCone as PolyhedralCone
 from .cones import lorentz as lorentz
@@ -28,10 +27,6 @@ from .errors import SolverError as SolverError
 from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
-from .networks import ConeNetwork as ConeNetwork
-from .networks import NetworkCertificate as NetworkCertificate
-from .networks import feedback_interconnect as feedback_interconnect
-from .networks import stack as stack
 from .positivity import PositivityCertificate as PositivityCertificate
 from .positivity import PositivityViolation as PositivityViolation
 from .positivity import cone_positivity as cone_positivity
@@ -40,34 +35,71 @@ from .stability import InstabilityDirection as InstabilityDirection
 from .stability import LyapunovCertificate as LyapunovCertificate
 from .stability import linear_lyapunov as linear_lyapunov
 from .statespace import ConeStateSpace as ConeStateSpace
-from .synthesis import DesignResult as DesignResult
-from .synthesis import Tradeoff as Tradeoff
-from .synthesis import gain_rate_tradeoff as gain_rate_tradeoff
-from .synthesis import network_feedback as network_feedback
-from .synthesis import observer_gain as observer_gain
-from .synthesis import output_feedback as output_feedback
-from .synthesis import scale_free_feedback as scale_free_feedback
-from .synthesis import state_feedback as state_feedback
 
 if TYPE_CHECKING:
+    from .conefinding import find_cone as find_cone
+    from .networks import ConeNetwork as ConeNetwork
+    from .networks import NetworkCertificate as NetworkCertificate
+    from .networks import feedback_interconnect as feedback_interconnect
+    from .networks import stack as stack
     from .plotting import phase_portrait as phase_portrait
     from .plotting import plot_closed_loop as plot_closed_loop
     from .plotting import plot_cone as plot_cone
     from .plotting import plot_network as plot_network
     from .plotting import plot_poles as plot_poles
     from .plotting import plot_tradeoff as plot_tradeoff
+    from .synthesis import DesignResult as DesignResult
+    from .synthesis import Tradeoff as Tradeoff
+    from .synthesis import gain_rate_tradeoff as gain_rate_tradeoff
+    from .synthesis import network_feedback as network_feedback
+    from .synthesis import observer_gain as observer_gain
+    from .synthesis import output_feedback as output_feedback
+    from .synthesis import scale_free_feedback as scale_free_feedback
+    from .synthesis import state_feedback as state_feedback
 
 __version__ = "0.1.0"
 
-# Where names are that load matplotlib, which takes longer to import than the rest of the package.
-_PICTURES = ("phase_portrait", "plot_closed_loop", "plot_cone", "plot_network", "plot_poles", "plot_tradeoff")
-_ON_DEMAND = dict.fromkeys(_PICTURES, ".plotting")
+# Rooms that are imported when one of their names is first used: `import control_kpos` is to cost little
+# more than `import control`.
+_ON_DEMAND = {
+    name: room
+    for room, names in {
+        ".conefinding": ("find_cone",),
+        ".networks": (
+            "ConeNetwork",
+            "feedback_interconnect",
+            "NetworkCertificate",
+            "stack",
+        ),
+        ".plotting": (
+            "phase_portrait",
+            "plot_closed_loop",
+            "plot_cone",
+            "plot_network",
+            "plot_poles",
+            "plot_tradeoff",
+        ),
+        ".synthesis": (
+            "DesignResult",
+            "gain_rate_tradeoff",
+            "network_feedback",
+            "observer_gain",
+            "output_feedback",
+            "scale_free_feedback",
+            "state_feedback",
+            "Tradeoff",
+        ),
+    }.items()
+    for name in names
+}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _ON_DEMAND:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_ON_DEMAND[name], __name__), name)
+    value = getattr(importlib.import_module(_ON_DEMAND[name], __name__), name)
+    globals()[name] = value
+    return value
 
 
 def __dir__() -> list[str]:

@@ -8,6 +8,7 @@ to prove it again.  The status is written for people; every reader recomputes it
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
 import os
 import sys
@@ -27,6 +28,9 @@ from .portable_cones import decode_cone, encode_cone
 FORMAT = "kpos-certificate/1"
 MAX_FILE_BYTES = 2 * 10**9
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
+
+# Rooms imported on demand; they register their claims when they are.
+_ROOMS_WITH_CLAIMS = ("control_kpos.networks", "control_kpos.synthesis", "control_kpos.conefinding")
 
 _restorers: dict[str, Callable[[dict[str, Any]], Any]] = {}
 
@@ -214,6 +218,9 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
     claim, data = content["claim"], content["data"]
     if "digest" in content and content["digest"] != digest(data):
         raise CertificateFileError("the data do not have the digest that the file states.")
+    if claim not in _restorers:
+        for room in _ROOMS_WITH_CLAIMS:
+            importlib.import_module(room)
     if claim not in _restorers:
         raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
     certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
