@@ -241,6 +241,9 @@ def test_equality_of_sets():
     assert PolyhedralCone([[1, 0], [-1, 0], [0, 1]]) == PolyhedralCone([[2, 0], [-1, 0], [7, 3]])
     assert PolyhedralCone(SQUARE) != PolyhedralCone(SQUARE[:3])
     assert PAPER != "cone" and not PAPER == 1  # noqa: SIM201
+    large = np.random.default_rng(0).normal(size=(100, 100))
+    assert PolyhedralCone(large) == PolyhedralCone(4 * large[::-1])
+    assert PolyhedralCone(large) != PolyhedralCone(large + np.eye(100))
     nearly = PolyhedralCone([[0, 1], [1, np.nextafter(-2, 0)]])
     assert nearly != PAPER
 
@@ -406,6 +409,8 @@ BAD_DATA = [
     ([[1, 0], [0, 0], [0, 1]], kp.DataError, "row 1 is zero"),
     ([["1", "0"], ["0", "0/3"]], kp.DataError, "row 1 is zero"),
     ("abc", kp.DataError, "rays"),
+    (5, kp.ShapeError, "rays is a single number"),
+    (np.array(5.0), kp.ShapeError, "rays is a single number"),
     ({"a": 1}, kp.DataError, "rays"),
     (np.array([["a"]]), kp.DataError, "'a'"),
 ]

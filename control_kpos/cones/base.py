@@ -339,6 +339,8 @@ def _depth(x: Any) -> int:
 def nonzero_rows(data: Any, name: str) -> ExactMatrix:
     """Read generators or normals: at least one row, no zero rows."""
     exact = exact_matrix(data, name)
+    if not isinstance(data, ExactMatrix) and not _depth(data):
+        raise ShapeError(f"{name} is a single number; give vectors, one a row.")
     p, n = exact.shape
     if not p or not n:
         raise ShapeError(f"{name} is empty ({p} x {n}); give at least one row.")

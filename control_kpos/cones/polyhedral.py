@@ -14,7 +14,6 @@ from .base import Cone, nonzero_rows
 from .conversion import Faces, convert
 from .elimination import divide_by_content
 from .rows import equilibrate, frozen
-from .simplicial import LARGE
 
 
 class _Conversion:
@@ -154,13 +153,19 @@ class PolyhedralCone(Cone):
         return _inner_sum(self._faces)
 
     def _equals(self, other: Cone) -> bool:
-        # pointed cones are equal if their extreme rays are; solid ones if their facets are
-        if isinstance(other, PolyhedralCone) and self.dim <= LARGE:
-            if self.is_pointed and other.is_pointed and (self.n_rays <= self.n_facets or not self.is_solid):
-                return _directions(self.exact_rays) == _directions(other.exact_rays)
-            if self.is_solid and other.is_solid:
-                return _directions(self.exact_facets) == _directions(other.exact_facets)
-        return super()._equals(other)
+        # pointed cones are equal if their extreme rays are, solid ones if their facets are
+        if not isinstance(other, PolyhedralCone):
+            return super()._equals(other)
+        pairs = []
+        if self.is_pointed and other.is_pointed:
+            pairs.append((self.exact_rays, other.exact_rays))
+        if self.is_solid and other.is_solid:
+            pairs.append((self.exact_facets, other.exact_facets))
+        if not pairs:
+            return super()._equals(other)
+        # rows that are at hand rather than computed on demand, and few of them
+        mine, theirs = min(pairs, key=lambda pair: (sum(m.integer_rows is not None for m in pair), pair[0].shape[0]))
+        return _directions(mine) == _directions(theirs)
 
     def __neg__(self) -> PolyhedralCone:
         conversion = _Conversion(-self._conversion.generators)
