@@ -82,6 +82,7 @@ class ConeCertificate(Certificate):
     v: NDArray[np.float64] | None = None
 
     def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
         if self.rays is None or self.multipliers is None or self.pointing is None or self.right_inverse is None:
             return [Condition("no cone", _forms(ExactMatrix(np.ones((1, 1))), ExactMatrix(np.ones((1, 1)))), "<")]
         rays = self.rays
@@ -109,8 +110,7 @@ class ConeCertificate(Certificate):
             out.append(Condition("c'x >= 0", _forms(within, rays), ">="))
         if self.v is not None and not self.by_facets:
             out.append(Condition("v'x > 0", _forms(_row(self.v), rays), ">"))
-            for s in range(self.matrices.shape[0]):
-                out.append(self._decrease(s, self.v, rays))
+            out += [self._decrease(s, self.v, rays) for s in range(self.matrices.shape[0])]
         return out
 
     def _decrease(self, s: int, v: NDArray[np.float64], rays: ExactMatrix) -> Condition:
@@ -121,22 +121,25 @@ class ConeCertificate(Certificate):
         return Condition(f"v'(A{s} - I) x < 0", BilinearForms(_row(v), from_identity, rays), "<")
 
     def refutation(self) -> Sequence[Condition] | None:
+        """The conditions on the obstruction."""
         if not isinstance(self.witness, Obstruction):
             return None
         return self.witness.conditions(self.matrices, discrete=self.discrete)
 
     def explain(self) -> str:
+        """A few sentences a person can act on."""
         if self.witness is not None:
             return f"No invariant proper polyhedral cone exists: {self.witness}."
         if not self:
             return "Undecided: no cone was proven, and none was excluded."
+        kind = "facets" if self.by_facets else "generators"
         n_rays, n = self.rays.shape if self.rays is not None else (0, 0)
         family = "A" if self.matrices.shape[0] == 1 else f"each of the {self.matrices.shape[0]} matrices"
         more = "" if self.contains is None else f", holds the {self.contains.shape[0]} vectors asked for"
         more += "" if self.within is None else f", lies in the {self.within.shape[0]} half-spaces asked for"
         more += "" if self.v is None else "; v'x is a common Lyapunov function on it"
         return (
-            f"Proved: the cone of {n_rays} {'facets' if self.by_facets else 'generators'} in dimension {n} is pointed, solid and invariant under {family}{more}. "
+            f"Proved: the cone of {n_rays} {kind} in dimension {n} is pointed, solid and invariant under {family}{more}. "
             f"Scale-free margin {self.margin:.3g}."
         )
 

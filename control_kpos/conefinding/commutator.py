@@ -46,7 +46,6 @@ def simplicial_descent(
     margin : float
         Smallest entry that should be nonnegative.
     """
-    n = len(R)
     radius = 0.3
     margin = _margin(matrices, R, discrete)
     for _ in range(_ROUNDS):
@@ -70,7 +69,7 @@ def simplicial_descent(
 
 
 def _images(matrices: Array, R: Array) -> Array:
-    return np.linalg.solve(R, matrices @ R)
+    return np.asarray(np.linalg.solve(R, matrices @ R), dtype=np.float64)
 
 
 def _margin(matrices: Array, R: Array, discrete: bool) -> float:
@@ -84,7 +83,7 @@ def _required(n: int, discrete: bool) -> NDArray[np.bool_]:
 
 def _step(matrices: Array, R: Array, radius: float, discrete: bool, limit: float) -> Array | None:
     P = _images(matrices, R)
-    M, n = len(P), len(R)
+    n = len(R)
     eye = np.eye(n)
     # Row (s, i, j), column (a, b): d(P E - E P)_ij / dE_ab = P_ia [j = b] - [i = a] P_bj.
     rows = np.einsum("sia,jb->sijab", P, eye) - np.einsum("ia,sbj->sijab", eye, P)

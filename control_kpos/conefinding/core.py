@@ -120,4 +120,4 @@ def _gauge(corners: Array) -> Array:
     if corners.shape[1] == 1:
         return 1 / corners
     edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-    return np.linalg.solve(edges, np.ones((len(edges), 2, 1)))[:, :, 0]
+    return np.asarray(np.linalg.solve(edges, np.ones((len(edges), 2, 1)))[:, :, 0], dtype=np.float64)

@@ -42,25 +42,31 @@ class Bounds(Condition):
 
     @classmethod
     def of(cls, name: str, lower: Array, size: Array, exact: NDArray[np.bool_] | bool = False) -> Bounds:
+        """A condition for given bounds."""
         empty = ExactMatrix(np.zeros((0, 1)))
         return cls(name, BilinearForms(empty, None, empty), ">", None, lower, size, exact)
 
     def verdict(self) -> bool | None:
+        """True if proven; None otherwise, for a bound refutes nothing."""
         return True if bool(((self.lower > 0) | self.exact).all()) else None
 
     def worst_violation(self) -> None:
-        return None
+        """None: a bound that is not met is no proven violation."""
+        return
 
     @property
     def residual(self) -> Array:
+        """The lower bounds."""
         return self.lower
 
     @property
     def scale(self) -> Array:
+        """Sizes against which the bounds are to be judged."""
         return self.size
 
     @property
     def margin(self) -> float:
+        """Smallest bound relative to its size, at most 1."""
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.where(self.size > 0, self.lower / self.size, 0.0)
         ratio = np.where(self.exact, np.maximum(ratio, 0.0), ratio)

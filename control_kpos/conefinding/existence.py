@@ -39,7 +39,6 @@ LARGEST = 60
 _BISECTIONS = 200
 
 
-@register_record
 @dataclass(frozen=True, eq=False)
 class SpectralObstruction:
     """An eigenvalue that no K-positive matrix can have.
@@ -67,6 +66,7 @@ class SpectralObstruction:
     discrete: bool
 
     def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The exact root counts behind the obstruction."""
         if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
             return None
         holds = excludes_cones(spectrum_polynomial(layer(matrices, self.matrix)), self)
@@ -91,6 +91,9 @@ class SpectralObstruction:
             f"the eigenvalues {value} {where}are not real and lie on the same vertical line as the rightmost real one; "
             "only a cone that is not polyhedral could be invariant"
         )
+
+
+register_record(SpectralObstruction)
 
 
 def spectrum_polynomial(A: ExactMatrix) -> Polynomial:
@@ -166,7 +169,7 @@ def _centred(p: Polynomial, bound: Fraction, discrete: bool) -> Polynomial:
 
 def excludes_cones(p: Polynomial, w: SpectralObstruction) -> bool:
     """True if the obstruction holds for this characteristic polynomial."""
-    if w.discrete and w.bound <= 0 or real_roots_above(p, w.bound):
+    if (w.discrete and w.bound <= 0) or real_roots_above(p, w.bound):
         return False
     if w.kind == "ahead":
         beyond = imaginary_axis(_centred(p, w.bound, w.discrete))[0]

@@ -27,7 +27,6 @@ _LARGEST = 16
 _POWER = 24
 
 
-@register_record
 @dataclass(frozen=True, eq=False)
 class PerronObstruction:
     """Dominant directions and functionals of a family that contradict each other.
@@ -50,13 +49,19 @@ class PerronObstruction:
     value: float
 
     def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The exact root count of the product."""
         if len(self.cycle) != len(self.shifts) or not all(0 <= i < matrices.shape[0] for i in self.cycle):
             return None
         product = _product(matrices, self.cycle, self.shifts, discrete)
         if product is None:
             return None
         spectral = SpectralObstruction(0, "ahead", self.bound, 0.0, 0.0, True)
-        return [fact("a product of resolvents has a negative dominant eigenvalue", excludes_cones(spectrum_polynomial(product), spectral))]
+        return [
+            fact(
+                "a product of resolvents has a negative dominant eigenvalue",
+                excludes_cones(spectrum_polynomial(product), spectral),
+            )
+        ]
 
     def __str__(self) -> str:
         names = ", ".join(map(str, self.cycle))
@@ -64,6 +69,9 @@ class PerronObstruction:
             f"the dominant directions e and functionals l of the matrices {names} contradict each other: the product of "
             f"l_i'e_j around this cycle is {self.value:.3g} < 0, whatever their signs"
         )
+
+
+register_record(PerronObstruction)
 
 
 def family_obstruction(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,35 +18,35 @@ class GeneratedCone(PolyhedralCone):
     Made by `proper_cone`.
     """
 
-    _interior: NDArray[np.float64] | None = None
-
     @property
     def exact_rays(self) -> ExactMatrix:
+        """Generators as exact data."""
         return self._faces.rays if self._is_swapped else self._conversion.generators
 
     @property
     def exact_facets(self) -> ExactMatrix:
+        """Facet normals as exact data."""
         return self._conversion.generators if self._is_swapped else self._faces.facets
 
     @property
     def n_rays(self) -> int:
+        """Number of generators."""
         return self.exact_rays.shape[0]
 
     @property
     def n_facets(self) -> int:
+        """Number of facets."""
         return self.exact_facets.shape[0]
 
     @property
     def is_pointed(self) -> bool:
+        """True: proven before the cone was made."""
         return True
 
     @property
     def is_solid(self) -> bool:
+        """True: proven before the cone was made."""
         return True
-
-    @cached_property
-    def interior_point(self) -> NDArray[np.float64]:
-        return PolyhedralCone.interior_point.func(self) if self._interior is None else self._interior  # type: ignore[attr-defined]
 
     def __repr__(self) -> str:
         known = f"{self._conversion.generators.shape[0]} {'facets' if self._is_swapped else 'rays'}"
@@ -85,5 +83,5 @@ def proper_cone(
     inside = Generators(rays, right_inverse).combination("x = R q", [column], ExactMatrix(weights[:, None]), everywhere)
     if inside.verdict() and (inside.lower > 0).all():
         point.flags.writeable = False
-        cone.__dict__["_interior"] = point  # cones refuse to be changed from outside
+        vars(cone)["_interior_point"] = point  # cones refuse to be changed from outside
     return cone

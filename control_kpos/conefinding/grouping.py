@@ -54,7 +54,7 @@ def spectra(
 
 def needs(pairs: NDArray[np.complex128], real: NDArray[np.float64] | None, *, discrete: bool) -> NDArray[np.float64]:
     """Least column sum with nonnegative rates, for G groups at once; shape (G,)."""
-    best = np.full(pairs.shape[1] if len(pairs) else len(np.atleast_1d(real)), np.inf)  # type: ignore[arg-type]
+    best = np.full(pairs.shape[1], np.inf)
     for _, spectrum in spectra(pairs, real):
         rates = np.fft.fft(spectrum, axis=1).real
         best = np.minimum(best, -(rates if discrete else rates[:, 1:]).min(axis=1))
@@ -78,8 +78,8 @@ def groupings(targets: NDArray[np.complex128], top: float, *, discrete: bool, se
     rng = np.random.default_rng(seed)
     for trial in range(8):
         margin = (top - np.array([need for need, _ in offers])) * rng.uniform(0.5, 1.5, len(offers)) if trial else None
-        keep = 0.5 * top + 0.0 if trial % 2 else top
-        yield _greedy(targets, offers, alone, by_gap, top, margin, keep, discrete)
+        keep = 0.5 * top if trial % 2 else top
+        yield _greedy(offers, alone, by_gap, top, margin, keep)
 
 
 def _offers(
@@ -103,14 +103,12 @@ def _offers(
 
 
 def _greedy(
-    targets: NDArray[np.complex128],
     offers: list[tuple[float, Group]],
     alone: dict[int, float],
     by_gap: list[int],
     top: float,
     margin: NDArray[np.float64] | None,
     keep: float,
-    discrete: bool,
 ) -> list[Group]:
     """Take the offers one by one: those that help the most pairs first, then those with most to spare."""
 

@@ -61,14 +61,14 @@ def modes(A: NDArray[np.float64], *, discrete: bool = False) -> Modes | None:
     first = dominant_index(values, discrete=discrete)
     if values[first].imag != 0 or (discrete and values[first].real < 0):
         return None
-    right = vectors[:, first].real
+    right = np.real(vectors[:, first])
     right = right / np.linalg.norm(right)
     others, bases = [], []
     for i in range(len(values)):
         if i == first or values[i].imag < 0:
             continue
         if values[i].imag == 0:
-            column = vectors[:, [i]].real
+            column = np.real(vectors[:, [i]])
             bases.append(column / np.linalg.norm(column))
         else:
             bases.append(_orthogonal_pair(vectors[:, i]))

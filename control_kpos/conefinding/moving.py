@@ -49,7 +49,7 @@ def moving_descent(
     *,
     discrete: bool,
     remaining: Callable[[], float],
-    goal: float = 1e-3,
+    goal: float = 1e-4,
 ) -> Placement | None:
     """Move rays of height w'x = 1 until all multipliers have the right signs, or no further."""
     X = X / (w @ X)

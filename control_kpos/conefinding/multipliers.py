@@ -76,7 +76,7 @@ def nonnegative_combination(
     t : float
         -inf if no combination was found.
     """
-    n, N = frame.R.shape
+    N = frame.R.shape[1]
     unit = np.ones(N)
     lower = np.zeros(N + 1)
     if free is not None:

@@ -148,7 +148,7 @@ def _scattered(values: Array, owner: NDArray[np.intp], count: int) -> Array:
 
 def _future(f: Flow, normals: Array) -> Array:
     """c'e^(tS) for all normals c and a grid of times t, divided by its limit for each c; shape (k, n)."""
-    rates, vectors = np.linalg.eig(f.S)
+    rates, vectors = (np.asarray(a, dtype=np.complex128) for a in np.linalg.eig(f.S))
     gaps = np.sort(-rates.real)[1:]
     horizon = 8.0 / max(float(gaps.min(initial=1.0)), 1e-12)
     fastest = float(np.abs(rates).max(initial=0.0)) or 1.0
@@ -214,5 +214,4 @@ def _interior(points: Array, count: int, core: Core) -> Array:
         if outwards < 0.5 * rest[0]:
             break
         part /= 2
-    weights = np.concatenate([part / (count * points[:count, 0]), core.combination(rest)])
-    return weights
+    return np.concatenate([part / (count * points[:count, 0]), core.combination(rest)])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
+from itertools import pairwise
 from math import gcd
 
 import numpy as np
@@ -152,7 +153,7 @@ def _sign(x: int | Fraction) -> int:
 
 def _changes(signs: Sequence[int]) -> int:
     present = [s for s in signs if s]
-    return sum(a != b for a, b in zip(present, present[1:]))
+    return sum(a != b for a, b in pairwise(present))
 
 
 def _strip(p: Polynomial) -> Polynomial:

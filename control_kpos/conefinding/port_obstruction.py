@@ -30,7 +30,6 @@ _LARGEST = 40
 _MOST = 400
 
 
-@register_record
 @dataclass(frozen=True, eq=False)
 class PortObstruction:
     """A product of a half-space, the dynamics and a vector that is negative where it must not be.
@@ -62,6 +61,7 @@ class PortObstruction:
     zero: float | None = None
 
     def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The exact sign of the product."""
         n = matrices.shape[-1]
         sizes = self.normal.shape == (1, n) and self.vector.shape == (1, n)
         if not sizes or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
@@ -73,18 +73,22 @@ class PortObstruction:
             return f"the impulse response c'A^k b is {self.value:.3g} < 0 at k = {self.power}"
         if self.zero is not None:
             return (
-                f"the real transmission zero {self.zero:.6g} is not to the left of the dominant eigenvalue: the transfer "
-                f"function is {self.value:.3g} at s = {float(self.shift):.6g}, where that of a cone-positive system is positive"
+                f"the real transmission zero {self.zero:.6g} is not to the left of the dominant eigenvalue: the "
+                f"transfer function is {self.value:.3g} at s = {float(self.shift):.6g}, where that of a cone-positive "
+                "system is positive"
             )
         if self.power == 1:
             return (
-                f"the transfer function c'(sI - A)^-1 b is {self.value:.3g} <= 0 at s = {float(self.shift):.6g}, beyond the "
-                "dominant eigenvalue"
+                f"the transfer function c'(sI - A)^-1 b is {self.value:.3g} <= 0 at s = {float(self.shift):.6g}, "
+                "beyond the dominant eigenvalue"
             )
         return (
             f"the impulse response c'e^(At) b is negative near t = {self.time:.3g}: c'(sI - A)^-{self.power} b = "
             f"{self.value:.3g} at s = {float(self.shift):.6g}"
         )
+
+
+register_record(PortObstruction)
 
 
 def port_obstruction(
@@ -103,7 +107,9 @@ def port_obstruction(
     return None
 
 
-def transmission_zeros(A: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> NDArray[np.complex128]:
+def transmission_zeros(
+    A: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
+) -> NDArray[np.complex128]:
     """Finite zeros of c'(sI - A)^-1 b, from a generalised eigenvalue problem."""
     n = len(A)
     left = np.block([[A, b[:, None]], [c[None], np.zeros((1, 1))]])
@@ -136,18 +142,28 @@ def _suspects(
     reals = values[np.abs(values.imag) < 1e-9 * scale].real
     edge = float(reals.max()) if reals.size else top
     eye = np.eye(len(M))
-    zeros = [float(z.real) for z in transmission_zeros(M, b, c) if abs(z.imag) < 1e-7 * scale and z.real > edge - 1e-12 * scale]
+    zeros = [
+        float(z.real)
+        for z in transmission_zeros(M, b, c)
+        if abs(z.imag) < 1e-7 * scale and z.real > edge - 1e-12 * scale
+    ]
     spread = scale * np.array([1e-6, 1e-4, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
-    grid = {edge + d for d in spread} | {z + f * (z - edge) for z in zeros for f in (-0.5, -0.1, -1e-3, 0.0, 1e-3, 0.1, 1.0)}
+    grid = {edge + d for d in spread} | {
+        z + f * (z - edge) for z in zeros for f in (-0.5, -0.1, -1e-3, 0.0, 1e-3, 0.1, 1.0)
+    }
     grid |= {float(Fraction(z).limit_denominator(1000)) for z in zeros}
-    for s in sorted(grid):
+    for s in sorted(grid, key=lambda s: abs(s - edge - 0.3 * scale)):
         if s > edge:
             value = float(c @ np.linalg.solve(s * eye - M, b))
             if value <= 1e-9 * np.linalg.norm(c) * np.linalg.norm(b):
                 zero = min(zeros, key=lambda z: abs(z - s)) if zeros else None
                 yield 1, Fraction(s), value, np.inf, zero
     found = []
-    for t in np.geomspace(0.01 / scale, 60 / max(1e-6 * scale, float(np.abs(top - values.real)[np.abs(top - values.real) > 0].min(initial=scale))), 80):
+    for t in np.geomspace(
+        0.01 / scale,
+        60 / max(1e-6 * scale, float(np.abs(top - values.real)[np.abs(top - values.real) > 0].min(initial=scale))),
+        80,
+    ):
         response = float(c @ sl.expm((M - top * eye) * min(t, 1e6)) @ b)
         found.append((response, float(t)))
     for response, t in sorted(found)[:2]:

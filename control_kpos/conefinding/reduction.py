@@ -12,7 +12,9 @@ from .multipliers import Frame
 Array = NDArray[np.float64]
 
 
-def extreme_generators(rays: Array, pointing: Array, keep: NDArray[np.bool_] | None = None) -> tuple[NDArray[np.intp], Array]:
+def extreme_generators(
+    rays: Array, pointing: Array, keep: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.intp], Array]:
     """Generators that are no combination of the others, with functionals that single them out.
 
     Parameters

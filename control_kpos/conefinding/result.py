@@ -88,7 +88,10 @@ class FoundCone:
                 f" conditioning {self.conditioning:.3g}."
             )
             if self.is_flat:
-                text += " This is numerically flat, hence no success: rescale the states, or ask for more separation of the dominant eigenvalue."
+                text += (
+                    " This is numerically flat, hence no success: rescale the states, or separate the dominant "
+                    "eigenvalue more."
+                )
         return f"{text} {self.explanation}".strip()
 
     def __bool__(self) -> bool:

@@ -39,7 +39,9 @@ def find_with_ports(
         Half-spaces to lie in, such as the rows of C; r may be 0.
     """
     stack = as_stack([A])
-    nothing = ConeCertificate.settle(matrices=stack, discrete=discrete, contains=_given(vectors), within=_given(normals))
+    nothing = ConeCertificate.settle(
+        matrices=stack, discrete=discrete, contains=_given(vectors), within=_given(normals)
+    )
     matrix, units = balanced(A)
     m = modes(matrix, discrete=discrete)
     if m is None:
@@ -80,7 +82,7 @@ def _given(rows: ExactMatrix) -> ExactMatrix | None:
 
 def _proposals(
     A: ExactMatrix, m: Modes, vectors: ExactMatrix, normals: ExactMatrix, units: Array, discrete: bool
-) -> Iterator[tuple[list[Array | NDArray[np.object_]], Array | NDArray[np.object_], list[int], Array]]:
+) -> Iterator[tuple[list[Array], Array, list[int], Array]]:
     """Generators in modal coordinates, multipliers, and where the orbit of each vector starts."""
     basis = np.column_stack([m.right, *m.bases])
     to_modal = np.linalg.inv(basis)
@@ -130,7 +132,10 @@ def _exactly(
             frame = Frame.of(values[index], m.left)
             target = np.asarray(vectors.values)[j] / units
             if frame is not None:
-                combos[j] = nonnegative_combination(frame, frame.to @ target, size=float(np.abs(frame.to @ target).max()))[0] / frame.heights
+                combos[j] = (
+                    nonnegative_combination(frame, frame.to @ target, size=float(np.abs(frame.to @ target).max()))[0]
+                    / frame.heights
+                )
             continue
         combos[j] = shares[:, row]
         at = np.flatnonzero(index == row)
@@ -167,4 +172,3 @@ def _row(m: ExactMatrix, j: int) -> ExactMatrix:
         None if m.numerators is None else m.numerators[[j]],
         m.denominator,
     )
-

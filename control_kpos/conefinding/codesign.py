@@ -1,0 +1,296 @@
+"""Cone and feedback together: place isolated real poles, take their cone, polish the gain.
+
+If (A, B) is controllable, poles can be placed at real distinct numbers, and the simplicial cone of that
+spectrum is invariant; so a cone and a gain always exist.  Existence is cheap, robustness is not: the
+perturbed loops keep a cone only if the dominant pole stays real and well separated, hence pole patterns
+with an isolated dominant pole are tried from gentle to aggressive.  At each cone the smallest gain is
+then found by the linear program of `control_kpos.synthesis`, for all vertices at once.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sl
+import scipy.signal as ss
+from control import StateSpace
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix, exact_matrix
+from ..certificates.result import Certificate, Status
+from ..cones import Cone, PolyhedralCone
+from ..errors import ConeMismatchError, DataError, ShapeError
+from ..statespace import ConeStateSpace
+from ..synthesis import state_feedback
+from .commutator import simplicial_descent
+from .explicit import modal_cone
+from .family import find_common
+from .find import square
+from .modes import modes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class CodesignResult:
+    """A cone, and a gain that makes it invariant and the loop stable.
+
+    `bool(result)` is True only for PROVED.
+
+    Attributes
+    ----------
+    status : Status
+    cone : Cone or None
+        Simplicial.
+    F : ndarray, shape (m, n), or None
+        Gain of u = F x.
+    closed_loop : ConeStateSpace or None
+        From the input added to F x to all states as outputs, or to the system's own.
+    certificate : Certificate or None
+        Of the closed loop on the cone, for all vertices if there are any.
+    poles : ndarray, shape (n,), or None
+        Closed-loop poles of the nominal system.
+    explanation : str
+        What stands in the way, for a design that failed.
+    """
+
+    status: Status
+    cone: Cone | None = None
+    F: Array | None = None
+    closed_loop: Any = None
+    certificate: Certificate | None = None
+    poles: NDArray[np.complex128] | None = None
+    explanation: str = ""
+
+    @property
+    def K(self) -> Array | None:
+        """Gain of python-control's u = -K x."""
+        return None if self.F is None else -self.F
+
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+        if not self:
+            return self.explanation
+        text = self.certificate.explain() if self.certificate is not None else ""
+        size = float(np.abs(self.F).max()) if self.F is not None else 0.0
+        return f"A cone and a gain (largest entry {size:.4g}) were found. {text}"
+
+    def __bool__(self) -> bool:
+        return self.status is Status.PROVED
+
+    def __repr__(self) -> str:
+        return f"<CodesignResult {self.status.name}{'' if self.cone is None else f', {self.cone!r}'}>"
+
+
+def design_cone_and_feedback(
+    sys: Any, vertices: Sequence[Any] | None = None, *, time_limit: float = 60.0, seed: int = 0
+) -> CodesignResult:
+    """Find a proper cone X and a gain F so that A + B F leaves X invariant and is stable.
+
+    Parameters
+    ----------
+    sys : StateSpace or pair (A, B)
+        Continuous or discrete time.  (A, B) controllable.
+    vertices : sequence of StateSpace or (A_s, B_s), optional
+        Plants that the same cone and gain must serve as well, together with their convex hull.
+    time_limit : float
+        Seconds.
+    seed : int
+        Of the random starts of the robust search.
+
+    Returns
+    -------
+    CodesignResult
+        UNDECIDED with an explanation if (A, B) is not controllable, or if no design was found.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError
+        Sizes that do not fit; numbers that are not finite and real; a plant without inputs.
+
+    Notes
+    -----
+    Without vertices this succeeds for every controllable pair that is not numerically uncontrollable:
+    milliseconds to a second.  With vertices it is a search.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> design = design_cone_and_feedback(ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0))
+    >>> design.status.name, design.cone.is_simplicial
+    ('PROVED', True)
+    """
+    end = time.monotonic() + time_limit
+    A, B, dt = _plant(sys, "sys")
+    discrete = dt is not None and (dt is True or dt != 0)
+    pairs = [_plant(item, f"vertices[{k}]")[:2] for k, item in enumerate(vertices or [])]
+    for k, (Ak, Bk) in enumerate(pairs):
+        if Ak.shape != A.shape or Bk.shape != B.shape:
+            raise ShapeError(
+                f"vertices[{k}] has A {Ak.shape[0]} x {Ak.shape[1]} and B {Bk.shape[0]} x {Bk.shape[1]}, "
+                f"but the system has A {A.shape[0]} x {A.shape[1]} and B {B.shape[0]} x {B.shape[1]}."
+            )
+    plant = StateSpace(
+        A.values, B.values, np.eye(A.shape[0]), np.zeros((A.shape[0], B.shape[1])), dt if dt is not None else 0
+    )
+    source = sys if isinstance(sys, StateSpace) else plant
+    rank = _controllable(np.asarray(A.values), np.asarray(B.values))
+    if rank < A.shape[0]:
+        return CodesignResult(
+            Status.UNDECIDED,
+            explanation=(
+                f"(A, B) is not controllable: only {rank} of {A.shape[0]} directions can be moved by the input. "
+                "Design for the controllable part, or use state_feedback with a cone of your own."
+            ),
+        )
+    best: CodesignResult | None = None
+    values = [(np.asarray(a.values), np.asarray(b.values)) for a, b in [(A, B), *pairs]]
+    for gain in _gains(values[0][0], values[0][1], discrete, bool(pairs)):
+        if time.monotonic() > end:
+            break
+        for R in _cones(values, gain, discrete, seed, end, bool(pairs)):
+            found = _polished(source, R, pairs, max(end - time.monotonic(), 0.1))
+            if found and (best is None or _size(found) < _size(best)):
+                best = found
+            if found:
+                break
+        if best is not None:
+            return best
+    return CodesignResult(
+        Status.UNDECIDED,
+        explanation=(
+            "No cone and gain were found within the time limit; none was excluded. Smaller vertices, more inputs, "
+            "or more time may help: the dominant pole must stay real and isolated in every vertex."
+        ),
+    )
+
+
+def _plant(item: Any, name: str) -> tuple[ExactMatrix, ExactMatrix, Any]:
+    if isinstance(item, StateSpace):
+        A, B, dt = square(item.A, f"{name}.A"), exact_matrix(item.B, f"{name}.B"), item.dt
+    elif isinstance(item, (tuple, list)) and len(item) == 2:
+        A, B, dt = square(item[0], f"{name}: A"), exact_matrix(item[1], f"{name}: B"), None
+    else:
+        raise DataError(f"{name} must be a StateSpace or a pair (A, B), not {type(item).__name__}.")
+    if not B.shape[1]:
+        raise DataError(f"{name} has no inputs; there is nothing to design.")
+    if B.shape[0] != A.shape[0]:
+        raise ConeMismatchError(f"{name}: A is {A.shape[0]} x {A.shape[1]}, but B has {B.shape[0]} rows.")
+    return A, B, dt
+
+
+def _controllable(A: Array, B: Array) -> int:
+    """Rank of the controllability matrix, each power scaled to length one."""
+    blocks, block = [], B / (np.linalg.norm(B) or 1.0)
+    for _ in range(len(A)):
+        blocks.append(block)
+        block = A @ block
+        block = block / (np.linalg.norm(block) or 1.0)
+    return int(np.linalg.matrix_rank(np.column_stack(blocks), tol=1e-12 * len(A)))
+
+
+def _gains(A: Array, B: Array, discrete: bool, robust: bool) -> Iterator[Array]:
+    """Gains that place real distinct poles, the dominant one isolated."""
+    n = len(A)
+    values = np.linalg.eigvals(A)
+    if discrete:
+        for top, ratio in ((0.8, 0.8), (0.6, 0.6), (0.5, 0.4), (0.9, 0.9), (0.3, 0.5)):
+            yield from _placed(A, B, top * ratio ** np.arange(n))
+        return
+    size = float(np.median(np.abs(values))) or 1.0
+    size = max(size, 1e-3 * (float(np.abs(values).max()) or 1.0))
+    patterns = [
+        (1.0, 1.6),
+        (1.0, 1.25),
+        (0.5, 2.0),
+        (0.3, 1.3),
+        (2.0, 1.5),
+        (1.0, 1.1),
+        (4.0, 1.3),
+        (8.0, 1.4),
+        (20.0, 1.3),
+    ]
+    if robust:
+        patterns = [(0.3, 2.5), (0.1, 3.0), (1.0, 2.0), (0.3, 4.0), (1.0, 4.0), (3.0, 3.0), (0.5, 1.5), (10.0, 2.0)]
+    if not robust:
+        # Close to where the poles are: real, at the open-loop distances, a little apart.
+        near = np.sort(np.abs(values)) + 1e-2 * size
+        for k in range(1, n):
+            near[k] = max(near[k], 1.15 * near[k - 1])
+        yield from _placed(A, B, -near)
+    for first, ratio in patterns:
+        if robust:
+            # The dominant pole alone on the right, the others a factor apart further left.
+            poles = -size * first * np.concatenate([[1.0], 3.0 * ratio ** (1 + np.arange(n - 1) / 2)])
+        else:
+            poles = -size * first * ratio ** np.arange(n)
+        yield from _placed(A, B, poles)
+
+
+def _placed(A: Array, B: Array, poles: NDArray[np.floating]) -> Iterator[Array]:
+    keep = sl.orth(B.T).T if np.linalg.matrix_rank(B) < B.shape[1] else None
+    used = B @ keep.T if keep is not None else B
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            K = ss.place_poles(A, used, poles, maxiter=60).gain_matrix
+    except (ValueError, np.linalg.LinAlgError):
+        return
+    F = -K if keep is None else -keep.T @ K
+    if np.isfinite(F).all():
+        yield F
+
+
+def _cones(
+    pairs: list[tuple[Array, Array]], F: Array, discrete: bool, seed: int, end: float, robust: bool
+) -> Iterator[Array]:
+    """Simplicial cones (generators as columns) of the closed loops."""
+    loops = np.array([A + B @ F for A, B in pairs])
+    m = modes(loops[0], discrete=discrete)
+    start = None if m is None else modal_cone(m, discrete=discrete, max_rays=len(loops[0]))
+    if start is None:
+        return
+    R = start.R / np.linalg.norm(start.R, axis=0)
+    if not robust:
+        yield R
+        return
+    scaled = np.array([L / np.abs(L).max() for L in loops])
+    moved, margin = simplicial_descent(scaled, R, discrete=discrete, remaining=lambda: min(3.0, end - time.monotonic()))
+    if margin > 0:
+        yield moved
+    yield R
+    if margin > -0.3 and end > time.monotonic():
+        found, _, _ = find_common(
+            ExactMatrix(loops),
+            discrete=discrete,
+            max_rays=len(R),
+            seed=seed,
+            restarts=6,
+            time_limit=min(3.0, end - time.monotonic()),
+            progress=None,
+        )
+        if found and found.rays is not None:
+            yield np.asarray(found.rays.values).T
+
+
+def _polished(
+    source: StateSpace, R: Array, pairs: list[tuple[ExactMatrix, ExactMatrix]], limit: float
+) -> CodesignResult | None:
+    """The smallest gain at this cone, for the system and its vertices, with its proof."""
+    cone = PolyhedralCone(np.ascontiguousarray(R.T))
+    plants = [(np.asarray(a.values), np.asarray(b.values)) for a, b in pairs] or None
+    system = ConeStateSpace(StateSpace(source.A, source.B, source.C, source.D, source.dt), X=cone)
+    design = state_feedback(system, X=cone, vertices=plants, time_limit=limit)
+    if not design:
+        return None
+    poles = np.linalg.eigvals(source.A + source.B @ design.F)
+    return CodesignResult(Status.PROVED, cone, np.asarray(design.F), design.closed_loop, design.certificate, poles)
+
+
+def _size(result: CodesignResult) -> float:
+    return float(np.abs(result.F).max()) if result.F is not None else np.inf

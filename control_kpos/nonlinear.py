@@ -1,0 +1,445 @@
+"""Differential positivity: nonlinear systems that keep a cone of displacements.
+
+Let J(x) be the Jacobian of x' = f(x) on a convex region.  If every J(x) is K-positive on X,
+
+    h'J(x) x_i >= 0   for every facet h and generator x_i of X with h'x_i = 0,
+
+then two solutions that start ordered, x(0) - y(0) in X, stay ordered while they remain in the region: the
+flow is monotone in the order of X (Forni and Sepulchre, Differentially positive systems, 2016).  The
+condition is linear in J, hence holds on a whole interval matrix [mid - rad, mid + rad] if and only if
+h'mid x_i - |h|'rad |x_i| >= 0.  If besides v'J(x) x_i < 0 for one v in int X*, V(d) = v'd decreases along
+all displacements d in X: the flow contracts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from control import NonlinearIOSystem, StateSpace
+from numpy.typing import ArrayLike, NDArray
+
+from .arrays import ExactMatrix, exact_matrix
+from .certificates.exact import BilinearForms
+from .certificates.files import register_record
+from .certificates.result import Certificate, Condition, Status
+from .cones import Cone
+from .errors import ConeMismatchError, DataError, ShapeError
+from .intervals import (
+    UnboundedError,
+    UnsupportedError,
+    box_points,
+    enclosed_jacobian,
+    jacobian_by_differences,
+    jacobian_pieces,
+)
+from .linear_programs import solve
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class DifferentialViolation:
+    """A Jacobian that turns a displacement on the boundary outwards.
+
+    Attributes
+    ----------
+    centre, radius : ndarray, shape (n, n)
+        Encloses the Jacobian at `point`.
+    facet, ray : int
+        Row numbers in `facets` and `rays` of X.
+    value : float
+        h'J x < 0, in floating point.
+    point : ndarray, shape (n,), or None
+        Where; None for a Jacobian that was given as a matrix.
+    """
+
+    centre: Array
+    radius: Array
+    facet: int
+    ray: int
+    value: float
+    point: Array | None
+
+    def __str__(self) -> str:
+        where = "" if self.point is None else f" at x = ({', '.join(f'{x:.4g}' for x in self.point)})"
+        product = f"h'J x = {self.value:.3g} < 0"
+        return f"the Jacobian{where} turns generator {self.ray} out through facet {self.facet} ({product})"
+
+
+register_record(DifferentialViolation)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DifferentialCertificate(Certificate):
+    """Proof that a set of Jacobians is K-positive, or one that is not.
+
+    Attributes
+    ----------
+    centres : ExactMatrix, shape (M, n, n)
+        Jacobians, or midpoints of enclosures.
+    radii : ndarray, shape (M, n, n)
+        All J with |J - centre| <= radius for some piece are meant.
+    X : Cone
+    discrete : bool
+        x[k+1] = f(x[k]): J X inside X.
+    source : {"vertices", "enclosed", "sampled"}
+        "vertices": about the matrices given and their convex hull.  "enclosed": about every Jacobian on the
+        region, by interval arithmetic.  "sampled": seen at points only, which proves nothing about the
+        others; the status is never PROVED then.
+    v : ndarray, shape (n,), or None
+        Common Lyapunov vector: the flow contracts.
+    witness : DifferentialViolation or None
+    """
+
+    claim: ClassVar[str] = "differentially-positive"
+
+    centres: ExactMatrix
+    radii: Array
+    X: Cone
+    discrete: bool = False
+    source: str = "vertices"
+    v: Array | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+        out = [self._invariance(s) for s in range(self.centres.shape[0])]
+        if self.v is not None:
+            v = ExactMatrix(self.v[None, :])
+            out.append(Condition("v'x > 0", BilinearForms(v, None, _dense_rays(self.X)), ">"))
+            out += [self._decrease(s) for s in range(self.centres.shape[0])]
+        if self.source == "sampled":
+            one = ExactMatrix(np.ones((1, 1)))
+            out.append(Condition("all Jacobians on the region are known", BilinearForms(one, None, one), "<"))
+        return out
+
+    def _invariance(self, s: int) -> Condition:
+        where = None if self.discrete else np.asarray(self.X.incidence)
+        return Condition(
+            f"h'J{s} x >= 0",
+            _worst(_dense_facets(self.X), self._layer(s), self.radii[s], _dense_rays(self.X), -1),
+            ">=",
+            where,
+        )
+
+    def _decrease(self, s: int) -> Condition:
+        v = ExactMatrix(np.asarray(self.v, dtype=float)[None, :])
+        A = self._layer(s)
+        if self.discrete:
+            A = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
+        return Condition(f"v'J{s} x < 0", _worst(v, A, self.radii[s], _dense_rays(self.X), 1), "<")
+
+    def _layer(self, s: int) -> ExactMatrix:
+        c = self.centres
+        return ExactMatrix(
+            c.values[s],
+            None if c.radius is None else c.radius[s],
+            None if c.numerators is None else c.numerators[s],
+            c.denominator,
+        )
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the violation."""
+        w = self.witness
+        if not isinstance(w, DifferentialViolation) or w.centre.shape != self.centres.shape[1:]:
+            return None
+        if w.point is None and not any(
+            np.array_equal(w.centre, c) and not r.any() for c, r in zip(self.centres.values, self.radii, strict=True)
+        ):
+            return None
+        h, x = _one(_dense_facets(self.X), w.facet), _one(_dense_rays(self.X), w.ray)
+        out = [Condition("h'J x < 0", _worst(h, ExactMatrix(w.centre), w.radius, x, 1), "<")]
+        if not self.discrete:
+            out.append(Condition("h'x = 0", BilinearForms(h, None, x), "=="))
+        return out
+
+    @property
+    def is_strict(self) -> bool:
+        """True if all inequalities hold strictly: the order is strongly preserved."""
+        if not self and self.source != "sampled":
+            return False
+        conditions = [self._invariance(s) for s in range(self.centres.shape[0])]
+        return all(Condition(c.name, c.forms, ">", c.where).verdict() is True for c in conditions)
+
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+        if self.witness is not None:
+            return f"Not differentially positive on X: {self.witness}."
+        if self.source == "sampled":
+            good = sum(self._invariance(s).verdict() is True for s in range(self.centres.shape[0]))
+            return (
+                f"Not proven: {good} of {self.centres.shape[0]} sampled Jacobians are K-positive on X, up to the error "
+                "of finite differences, and nothing is known between them. Write the system with numpy functions and "
+                "arithmetic only, so that its Jacobian can be enclosed."
+            )
+        if not self:
+            return "Undecided: the enclosures of the Jacobian are too wide for this cone. Try a smaller region, or more pieces."
+        order = (
+            "The flow is monotone in the order of X: solutions that start ordered stay ordered, while they remain "
+            "in the region."
+        )
+        if self.v is not None:
+            return (
+                f"Proved. {order} It contracts: v'd decreases along every displacement d in X, so solutions converge to "
+                "each other."
+            )
+        if self.is_strict:
+            return (
+                f"Proved. {order} It is strictly differentially positive: almost every bounded trajectory that stays in "
+                "the region converges to an equilibrium."
+            )
+        return f"Proved. {order}"
+
+
+def differential_positivity(
+    jacobians: Any,
+    X: Cone,
+    region: ArrayLike | None = None,
+    *,
+    inputs: ArrayLike | None = None,
+    discrete: bool | None = None,
+    pieces: int = 256,
+) -> DifferentialCertificate:
+    """Decide whether a nonlinear system keeps the cone X of displacements.
+
+    Parameters
+    ----------
+    jacobians : NonlinearIOSystem, StateSpace, matrix or sequence of matrices
+        A system, with `region`; or the vertices of a set of Jacobians, each (n, n).
+    X : Cone
+        Polyhedral and proper, in R^n.
+    region : array_like, shape (n, 2), optional
+        Box of states: lower and upper bound of each.
+    inputs : array_like, shape (m, 2), optional
+        Box of inputs of a system; zero if omitted.
+    discrete : bool, optional
+        For matrices: x[k+1] = f(x[k]).  Systems know.
+    pieces : int
+        Largest number of boxes the region may be cut into to tighten the enclosure.
+
+    Returns
+    -------
+    DifferentialCertificate
+        `explain()` says what follows.  A system whose function cannot be called with intervals is sampled,
+        which is stated and never PROVED.
+
+    Raises
+    ------
+    ShapeError, ConeMismatchError, DataError, NotProperConeError
+        Sizes that do not fit; a region that is not a box; a Jacobian that is unbounded on the region.
+
+    Examples
+    --------
+    A pendulum with strong damping, for angles up to a quarter turn:
+
+    >>> import control as ct, control_kpos as kp
+    >>> pendulum = ct.nlsys(lambda t, x, u, p: [x[1], -np.sin(x[0]) - 3 * x[1]], inputs=0, states=2)
+    >>> X = kp.PolyhedralCone([[1, 0], [1, -2]])
+    >>> cert = differential_positivity(pendulum, X, [[-1.5, 1.5], [-9, 9]])
+    >>> cert.status.name, cert.source
+    ('PROVED', 'enclosed')
+    """
+    X.require_proper("X")
+    if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
+        return _of_system(jacobians, X, region, inputs, pieces)
+    timed = discrete
+    if isinstance(jacobians, StateSpace):
+        timed = jacobians.dt is not None and (jacobians.dt is True or jacobians.dt != 0)
+        jacobians = [jacobians.A]
+    stack = _vertices(jacobians, X)
+    return _settled(stack, np.zeros(stack.shape), X, bool(timed), "vertices", None)
+
+
+def _vertices(data: Any, X: Cone) -> ExactMatrix:
+    items = [data] if np.ndim(data) == 2 else list(data)
+    if not items:
+        raise ShapeError("jacobians is empty; give at least one matrix.")
+    read = [exact_matrix(item, f"jacobians[{s}]") for s, item in enumerate(items)]
+    for s, matrix in enumerate(read):
+        if matrix.shape != (X.dim, X.dim):
+            raise ConeMismatchError(
+                f"jacobians[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but X has dimension {X.dim}; they must agree."
+            )
+    if all(m.is_double for m in read):
+        return ExactMatrix(np.array([np.asarray(m.values) for m in read]))
+    return ExactMatrix.from_fractions(np.array([m.fractions() for m in read], dtype=object))
+
+
+def _settled(
+    centres: ExactMatrix, radii: Array, X: Cone, discrete: bool, source: str, points: Array | None
+) -> DifferentialCertificate:
+    """The certificate for enclosed or given Jacobians, with a violation or a common vector if there is one."""
+    data: dict[str, Any] = {"centres": centres, "radii": radii, "X": X, "discrete": discrete, "source": source}
+    plain = DifferentialCertificate.settle(**data)
+    if plain.status is not Status.PROVED:
+        witness = _violation(plain, points)
+        return plain if witness is None else DifferentialCertificate.settle(**data, witness=witness)
+    v = _common_vector(np.asarray(centres.values), radii, X, discrete)
+    if v is None:
+        return plain
+    contracting = DifferentialCertificate.settle(**data, v=v)
+    return contracting if contracting else plain
+
+
+def _violation(certificate: DifferentialCertificate, points: Array | None) -> DifferentialViolation | None:
+    for s in range(certificate.centres.shape[0]):
+        radius = certificate.radii[s]
+        if radius.any() and points is None:
+            continue
+        at = certificate._invariance(s).worst_violation()
+        if at is None:
+            continue
+        forms = _worst(_dense_facets(certificate.X), certificate._layer(s), radius, _dense_rays(certificate.X), 1)
+        if forms.signs()[at] < 0:
+            point = None if points is None else points[s]
+            value = float(forms.values[at])
+            return DifferentialViolation(np.asarray(certificate.centres.values[s]), radius, at[0], at[1], value, point)
+    return None
+
+
+def _of_system(
+    sys: NonlinearIOSystem, X: Cone, region: ArrayLike | None, inputs: ArrayLike | None, pieces: int
+) -> DifferentialCertificate:
+    n = int(sys.nstates or 0)
+    if X.dim != n:
+        raise ConeMismatchError(f"the system has {n} states, but X has dimension {X.dim}; they must agree.")
+    if region is None:
+        raise DataError("region is missing: give the lower and upper bound of each state, shape (n, 2).")
+    box, held = _box(region, n, "region"), _box(inputs, int(sys.ninputs or 0), "inputs")
+    discrete = sys.dt is not None and (sys.dt is True or sys.dt != 0)
+    function = _closed_over(sys, n)
+    whole = np.concatenate([box, held])
+
+    def decided(centre: Array, radius: Array) -> bool:
+        piece = DifferentialCertificate(centres=ExactMatrix(centre[None]), radii=radius[None], X=X, discrete=discrete)
+        return piece._invariance(0).verdict() is True
+
+    try:
+        found = list(jacobian_pieces(function, whole, n, decided, pieces))
+    except UnsupportedError:
+        return _sampled(sys, X, box, held, discrete)
+    centres, radii = np.array([c for c, _ in found]), np.array([r for _, r in found])
+    data = {"centres": ExactMatrix(centres), "X": X, "discrete": discrete}
+    certificate = _settled(ExactMatrix(centres), radii, X, discrete, "enclosed", None)
+    if certificate:
+        return certificate
+    for point in box_points(whole, 60):
+        try:
+            centre, radius = enclosed_jacobian(function, np.column_stack([point, point]), n)
+        except UnboundedError:
+            continue
+        single = DifferentialCertificate.settle(
+            **{**data, "centres": ExactMatrix(centre[None])}, radii=radius[None], source="enclosed"
+        )
+        witness = _violation(single, point[None, :n])
+        if witness is not None:
+            return DifferentialCertificate.settle(**data, radii=radii, source="enclosed", witness=witness)
+    return certificate
+
+
+def _closed_over(sys: NonlinearIOSystem, n: int) -> Callable[[Any], Any]:
+    """f(x, u) as a function of all states and inputs together."""
+
+    def function(z: Any) -> Any:
+        if sys.updfcn is None:
+            raise UnsupportedError("the system has no update function")
+        return sys.updfcn(0.0, z[:n], z[n:], dict(sys.params))
+
+    return function
+
+
+def _sampled(sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete: bool) -> DifferentialCertificate:
+    """Jacobians by central differences at points of the region."""
+    n = len(box)
+    points = box_points(np.concatenate([box, held]), _SAMPLES)
+    stack = np.array(
+        [jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box) for point in points]
+    )
+    if not np.isfinite(stack).all():
+        raise DataError("the Jacobian is not finite at some points of region; choose a smaller region.")
+    return DifferentialCertificate.settle(
+        centres=ExactMatrix(stack), radii=np.zeros(stack.shape), X=X, discrete=discrete, source="sampled"
+    )
+
+
+def _box(data: ArrayLike | None, n: int, name: str) -> Array:
+    if data is None:
+        return np.zeros((n, 2))
+    box = np.asarray(exact_matrix(data, name).values)
+    if box.shape != (n, 2):
+        raise ShapeError(f"{name} has shape {box.shape}, but must be ({n}, 2): lower and upper bound of each of {n}.")
+    if (box[:, 0] > box[:, 1]).any():
+        row = int(np.argmax(box[:, 0] > box[:, 1]))
+        raise DataError(f"{name}[{row}] is [{box[row, 0]:g}, {box[row, 1]:g}]: the lower bound exceeds the upper one.")
+    return box
+
+
+def _worst(left: ExactMatrix, M: ExactMatrix, radius: Array, right: ExactMatrix, side: int) -> BilinearForms:
+    """l'M x + side |l|'radius |x|: the largest (side 1) or smallest (side -1) value over the interval matrix."""
+    if not radius.any():
+        return BilinearForms(left, M, right)
+    n = M.shape[0]
+    zero = np.zeros((n, n))
+    if M.is_double:
+        middle = ExactMatrix(np.block([[np.asarray(M.values), zero], [zero, side * radius]]))
+    else:
+        extra = ExactMatrix(side * radius).fractions()
+        blank = np.zeros((n, n), dtype=int).astype(object)
+        middle = ExactMatrix.from_fractions(np.block([[M.fractions(), blank], [blank, extra]]))
+    return BilinearForms(_with_sizes(left), middle, _with_sizes(right))
+
+
+def _with_sizes(rows: ExactMatrix) -> ExactMatrix:
+    """[x, |x|] for every row, exactly."""
+    if rows.is_double and rows.integer_rows is None:
+        return ExactMatrix(np.concatenate([rows.values, np.abs(rows.values)], axis=1))
+    integers = rows.rows_as_integers(np.arange(rows.shape[0]))
+    return ExactMatrix.from_fractions(np.concatenate([integers, np.abs(integers)], axis=1))
+
+
+def _dense_rays(X: Cone) -> ExactMatrix:
+    return _dense(X.exact_rays)
+
+
+def _dense_facets(X: Cone) -> ExactMatrix:
+    return _dense(X.exact_facets)
+
+
+def _dense(m: ExactMatrix) -> ExactMatrix:
+    if m.is_sparse:
+        return ExactMatrix(m.values.toarray())
+    if m.integer_rows is not None:
+        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
+    return m
+
+
+def _one(m: ExactMatrix, row: int) -> ExactMatrix:
+    numerators = None if m.numerators is None else m.numerators[[row]]
+    return ExactMatrix(m.values[[row]], None if m.radius is None else m.radius[[row]], numerators, m.denominator)
+
+
+def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Array | None:
+    """v in int X* with v'J x < 0 for all enclosed J: a linear program in v and sizes w >= |v|."""
+    rays = np.asarray(X.rays, dtype=float)
+    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    n = rays.shape[1]
+    moved = np.concatenate([rays @ A.T - (rays if discrete else 0) for A in centres])
+    spread = np.concatenate([np.abs(rays) @ R.T for R in radii])
+    eye = np.eye(n)
+    rows = np.block(
+        [
+            [-rays, np.zeros_like(rays), np.ones((len(rays), 1))],
+            [moved, spread, np.ones((len(moved), 1))],
+            [eye, -eye, np.zeros((n, 1))],
+            [-eye, -eye, np.zeros((n, 1))],
+        ]
+    )
+    cost = np.zeros(2 * n + 1)
+    cost[-1] = -1.0
+    lower = np.concatenate([np.full(n, -1.0), np.zeros(n + 1)])
+    answer = solve(cost, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(lower, np.ones(2 * n + 1)))
+    return answer.x[:n] if answer and answer.x[-1] > 1e-9 else None
