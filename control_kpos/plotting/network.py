@@ -12,6 +12,7 @@ import scipy.sparse as sp
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Rectangle
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import exact_matrix
@@ -210,10 +211,10 @@ def _draw_graph(ax: Any, net: ConeNetwork, links: sp.csr_array, xy: Points) -> l
     names = net.model.names
     named = range(len(xy)) if len(xy) <= _MOST_NAMES else broken[:3].tolist()
     for i in named:
-        offset = (0, 5 + 0.6 * np.sqrt(size))
-        marks.append(
-            ax.annotate(names[i], xy[i], offset, textcoords="offset points", ha="center", fontsize="small", zorder=4)
-        )
+        lift = 5 + (0.9 if i in broken else 0.6) * np.sqrt(size)
+        style = {"ha": "center", "fontsize": "small", "zorder": 4}
+        box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
+        marks.append(ax.annotate(names[i], xy[i], (0, lift), textcoords="offset points", bbox=box, **style))
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.1)
     ax.set_axis_off()
@@ -249,6 +250,7 @@ def _draw_pattern(ax: Any, A: sp.csr_array) -> list[Any]:
         ax.figure.colorbar(out[0], ax=ax, label=f"nonzero entries per {cell} x {cell} cell", shrink=0.8)
     ax.set_aspect("equal", adjustable="box")
     ax.set(xlabel="from state", ylabel="to state")
+    ax.xaxis.set_major_locator(MaxNLocator(4))
     return out
 
 
