@@ -20,6 +20,7 @@ from .dissipativity import induced_gain as induced_gain
 from .errors import CertificateFileError as CertificateFileError
 from .errors import ConeMismatchError as ConeMismatchError
 from .errors import DataError as DataError
+from .errors import FalseClaimError as FalseClaimError
 from .errors import KposError as KposError
 from .errors import NotProperConeError as NotProperConeError
 from .errors import ShapeError as ShapeError

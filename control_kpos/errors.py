@@ -41,5 +41,9 @@ class CertificateFileError(KposError):
     """A certificate file is damaged, hostile, or of an unknown version."""
 
 
+class FalseClaimError(CertificateFileError):
+    """A certificate file states a verdict that its data do not prove."""
+
+
 class SolverError(KposError):
     """No usable solver, or one that is not installed."""

@@ -14,7 +14,7 @@ from control_kpos.__main__ import main
 def demo(tmp_path_factory):
     """Exit status and folder of one run with a small ring."""
     folder = tmp_path_factory.mktemp("demo") / "made" / "on demand"
-    return main(["--output", str(folder), "--nodes", "7"]), folder
+    return main(["--output", str(folder), "--nodes", "7", "20"]), folder
 
 
 def test_demo_succeeds_and_writes_its_files(demo):
@@ -66,8 +66,8 @@ def test_check_refuses_a_false_claim(tmp_path, capsys):
     content = json.loads((tmp_path / "file.json").read_text())
     content["status"] = "PROVED"
     (tmp_path / "file.json").write_text(json.dumps(content))
-    assert main(["check", str(tmp_path / "file.json")]) != 0
-    assert "REFUTED" in capsys.readouterr().out
+    assert main(["check", str(tmp_path / "file.json")]) == 1
+    assert "WRONG" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("content", ["", "{}", "not json", '{"format": "kpos-certificate/2"}', "[1.5]"])

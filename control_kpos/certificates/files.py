@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from ..arrays import ExactMatrix
-from ..errors import CertificateFileError, KposError
+from ..errors import CertificateFileError, FalseClaimError, KposError
 from .archive import expand, is_archive, read_archive, write_archive
 from .encoding import Decoder, Encoder
 from .encoding import register_record as register_record
@@ -225,7 +225,7 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
         raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
     certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
     if certificate.status.name != content["status"]:
-        raise CertificateFileError(
+        raise FalseClaimError(
             f"the file says {str(content['status'])[:60]}, but its data give {certificate.status.name} for {claim!r}."
         )
     return certificate
