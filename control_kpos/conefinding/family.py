@@ -8,7 +8,6 @@ from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import matrix_balance
 
 from ..arrays import ExactMatrix
 from ..linear_programs import solve
@@ -21,7 +20,7 @@ from .modes import Modes, modes
 from .moving import moving_descent
 from .multipliers import multipliers
 from .reduction import extreme_generators
-from .single import as_stack, flatness
+from .single import as_stack, balancing_units, flatness
 
 Array = NDArray[np.float64]
 Progress = Callable[[str], None]
@@ -88,9 +87,7 @@ def find_common(
 
 def _units(matrices: ExactMatrix) -> Array:
     """Powers of two in which all matrices together are balanced."""
-    size = np.abs(matrices.values).max(axis=0)
-    _, (units, _) = matrix_balance(size, permute=False, separate=True)
-    return units
+    return balancing_units(np.abs(matrices.values).max(axis=0))
 
 
 def _unscaled(m: Modes | None, units: Array) -> Modes | None:

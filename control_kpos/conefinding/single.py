@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
@@ -36,10 +35,28 @@ def balanced(A: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     units : ndarray, shape (n,)
     """
     values = np.asarray(A.values)
-    _, (units, _) = sl.matrix_balance(values, permute=False, separate=True)
+    units = balancing_units(values)
     with np.errstate(over="ignore", under="ignore", invalid="ignore"):
         matrix = values * units / units[:, None]
     return (matrix, units) if np.isfinite(matrix).all() else (values, np.ones(len(values)))
+
+
+def balancing_units(size: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Powers of two u that make row and column sizes of diag(u)^-1 A diag(u) similar (Osborne)."""
+    with np.errstate(divide="ignore"):
+        level = np.log2(np.abs(size))
+    np.fill_diagonal(level, -np.inf)
+    exponent = np.zeros(len(level))
+    for _ in range(20):
+        before = exponent.copy()
+        for i in range(len(level)):
+            row = (level[i] + exponent).max(initial=-np.inf) - exponent[i]
+            column = (level[:, i] - exponent).max(initial=-np.inf) + exponent[i]
+            if np.isfinite(row) and np.isfinite(column):
+                exponent[i] = np.clip(exponent[i] + np.rint((row - column) / 2), -500, 500)
+        if np.array_equal(before, exponent):
+            break
+    return np.exp2(exponent)
 
 
 def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[Candidate]:

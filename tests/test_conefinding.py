@@ -1,0 +1,269 @@
+"""Cones for one matrix: existence decided both ways, and proofs that check themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from control_kpos import PolyhedralCone, Status, load_certificate, state_positivity
+from control_kpos.arrays import ExactMatrix
+from control_kpos.conefinding import ConeCertificate, find_cone
+from control_kpos.conefinding.polynomials import (
+    characteristic_polynomial,
+    imaginary_axis,
+    moebius,
+    real_roots_above,
+    scale_roots,
+    shift_roots,
+)
+from control_kpos.errors import DataError, ShapeError
+
+
+def pair(gap: float, frequency: float) -> np.ndarray:
+    """Eigenvalues 0 and -gap +- i frequency."""
+    return np.array([[0, 0, 0], [0, -gap, -frequency], [0, frequency, -gap]], dtype=float)
+
+
+def with_dominant_eigenvalue(seed: int, n: int, *, discrete: bool) -> np.ndarray:
+    """A random matrix with a simple, strictly dominant, real (discrete: positive) eigenvalue."""
+    rng = np.random.default_rng(seed)
+    while True:
+        A = rng.standard_normal((n, n)) / np.sqrt(n)
+        values = np.linalg.eigvals(A)
+        size = np.abs(values) if discrete else values.real
+        first, *rest = np.argsort(-size)
+        if values[first].imag == 0 and (values[first].real > 0 or not discrete):
+            if not rest or size[first] - size[rest[0]] > 1e-3:
+                return A
+
+
+# -- a cone exists
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 8, 12, 30])
+def test_a_strictly_dominant_real_eigenvalue_has_a_proven_cone(n, discrete):
+    for seed in range(3):
+        A = with_dominant_eigenvalue(seed, n, discrete=discrete)
+        found = find_cone(A, discrete=discrete)
+        assert found.status is Status.PROVED
+        assert found.cone.n_rays == found.n_rays >= found.fewest_rays >= n
+        assert found.cone.is_proper and found.certificate.check()
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10**6), st.integers(2, 4), st.booleans())
+def test_facets_agree_with_the_proof_from_generators(seed, n, discrete):
+    A = with_dominant_eigenvalue(seed, n, discrete=discrete)
+    found = find_cone(A, discrete=discrete, max_rays=40) if seed % 2 else find_cone(A, discrete=discrete)
+    if found.n_rays > 40 or not found:
+        return
+    X = PolyhedralCone(found.rays)
+    assert X.is_proper and X.n_rays == found.n_rays
+    assert state_positivity(A, X, discrete=discrete)
+
+
+def test_an_all_real_spectrum_has_a_simplicial_cone():
+    rng = np.random.default_rng(0)
+    for n in range(1, 12):
+        T = np.linalg.qr(rng.standard_normal((n, n)))[0]
+        found = find_cone(T @ np.diag(-np.arange(n, dtype=float)) @ T.T)
+        assert found and found.n_rays == n and found.cone.is_simplicial
+
+
+@pytest.mark.parametrize(("ratio", "rays"), [(0.5, 3), (1.0, 4), (1.1, 5), (5.0, 16), (20.0, 63)])
+def test_a_pair_needs_the_polygon_of_dmitriev_and_dynkin(ratio, rays):
+    found = find_cone(pair(1.0, ratio))
+    assert found.fewest_rays == rays
+    assert found and rays <= found.n_rays <= rays + (ratio == 1.0)  # tan(pi/4) = 1: no room for rounding
+
+
+def test_few_facets_on_request():
+    A = with_dominant_eigenvalue(3, 5, discrete=False)
+    found = find_cone(A, few="facets")
+    assert found and found.certificate.check()
+    assert found.cone.n_facets == found.n_rays
+    assert state_positivity(A, found.cone)
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_exactly_defective_and_repeated_dominant_eigenvalues(discrete):
+    J = np.diag([1.0, 1, 1, 1, 1]) + np.diag([1.0, 0, 1, 0], 1)
+    for A in (J, np.eye(3), np.zeros((2, 2)), np.diag([1.0, 1, 0.5])):
+        found = find_cone(A, discrete=discrete)
+        assert found and found.certificate.check()
+        assert state_positivity(A, PolyhedralCone(found.certificate.rays), discrete=discrete)
+
+
+def test_double_integrator_has_a_cone_without_margin():
+    found = find_cone([[0, 1], [0, 0]])
+    assert found and found.margin == 0
+    assert not find_cone([[0, 1], [-1e-300, 0]])
+
+
+def test_roots_of_unity_in_discrete_time():
+    for A in (np.roll(np.eye(4), 1, axis=0), np.diag([1.0, -1, 0.5]), [[1, 0, 0], [0, 0, -1], [0, 1, 0]]):
+        found = find_cone(A, discrete=True)
+        assert found and state_positivity(A, PolyhedralCone(found.certificate.rays), discrete=True)
+
+
+def test_exact_data_are_kept_exactly():
+    found = find_cone([["1/3", "0"], ["1/7", "-21.3"]])
+    assert found and found.certificate.matrices.numerators is not None
+
+
+# -- no cone exists
+
+
+def test_imaginary_pair_beside_the_dominant_eigenvalue_is_refuted():
+    found = find_cone(pair(0.0, 1.0))
+    assert found.status is Status.REFUTED and found.cone is None
+    assert found.obstruction.kind == "beside" and "not polyhedral" in found.explain()
+    assert found.certificate.check()
+    # moved by the smallest amount there is, the pair is ahead of or behind the real eigenvalue
+    assert find_cone(pair(-(2.0**-40), 1.0)).status is Status.REFUTED
+    assert find_cone(pair(2.0**-40, 1.0)).status is Status.UNDECIDED  # needs 10^12 rays
+
+
+@pytest.mark.parametrize("n", [2, 4, 9])
+def test_a_rightmost_pair_is_refuted(n):
+    rng = np.random.default_rng(n)
+    done = 0
+    while done < 5:
+        A = rng.standard_normal((n, n))
+        values = np.linalg.eigvals(A)
+        if values[np.argmax(values.real)].imag == 0:
+            continue
+        found = find_cone(A)
+        assert found.status is Status.REFUTED and found.certificate.check()
+        assert abs(found.obstruction.imag) > 0
+        done += 1
+
+
+def test_a_continuous_time_cone_without_a_discrete_time_one():
+    A = np.diag([-1.0, 0.5])
+    assert find_cone(A)
+    refuted = find_cone(A, discrete=True)
+    assert refuted.status is Status.REFUTED and refuted.certificate.check()
+
+
+def test_a_rational_rotation_that_is_no_root_of_unity():
+    A = [["1", "0", "0"], ["0", "3/5", "-4/5"], ["0", "4/5", "3/5"]]
+    found = find_cone(A, discrete=True)
+    assert found.status is Status.REFUTED and "root of unity" in found.explain()
+
+
+def test_a_50_gon_is_not_invariant_under_a_rotation_by_one_radian():
+    angle = 2 * np.pi * np.arange(50) / 50
+    X = PolyhedralCone(np.column_stack([np.ones(50), np.cos(angle), np.sin(angle)]))
+    A = np.array([[1, 0, 0], [0, np.cos(1), -np.sin(1)], [0, np.sin(1), np.cos(1)]])
+    assert state_positivity(A, X, discrete=True).status is Status.REFUTED
+    rays = ExactMatrix(X.rays)
+    P = np.linalg.lstsq(X.rays.T, A @ X.rays.T, rcond=None)[0]
+    cert = ConeCertificate.settle(
+        matrices=ExactMatrix(A[None]),
+        discrete=True,
+        rays=rays,
+        multipliers=ExactMatrix(P[None]),
+        pointing=np.array([1.0, 0, 0]),
+        right_inverse=np.linalg.pinv(X.rays.T),
+    )
+    assert cert.status is Status.UNDECIDED
+
+
+# -- certificates
+
+
+def test_perturbed_certificates_fail():
+    A = with_dominant_eigenvalue(1, 4, discrete=False)
+    cert = find_cone(A).certificate
+    assert cert.check()
+    P = cert.multipliers.values
+    for change in (
+        {"multipliers": ExactMatrix(-P)},
+        {"multipliers": ExactMatrix(P + 1e-3)},
+        {"pointing": -cert.pointing},
+        {"right_inverse": 2.5 * cert.right_inverse},
+        {"matrices": ExactMatrix(-cert.matrices.values)},
+        {"rays": ExactMatrix(cert.rays.values[::-1])},
+        {"discrete": True},
+    ):
+        assert not replace(cert, **change).check()
+    assert not replace(find_cone(pair(0.0, 1.0)).certificate, matrices=ExactMatrix(pair(1.0, 1.0)[None])).check()
+
+
+def test_rays_that_span_everything_prove_nothing():
+    # A R = R P with P >= 0 is solvable for any A if the rays positively span the space
+    A = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    rays = np.array([[1.0, 0], [0, 1], [-1, 0], [0, -1]])
+    P = np.maximum(0, rays @ A @ rays.T) + 1.0
+    P = P - 0.0
+    assert np.allclose(rays.T @ P, A @ rays.T)
+    cert = ConeCertificate.settle(
+        matrices=ExactMatrix(A[None]),
+        rays=ExactMatrix(rays),
+        multipliers=ExactMatrix(P[None]),
+        pointing=np.array([1.0, 1.0]),
+        right_inverse=np.linalg.pinv(rays.T),
+    )
+    assert cert.status is Status.UNDECIDED  # not pointed
+
+
+def test_certificates_survive_a_file(tmp_path):
+    for found in (find_cone(pair(1.0, 5.0)), find_cone(pair(0.0, 1.0)), find_cone([[0, 1], [0, 0]])):
+        found.certificate.save(tmp_path / "cone.json")
+        assert load_certificate(tmp_path / "cone.json").status is found.certificate.status
+
+
+@pytest.mark.parametrize("power", [-300, 300])
+def test_units_change_no_verdict(power):
+    A = with_dominant_eigenvalue(5, 3, discrete=False)
+    units = np.ldexp(1.0, [0, power, -power // 2])
+    assert find_cone(A * units / units[:, None])
+
+
+def test_nearly_defective_matrices_are_never_flat_successes():
+    for size in (1e-4, 1e-9, 1e-13):
+        A = np.diag([1.0, 0, 0, 0]) + np.diag([0, 1.0, 1.0], 1)
+        A[3, 1] = size
+        found = find_cone(A)
+        assert found.conditioning <= 1e12 if found else found.status is Status.UNDECIDED
+
+
+# -- bad input
+
+
+def test_bad_input_is_named():
+    with pytest.raises(ShapeError, match="A is 2 x 3"):
+        find_cone(np.ones((2, 3)))
+    with pytest.raises(DataError, match=r"A\[0, 1\] is nan"):
+        find_cone([[1, np.nan], [0, 1]])
+    with pytest.raises(DataError, match="at least 16 rays"):
+        find_cone(pair(1.0, 5.0), max_rays=10)
+    with pytest.raises(DataError, match="few"):
+        find_cone(np.eye(2), few="edges")
+
+
+# -- exact root counts
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 7))
+def test_root_counts_agree_with_eigenvalues(seed, n):
+    rng = np.random.default_rng(seed)
+    A = rng.integers(-9, 10, (n, n)).astype(float)
+    bound = float(rng.uniform(0.1, 8)) + 0.01
+    values = np.linalg.eigvals(A)
+    if np.abs(values.real - bound).min() < 1e-6 or np.abs(np.abs(values) - bound).min() < 1e-6:
+        return
+    p = scale_roots(*characteristic_polynomial(ExactMatrix(A)))
+    assert imaginary_axis(shift_roots(p, Fraction(bound)))[0] == (values.real > bound).sum()
+    assert imaginary_axis(moebius(p, Fraction(bound)))[0] == (np.abs(values) > bound).sum()
+    real = np.unique(np.round(values[np.abs(values.imag) < 1e-7].real, 4))
+    if np.abs(values.imag)[np.abs(values.imag) > 0].min(initial=1.0) > 1e-4:
+        assert real_roots_above(p, Fraction(bound)) == (real > bound).sum()
