@@ -155,7 +155,7 @@ def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
                 outcome.append(call())
         except (KeyboardInterrupt, SolverError):
             raise
-        except BaseException as error:  # a solver may raise anything, MemoryError and SystemExit included
+        except BaseException as error:  # noqa: BLE001  (a solver may raise anything, MemoryError and SystemExit included)
             outcome.append(f"the solver raised {type(error).__name__}: {error}")
 
     if not np.isfinite(time_limit):
@@ -226,7 +226,7 @@ def _run_highs(
         return failure("HiGHS returned numbers that are not finite")
     basic = None
     if method == "simplex":
-        _, index = solver.getBasicVariables()
+        _, index = solver.getBasicVariables()  # type: ignore[attr-defined]
         index = np.asarray(index, dtype=np.intp)
         basic = np.where(index >= 0, index, cost.size - 1 - index)
     return Solution("optimal", x, float(cost @ x), basic)

@@ -183,7 +183,7 @@ def _frexp(values: Integers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _simplex(
-    matrix: Integers, right: Integers, cost: Integers, n: int, basis: NDArray[np.intp] | None, work_limit: float
+    matrix: Integers, right: Integers, cost: Integers, n: int, proposal: NDArray[np.intp] | None, work_limit: float
 ) -> tuple[Rationals | None, Rationals | None]:
     """Phase one from a basis, in integers; each step factorises the basis afresh.
 
@@ -194,8 +194,7 @@ def _simplex(
     words = np.arange(1, m + 1) * (bits + 4) / 64 + 1
     step = 2 * float((words**1.6 * (m - np.arange(m)) ** 2).sum()) + 1
     spent = 0.0
-    if basis is None:
-        basis = np.arange(n, n + m)
+    basis = np.arange(n, n + m) if proposal is None else proposal
     while True:
         spent += step
         if spent > work_limit:

@@ -56,7 +56,8 @@ def polyhedral(rng, n, m, extra):
             break
     inside, normals = X.rays, X.facets / np.linalg.norm(X.facets, axis=1, keepdims=True)
     inward = sum(
-        np.outer(rng.dirichlet(np.ones(len(inside))) @ inside, rng.dirichlet(np.ones(len(normals))) @ normals) for _ in range(n)
+        np.outer(rng.dirichlet(np.ones(len(inside))) @ inside, rng.dirichlet(np.ones(len(normals))) @ normals)
+        for _ in range(n)
     )
     closed = inward - (np.linalg.eigvals(inward).real.max() + rng.uniform(0.2, 1.0)) * np.eye(n)
     B, F = rng.normal(size=(n, m)), rng.normal(size=(m, n))

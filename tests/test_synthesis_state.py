@@ -1,4 +1,4 @@
-"""State feedback: the paper's design, every planted gain, proofs that there is none, and what engineers ask of a gain."""
+"""State feedback: the paper's design, every planted gain, proofs that there is none, what engineers ask."""
 
 import control as ct
 import cvxpy as cp
@@ -47,7 +47,7 @@ def test_paper_plant_on_paper_cone(plant):
 
 
 def test_paper_gain_sits_on_the_boundary_and_is_found_when_it_is_asked_for(plant):
-    d = kp.state_feedback(plant, X=PAPER, constraints=lambda F: [F == np.array([[-21, -13]])])
+    d = kp.state_feedback(plant, X=PAPER, constraints=lambda F: [np.array([[-21, -13]]) == F])
     assert d and d.F.tolist() == [[-21, -13]]
     assert d.certificate.positivity.margin == 0
 
@@ -166,7 +166,9 @@ def test_bound_holds_exactly_at_every_generator(plant):
 def test_unlimited_rate_asks_for_a_bound():
     d = kp.state_feedback(ct.ss([[1.0]], [[1.0]], [[1.0]], 0), rate="max")
     assert d.status is kp.Status.UNDECIDED and "gain_bound" in d.message
-    assert kp.state_feedback(ct.ss([[1.0]], [[1.0]], [[1.0]], 0), rate="max", gain_bound=3).decay_rate == pytest.approx(2, rel=0.01)
+    assert kp.state_feedback(ct.ss([[1.0]], [[1.0]], [[1.0]], 0), rate="max", gain_bound=3).decay_rate == pytest.approx(
+        2, rel=0.01
+    )
 
 
 def test_plant_that_needs_nothing_gets_nothing():
@@ -260,7 +262,7 @@ def test_weakened_gains_are_covered_down_to_the_fraction_and_not_below(plant):
 
 def test_python_control_takes_it_from_there(plant):
     d = kp.state_feedback(plant, X=PAPER, rate=1)
-    controller, closed = ct.create_statefbk_iosystem(ct.ss(plant.A, plant.B, np.eye(2), 0), d.K)
+    _, closed = ct.create_statefbk_iosystem(ct.ss(plant.A, plant.B, np.eye(2), 0), d.K)
     reference = ct.ss(plant.A + plant.B @ d.F, plant.B, plant.C, plant.D)
     time = np.linspace(0, 3, 50)
     by_block = ct.input_output_response(closed, time, np.zeros((3, 50)), [1, 0]).states

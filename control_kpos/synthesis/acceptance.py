@@ -47,6 +47,7 @@ class GainBoundCertificate(Certificate):
     X: Cone
 
     def conditions(self) -> list[Condition]:
+        """The inequalities that prove the claim."""
         # [F, -b] [x; 1] with the generators as doubles: their length matters here
         rays = np.asarray(self.X.rays, dtype=float)
         right = ExactMatrix(np.hstack([rays, np.ones((len(rays), 1))]))
@@ -60,11 +61,14 @@ class GainBoundCertificate(Certificate):
         ]
 
     def refutation(self) -> None:
-        return None
+        """None: there is no witness against this claim."""
+        return
 
     def explain(self) -> str:
+        """What is proven, in words."""
         if self:
-            return f"Proved: |F x_k| is at most {np.array2string(np.asarray(self.bound), precision=4)} at every generator of X."
+            bound = np.array2string(np.asarray(self.bound), precision=4)
+            return f"Proved: |F x_k| is at most {bound} at every generator of X."
         return "The gain exceeds its bound at some generator of X."
 
 
@@ -86,13 +90,16 @@ class FeedbackCertificate(Certificate):
     others: tuple[Certificate, ...] = ()
 
     def parts(self) -> tuple[Certificate, ...]:
+        """Proofs that this one rests on."""
         return self.loops + self.others
 
     def conditions(self) -> list[Condition]:
+        """The inequalities that prove the claim."""
         return []
 
     def refutation(self) -> None:
-        return None
+        """None: there is no witness against this claim."""
+        return
 
     @property
     def margin(self) -> float:  # type: ignore[override]
@@ -110,6 +117,7 @@ class FeedbackCertificate(Certificate):
         return self.loops[0].v
 
     def explain(self) -> str:
+        """What is proven, in words."""
         if len(self.loops) == 1:
             return " ".join(part.explain() for part in self.parts())
         slowest = min(self.loops, key=lambda loop: loop.decay_rate)
@@ -136,9 +144,11 @@ class CommonVectorCertificate(Certificate):
     x: Floats
 
     def parts(self) -> tuple[Certificate, ...]:
+        """Proofs that this one rests on."""
         return self.loops
 
     def conditions(self) -> list[Condition]:
+        """The inequalities that prove the claim."""
         x = exact_matrix(self.x, "x")
         X = self.loops[0].X
         out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
@@ -150,13 +160,15 @@ class CommonVectorCertificate(Certificate):
         return out
 
     def refutation(self) -> None:
-        return None
+        """None: there is no witness against this claim."""
+        return
 
     def explain(self) -> str:
+        """What is proven, in words."""
         if self:
             return (
-                f"Proved: one vector x inside X is mapped into the interior of -X by all {len(self.loops)} vertices, so every "
-                "system in their convex hull, also switching, is exponentially stable."
+                f"Proved: one vector x inside X is mapped into the interior of -X by all {len(self.loops)} vertices, "
+                "so every system in their convex hull, also switching, is exponentially stable."
             )
         return "The common vector is not proven for every vertex."
 

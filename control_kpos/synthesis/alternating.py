@@ -16,9 +16,9 @@ from ..certificates.result import Status
 from ..linear_programs import solve
 from .acceptance import Accepted, accept
 from .alternation import GainProgram, Iterate
+from .invariance import no_invariance
 from .modes import controllability_notes
 from .one_shot import GAIN_SLACK, LARGEST_RATE, SMALLEST_GAIN, exact_design, succeed, without_feedback
-from .invariance import no_invariance
 from .plant import Floats, Plant
 from .ratio import Solver
 from .result import DesignResult, Nearest
@@ -157,7 +157,6 @@ def _inside(plant: Plant, gain: Floats) -> Floats | None:
 
 def common_vector(plant: Plant, loops: list[Any]) -> Floats | None:
     """x inside X with A_s x inside -X for every closed loop, in floating point, or None."""
-
     heights = (plant.facets @ plant.rays.T).max(axis=1)
     H = plant.facets / heights[:, None]
     eye = np.eye(plant.n) if plant.discrete else 0.0

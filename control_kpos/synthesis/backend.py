@@ -126,8 +126,9 @@ def _through_cvxpy(name: str, c: Any, A_ub: Any, b_ub: Any, A_eq: Any, b_eq: Any
             constraints.append(x[held] >= side[held] if lower else x[held] <= side[held])
     problem = cp.Problem(cp.Minimize(c @ x), constraints)
     problem.solve(solver=name)
+    value: Any = x.value
     if problem.status in ("optimal", "optimal_inaccurate"):
-        return Solution("optimal", np.asarray(x.value, dtype=float), float(problem.value))
+        return Solution("optimal", np.asarray(value, dtype=float), float(c @ value))
     outcome = (
         "infeasible" if "infeasible" in problem.status else "unbounded" if "unbounded" in problem.status else "failed"
     )

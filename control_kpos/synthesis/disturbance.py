@@ -20,15 +20,14 @@ from numpy.typing import ArrayLike
 from ..arrays import ExactMatrix, exact_matrix, require_shape
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Certificate, Condition, Status
-from ..cones import Cone
+from ..cones import Cone, orthant
 from ..errors import DataError, ShapeError
 from ..positivity import PositivityCertificate, cone_positivity
-from ..cones import orthant
 from .acceptance import FeedbackCertificate, accept, closed_loop, roundings
+from .inequalities import column_rows, gain_from_columns, split
 from .modes import controllability_notes
 from .one_shot import succeed
 from .plant import Floats, Plant
-from .inequalities import column_rows, gain_from_columns, split
 from .ratio import Solver
 from .result import DesignResult
 from .simplicial import SimplicialProgram, gain_of
@@ -60,9 +59,11 @@ class DisturbanceCertificate(Certificate):
     gamma: float
 
     def parts(self) -> Sequence[Certificate]:
+        """Proofs that this one rests on."""
         return (self.positivity,)
 
     def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
         p = self.positivity
         if p.B is None or p.C is None or p.D is None:
             raise DataError("the positivity certificate must cover w and z.")
@@ -85,13 +86,15 @@ class DisturbanceCertificate(Certificate):
         ]
 
     def refutation(self) -> None:
-        return None
+        """None: there is no witness against this claim."""
+        return
 
     def explain(self) -> str:
+        """What is proven, in words."""
         if self:
             return (
-                f"Proved: the L-infinity gain from w to z is below {self.gamma:.6g}: if every |w_i(t)| is at most 1, every "
-                f"|z_i(t)| stays below {self.gamma:.6g} from rest."
+                f"Proved: the L-infinity gain from w to z is below {self.gamma:.6g}: if every |w_i(t)| is at most 1, "
+                f"every |z_i(t)| stays below {self.gamma:.6g} from rest."
             )
         return "The bound on the L-infinity gain is not proven."
 
@@ -151,7 +154,8 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
         return DesignResult(
             Status.UNDECIDED,
             objective=LINF_GAIN,
-            message=f"the program has no solution ({first.message or first.outcome}): no gain keeps X and z's orthant invariant and stable.",
+            message=f"the program has no solution ({first.message or first.outcome}): no gain keeps x in X, z in its "
+            "orthant, and the loop stable.",
             notes=tuple(controllability_notes(plant)),
         )
     best = float(first.x[-1])

@@ -67,9 +67,11 @@ class NoInvariance(Certificate):
     discrete: bool
 
     def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
         raise DataError("this certificate can only refute; give multipliers as its witness.")
 
     def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the witness, or None."""
         w = self.witness
         if not isinstance(w, PairMultipliers):
             return None
@@ -106,6 +108,7 @@ class NoInvariance(Certificate):
         return np.concatenate(rows), np.concatenate(constants)
 
     def explain(self) -> str:
+        """What is proven, in words."""
         if not isinstance(self.witness, PairMultipliers):
             return "Undecided: no multipliers are given."
         return (

@@ -17,8 +17,8 @@ from ..linear_programs import guarded
 from .acceptance import accept
 from .alternation import GainProgram
 from .backend import SolverChoice, backend, installed
-from .one_shot import succeed
 from .modes import controllability_notes
+from .one_shot import succeed
 from .plant import Floats, Plant
 from .result import DesignResult
 from .simplicial import gain_of
@@ -100,7 +100,7 @@ def _users_part(cp: Any, F: Any, constraints: Any, objective: Any, plant: Plant)
             if objective is not None
             else cp.max(cp.abs(F @ (plant.rays.T if plant.C is None else np.asarray(plant.C.values) @ plant.rays.T)))
         )
-    except (TypeError, ValueError, AttributeError) as error:
+    except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise DataError(f"constraints or objective failed on a cvxpy variable of shape {F.shape}: {error}.") from None
     if not all(isinstance(c, cp.constraints.constraint.Constraint) for c in own):
         raise DataError("constraints must return a list of cvxpy constraints on its argument.")

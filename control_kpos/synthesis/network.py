@@ -101,13 +101,13 @@ def network_feedback(
     _require_nodes(model, uniform)
     bound = _read_bound(gain_bound, model)
     lp = backend(solver, limit)
-    result = DesignResult(Status.UNDECIDED)
-    for margin in MARGINS:
-        program = NetworkProgram(model, bound, uniform, lp, margin)
-        result = _design(model, program, bound, float(target))
-        if result:
-            return result
-    if result.message:
+    program = NetworkProgram(model, bound, uniform, lp, MARGINS[0])
+    result = _design(model, program, bound, float(target))
+    if result:
+        return result
+    program = NetworkProgram(model, bound, uniform, lp, MARGINS[1])
+    result = _design(model, program, bound, float(target))
+    if result or result.message:
         return result
     return _explain_failure(model, program, bound, float(target), program.start(float(target))[1])
 
@@ -120,8 +120,8 @@ def _require_nodes(model: NetworkModel, uniform: bool) -> None:
             raise ShapeError(f"{model.name_of(int(index[0]))} has no inputs.")
         if not s.X.is_simplicial:
             raise NotProperConeError(
-                f"{model.name_of(int(index[0]))}: the state cone has {s.X.n_rays} generators in dimension {s.X.dim}; network "
-                "feedback needs simplicial cones."
+                f"{model.name_of(int(index[0]))}: the state cone has {s.X.n_rays} generators in dimension {s.X.dim}; "
+                "network feedback needs simplicial cones."
             )
     first = model.stacks[0]
     if uniform and any(s.sizes[:2] != first.sizes[:2] or s.X != first.X for s in model.stacks[1:]):
@@ -200,8 +200,8 @@ def _certified(
     weakest = int(np.argmax(fraction))
     if fraction[weakest] > 0:
         notes.append(
-            f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most sensitive node "
-            f"({model.name_of(weakest)}); see certified_fraction for each."
+            f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most "
+            f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
         )
     return DesignResult(
         Status.PROVED,
@@ -266,9 +266,9 @@ def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: Network
         change = np.einsum("ia,jab,kb->jik", np.abs(g.facets), error, np.abs(g.rays), optimize=True)
         M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
         where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
-        safe &= bool((M >= 2 * change)[:, where].all() or (change[:, where] == 0).all())
+        safe &= bool((2 * change <= M)[:, where].all() or (change[:, where] == 0).all())
     return (
-        "The certificate is about the doubles of A + B F; the margins of invariance also cover the rounding of that sum."
+        "The certificate is about the doubles of A + B F; the margins of invariance cover the rounding of that sum."
         if safe
         else "The certificate is about the doubles of A + B F, which differ from the exact sum in the last place."
     )

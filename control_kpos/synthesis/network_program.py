@@ -138,7 +138,7 @@ class NetworkProgram:
         pushed, seen, at = [], [], 0
         total = sum(g.HB.shape[0] * g.HB.shape[1] for g in self.parts)
         for g, xi, places in zip(self.parts, self.xi, model.places, strict=True):
-            count, n, m = g.HB.shape
+            count, n, _ = g.HB.shape
             rows = at + np.arange(count * n).reshape(count, n)
             at += count * n
             pushed.append(_coo(g.HB, rows, places[1]))

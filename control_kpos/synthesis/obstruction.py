@@ -87,9 +87,11 @@ class NoFeedback(Certificate):
     ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None
 
     def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
         raise DataError("this certificate can only refute; give multipliers as its witness.")
 
     def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the witness, or None."""
         w = self.witness
         if not isinstance(w, Multipliers):
             return None
@@ -123,6 +125,7 @@ class NoFeedback(Certificate):
         return exact_inequalities(plant, self.ports)
 
     def explain(self) -> str:
+        """What is proven, in words."""
         w = self.witness
         if not isinstance(w, Multipliers):
             return "Undecided: no multipliers are given."
@@ -242,6 +245,8 @@ def decide(
             witness=Multipliers(*groups),
         )
         return certificate, None
+    if solution is None:
+        return None, None
     x = np.full(q.size, Fraction(0), dtype=object)
     x[kept] = solution[:-1]
     return None, x

@@ -7,7 +7,7 @@ safely inside; then proof.  If the program has no solution, Farkas multipliers i
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +35,7 @@ _RATE_SHARE, _MAX_RATE_SHARE = 0.8, 0.999
 _BELOW = 1 - 1e-9
 
 
-def design_on_simplicial(plant: Plant, rate: float | Literal["max"], lp: Solver) -> DesignResult:
+def design_on_simplicial(plant: Plant, rate: float | str, lp: Solver) -> DesignResult:
     """The one-shot design; the plant's pattern must follow the blocks of X."""
     free = column_freedom(plant)
     if free is None:
@@ -46,10 +46,11 @@ def design_on_simplicial(plant: Plant, rate: float | Literal["max"], lp: Solver)
     program = SimplicialProgram(plant, free, lp)
     if rate == "max":
         return _fastest(plant, program)
-    start = program.start(rate)
+    target = float(rate)
+    start = program.start(target)
     if isinstance(start, Failure):
-        return _refuse(plant, rate, start, program)
-    return _smallest(plant, program, rate, start, SMALLEST_GAIN)
+        return _refuse(plant, target, start, program)
+    return _smallest(plant, program, target, start, SMALLEST_GAIN)
 
 
 def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
@@ -96,11 +97,11 @@ def exact_design(plant: Plant, rate: float, infimum: float = float("nan")) -> De
             return succeed(plant, found, SMALLEST_GAIN, gain_of(found.F, plant.rays), infimum)
         return DesignResult(
             Status.UNDECIDED,
-            message="gains in fractions exist, but none that doubles can express was proven; relax the demands a little.",
+            message="gains in fractions exist, but none that doubles can express was proven; relax the demands.",
         )
     return DesignResult(
         Status.UNDECIDED,
-        message="the linear program has no solution that could be proven, and the system is too large for exact arithmetic.",
+        message="the linear program has no solution that could be proven, and exact arithmetic would take too long.",
     )
 
 
@@ -141,12 +142,12 @@ def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest |
         start = program.start(None)
         if not isinstance(start, Failure):
             limit = program.largest_rate(start)[1]
-            slowest = limit if np.isfinite(limit) and 0 < limit else None
+            slowest = limit if np.isfinite(limit) and limit > 0 else None
     if plant.gain_bound is not None:
-        free = SimplicialProgram(replace(plant, gain_bound=None), column_freedom(plant), program.lp)
-        start = free.start(rate)
+        unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.free, program.lp)
+        start = unbounded.start(rate)
         if not isinstance(start, Failure):
-            bound = free.smallest_gain(rate, start)[1]
+            bound = unbounded.smallest_gain(rate, start)[1]
     return None if slowest is None and bound is None else Nearest(slowest, bound)
 
 
@@ -161,7 +162,7 @@ def port_data(plant: Plant) -> tuple[ExactMatrix, ExactMatrix, Cone] | None:
 def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
     """The result for an accepted gain."""
     sys = plant.system
-    _, B, C, D = sys._data()
+    _, _, C, D = sys._data()
     full = found.F if plant.C is None else found.F @ np.asarray(plant.C.values)
     loop = ConeStateSpace(
         found.closed[0],

@@ -124,8 +124,8 @@ class DesignResult:
         if self:
             proof = "" if self.certificate is None else f" {self.certificate.explain()}"
             return (
-                f"Certified gain for u = F x. {self.objective}: {self.value:.6g} reached, {self.limit:.6g} is the limit of the "
-                f"linear programs. Decay rate {self.decay_rate:.6g}.{proof} {self._weakening()}{notes}"
+                f"Certified gain for u = F x. {self.objective}: {self.value:.6g} reached, limit {self.limit:.6g} "
+                f"by the linear programs. Decay rate {self.decay_rate:.6g}.{proof} {self._weakening()}{notes}"
             )
         proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
         nearest = f" Possible instead: {self.nearest}." if self.nearest is not None else ""
@@ -141,8 +141,8 @@ class DesignResult:
         if least <= 0:
             return "Actuators may lose any part of their effect, even all, without losing the proof."
         return (
-            f"The gain must act as designed: the proof covers actuators at {100 * least:.4g} % to 100 % of their effect, and "
-            "below that invariance or stability can be lost."
+            f"The gain must act as designed: the proof covers actuators at {100 * least:.4g} % to 100 % of their "
+            "effect, and below that invariance or stability can be lost."
         )
 
     def __bool__(self) -> bool:

@@ -57,7 +57,7 @@ class ScaleFreeCertificate(Certificate):
     def conditions(self) -> Sequence[Any]:
         """None of its own; raises unless the two parts are about the same node and weight."""
         A, B, C = self.node.A, self.node.B, self.node.C
-        if B is None or C is None or self.node.U != orthant(1) or self.node.Y != orthant(1):
+        if B is None or C is None or orthant(1) != self.node.U or orthant(1) != self.node.Y:
             raise DataError("the node certificate must cover one input and one output on half-lines.")
         weight = exact_matrix([[float(self.weight)]], "weight").fractions()[0, 0]
         expected = A.fractions() + weight * (B.fractions() @ C.fractions())
@@ -86,8 +86,8 @@ class ScaleFreeCertificate(Certificate):
         if not self:
             return "The scale-free claim is not proven."
         return (
-            f"Proved for any number of these nodes on any graph with nonnegative links whose weights out of each node sum to at "
-            f"most {self.weight:g} (or whose weights into each node do): positive and exponentially stable, decay rate "
+            f"Proved for any number of these nodes on any graph with nonnegative links whose weights out of each node "
+            f"sum to at most {self.weight:g} (or whose weights into each node do): positive and exponentially stable, decay rate "
             f"at least {self.coupled.decay_rate:.4g}."
         )
 
@@ -145,7 +145,9 @@ def scale_free_feedback(
     plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
     system = plant.system
     if (system.ninputs, system.noutputs) != (1, 1):
-        raise ShapeError(f"scale-free design takes one input and one output; the node has {system.ninputs} and {system.noutputs}.")
+        raise ShapeError(
+            f"scale-free design takes one input and one output; the node has {system.ninputs} and {system.noutputs}."
+        )
     if np.any(np.asarray(system.D)):
         raise DataError("scale-free design needs D = 0.")
     require_simplicial(plant.X, "scale-free design")
@@ -153,7 +155,9 @@ def scale_free_feedback(
     ports = cone_positivity(np.eye(plant.n), B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
     if ports.status is Status.REFUTED:
         return DesignResult(
-            Status.REFUTED, certificate=ports, message="B must lie in X and C in X*, which no feedback changes; choose another cone."
+            Status.REFUTED,
+            certificate=ports,
+            message="B must lie in X and C in X*, which no feedback changes; choose another cone.",
         )
     product = exact_matrix([[value]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
     plant = replace(plant, coupling=ExactMatrix.from_fractions(product))
@@ -162,7 +166,8 @@ def scale_free_feedback(
         return result
     closed = exact_matrix(result.closed_loop._data()[0], "A")
     node = cone_positivity(closed, B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
-    coupled = next(c for c in result.certificate.others[::-1] if isinstance(c, LyapunovCertificate))
+    proof = result.certificate
+    coupled = [c for c in (proof.parts() if proof is not None else ()) if isinstance(c, LyapunovCertificate)][-1]
     certificate = ScaleFreeCertificate.settle(node=node, coupled=coupled, weight=value)
     if not certificate:
         return DesignResult(Status.UNDECIDED, message="a gain was found, but the scale-free claim could not be proven.")

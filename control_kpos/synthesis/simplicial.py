@@ -54,7 +54,7 @@ class SimplicialProgram:
 
     def __init__(self, plant: Plant, free: NDArray[np.bool_], lp: Solver) -> None:
         self.plant, self.lp, self.n, self.m = plant, lp, plant.n, plant.m
-        self.strict = _STRICT[0]
+        self.strict, self.free = _STRICT[0], free
         n, m = self.n, self.m
         facets = plant.facets / np.einsum("ij,ij->i", plant.facets, plant.rays)[:, None]
         coupled = None

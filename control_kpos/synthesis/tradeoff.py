@@ -43,7 +43,12 @@ class Tradeoff:
 
 
 def gain_rate_tradeoff(
-    sys: Any, rates: ArrayLike | None = None, *, X: Cone | ArrayLike | None = None, certify: bool = False, **demands: Any
+    sys: Any,
+    rates: ArrayLike | None = None,
+    *,
+    X: Cone | ArrayLike | None = None,
+    certify: bool = False,
+    **demands: Any,
 ) -> Tradeoff:
     """Smallest gain against decay rate on a simplicial cone: the data of `plot_tradeoff`.
 

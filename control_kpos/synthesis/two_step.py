@@ -56,7 +56,8 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Solver) -> DesignResult:
     if found is None:
         return DesignResult(
             Status.UNDECIDED,
-            message="the first program gave a gain for which the second has no solution; the one-shot method may still succeed.",
+            message="the first program gave a gain for which the second has no solution; "
+            "the one-shot method may still succeed.",
             notes=notes,
         )
     size = gain_of(found.F, plant.rays)

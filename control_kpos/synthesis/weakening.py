@@ -6,6 +6,8 @@ fractions covered by one and the same Lyapunov vector form an interval that ends
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ..stability import LyapunovCertificate
@@ -19,7 +21,7 @@ _GUARD = 1e-9
 def certified_fraction(plant: Plant, found: Accepted) -> float:
     """Smallest s such that every fraction in [s, 1] keeps X invariant and the same v decreasing."""
     F = found.F if plant.C is None else found.F @ np.asarray(plant.C.values)
-    loops = getattr(found.certificate, "loops", (found.certificate,))
+    loops: Any = getattr(found.certificate, "loops", (found.certificate,))
     extra = 0.0
     if plant.coupling is not None:
         loops = [c for c in found.certificate.parts() if isinstance(c, LyapunovCertificate)][-len(plant.A) :]
