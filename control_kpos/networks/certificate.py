@@ -15,7 +15,7 @@ contract, which p_k in int Y_k* and t_j prove.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -27,6 +27,7 @@ from ..certificates.exact import BilinearForms
 from ..certificates.result import Certificate, Condition, Status
 from ..errors import DataError
 from . import conditions as on
+from . import files
 from .blocks import Floats
 from .model import NetworkModel
 from .witnesses import (
@@ -111,6 +112,30 @@ class NetworkCertificate(Certificate):
             r, q = flat(self.r, self.model, 1), flat(self.q, self.model, 2)
             return no_weights(self.model, q, r, self.witness.y)
         return refute(self.model, self.witness, self.loop_weights)
+
+    def contents(self) -> dict[str, Any]:
+        """The network as one large system, and the fields."""
+        own = {key: value for key, value in self.data().items() if key != "model"}
+        return {**files.describe(self.model), **own}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> NetworkCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+        return cls.settle(model=files.rebuild(contents), **own)
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights for positivity and the coupling, and the vectors of Theorem 4; or the normal that is crossed."""
+        model, vectors = self.model, {}
+        if self.v is not None and self.q is not None and self.r is not None:
+            vectors = {"V": flat(self.v, model, 0), "Q": flat(self.q, model, 2), "R": flat(self.r, model, 1)}
+        return files.evidence(model, self.witness, vectors, self.loop_weights, self.sigma)
 
     @cached_property
     def node_margins(self) -> NDArray[np.float64]:

@@ -1,0 +1,176 @@
+"""Network certificates as files: one large system, in which the nodes stand beside each other.
+
+A, B, C, D are block diagonal, X, U, Y products, in the order of the nodes, and W is the coupling.  A reader
+needs no idea of nodes: v'x_i > 0, (v'A + rate v' - q'C) x_i <= 0, (v'B - r' - q'D) u_i <= 0 and q'y + r'W y <= 0
+on the generators of the products are the conditions of Theorem 4, node by node and generator by generator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..arrays import ExactMatrix
+from ..certificates import proofs
+from ..cones import Cone, product
+from ..errors import DataError
+from .blocks import Index, take_blocks
+from .model import NetworkModel, NodeStack
+from .witnesses import CouplingViolation, NetworkInstability, NodeViolation
+
+_KINDS = ("X", "U", "Y")
+_BLOCKS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
+_DENSE = 4 * 10**6
+
+
+def describe(model: NetworkModel) -> dict[str, Any]:
+    """A network by the names its parts have in files."""
+    stack = np.empty(model.n_nodes)
+    for g, index in enumerate(model.members):
+        stack[index] = g
+    labels = any(s.names for s in model.stacks)
+    return {
+        **{name: _side_by_side(model, name) for name in _BLOCKS},
+        **{name: product_cone(model, kind) for kind, name in enumerate(_KINDS)},
+        "W": model.coupling,
+        "discrete": model.discrete,
+        "dt": model.dt,
+        "sizes": np.diff(np.array(model.offsets), axis=1).T.astype(float),
+        "stack": stack,
+        "cones": tuple((s.X, s.U, s.Y) for s in model.stacks),
+        "names": tuple(model.names) if labels else None,
+    }
+
+
+def rebuild(contents: dict[str, Any]) -> NetworkModel:
+    """The inverse of `describe`.
+
+    Raises
+    ------
+    DataError
+        The parts do not fit together.
+    """
+    sizes, stack = contents["sizes"].astype(np.intp), contents["stack"].astype(np.intp)
+    cones, names = contents["cones"], contents["names"]
+    if sizes.shape != (len(stack), 3) or (sizes < 0).any() or not np.isin(stack, np.arange(len(cones))).all():
+        raise DataError("sizes and stack do not describe nodes.")
+    offsets = np.concatenate([np.zeros((1, 3), dtype=np.intp), np.cumsum(sizes, axis=0)])
+    members = [np.flatnonzero(stack == g) for g in range(len(cones))]
+    stacks = []
+    for index, (X, U, Y) in zip(members, cones, strict=True):
+        if not (sizes[index] == (X.dim, U.dim, Y.dim)).all():
+            raise DataError("the sizes of the nodes are not those of their cones.")
+        places = [offsets[index, kind][:, None] + np.arange(C.dim) for kind, C in enumerate((X, U, Y))]
+        blocks = [take_blocks(contents[name], places[i], places[j]) for name, (i, j) in _BLOCKS.items()]
+        own = tuple(str(names[j]) for j in index) if names else ()
+        stacks.append(NodeStack(*blocks, X, U, Y, contents["dt"], own))
+    model = NetworkModel(tuple(stacks), tuple(members), contents["W"], contents["dt"])
+    alike = all(product_cone(model, kind) == contents[name] for kind, name in enumerate(_KINDS))
+    if not alike or model.discrete is not contents["discrete"] or not _same_blocks(model, contents):
+        raise DataError("the nodes are not those of the large system.")
+    return model
+
+
+def product_cone(model: NetworkModel, kind: int) -> Cone:
+    """The product of the state (kind 0), input (1) or output (2) cones in the order of the nodes."""
+    cones = [(s.X, s.U, s.Y)[kind] for s in model.stacks]
+    if len(cones) == 1:
+        return product([cones[0]] * model.n_nodes)
+    stack = np.empty(model.n_nodes, dtype=np.intp)
+    for g, index in enumerate(model.members):
+        stack[index] = g
+    return product([cones[g] for g in stack])
+
+
+def _side_by_side(model: NetworkModel, name: str) -> ExactMatrix:
+    """The block-diagonal matrix of all nodes, sparse; dense if the data are fractions."""
+    rows, columns = _BLOCKS[name]
+    stacks = [getattr(s, name) for s in model.stacks]
+    if all(m.is_double for m in stacks):
+        return ExactMatrix(model.blocks([m.values for m in stacks], rows, columns))
+    shape = model.totals[rows], model.totals[columns]
+    if shape[0] * shape[1] > _DENSE:
+        raise DataError("networks given in decimals or fractions are written up to moderate size only.")
+    out = np.full(shape, Fraction(0), dtype=object)
+    for m, place in zip(stacks, model.places, strict=True):
+        out[place[rows][:, :, None], place[columns][:, None, :]] = m.fractions()
+    return ExactMatrix.from_fractions(out)
+
+
+def _same_blocks(model: NetworkModel, contents: dict[str, Any]) -> bool:
+    """True if the matrices have no entries outside the blocks of the nodes."""
+    for name in _BLOCKS:
+        given, blocks = contents[name], _side_by_side(model, name)
+        if given.shape != blocks.shape or _count(given) != _count(blocks):
+            return False
+    return True
+
+
+def _count(m: ExactMatrix) -> int:
+    if m.is_sparse:
+        return int(sp.csr_array(m.values).count_nonzero())
+    return int(np.count_nonzero(m.values if m.numerators is None else m.numerators))
+
+
+def evidence(
+    model: NetworkModel, witness: Any, vectors: dict[str, Any], loop: Sequence[Any] | None, sigma: Any
+) -> dict[str, Any]:
+    """What a checker needs besides `describe`: weights, and v, q, r times sigma as one vector each."""
+    cones = {name: product_cone(model, kind) for kind, name in enumerate(_KINDS)}
+    out: dict[str, Any] = dict.fromkeys("VQRpt")
+    if isinstance(witness, CouplingViolation):
+        (gj, _), (gk, _) = model.locate(witness.target), model.locate(witness.source)
+        normal = model.stacks[gj].U.exact_facets, witness.facet, model.offsets[1], witness.target
+        return {**out, **_violation(model, "W", normal, cones["U"], _first_ray(model, 2, witness.source) + witness.ray)}
+    if isinstance(witness, NodeViolation):
+        g, _ = model.locate(witness.node)
+        s, broken = model.stacks[g], witness.violation
+        name = broken.condition[0]
+        target, source = (0 if name in "AB" else 2), (0 if name in "AC" else 1)
+        facets = ((s.X, s.U, s.Y)[target]).exact_facets
+        normal = facets, broken.facet, model.offsets[target], witness.node
+        ray = _first_ray(model, source, witness.node) + broken.ray
+        return {**out, **_violation(model, name, normal, cones[_KINDS[target]], ray)}
+    if witness is not None and not isinstance(witness, NetworkInstability):
+        raise proofs.ProofOmittedError(f"{type(witness).__name__} is for control_kpos alone")
+    A, B, C, D = (_side_by_side(model, name) for name in _BLOCKS)
+    X, U, Y = (cones[name] for name in _KINDS)
+    prover = proofs.Prover()
+    out["P"] = prover.inclusion(X, A, X, invariance=not model.discrete)
+    for name, target, M, source in (("N", X, B, U), ("L", Y, C, X), ("K", Y, D, U), ("M", U, model.coupling, Y)):
+        out[name] = prover.inclusion(target, M, source)
+    if loop is not None:
+        out["p"], out["t"] = (proofs.numbers(proofs.exact_vector(part)) for part in loop)
+    if isinstance(witness, NetworkInstability):
+        x, u, y = (proofs.exact_vector(part) for part in (witness.x, witness.u, witness.y))
+        moved = proofs.product(A, x) + proofs.product(B, u) - Fraction(witness.rate) * x
+        spare = proofs.product(C, x) + proofs.product(D, u) - y
+        out["wx"], out["wz"] = prover.vector(X, x), prover.vector(X, moved)
+        out["wu"], out["wy"] = prover.vector(U, proofs.product(model.coupling, y) - u), prover.vector(Y, spare)
+        out.update(x=proofs.numbers(x), u=proofs.numbers(u), y=proofs.numbers(y))
+        out["rate"] = proofs.numbers(np.array([Fraction(witness.rate)], dtype=object))["array"][0]
+        return out
+    if vectors and sigma is not None:
+        for (name, vector), kind in zip(vectors.items(), (0, 2, 1), strict=True):
+            weight = proofs.exact_vector(np.asarray(sigma)[model.owners(kind)])
+            out[name] = proofs.numbers(weight * proofs.exact_vector(vector))
+    return out
+
+
+def _first_ray(model: NetworkModel, kind: int, node: int) -> int:
+    """Number of generators of the nodes before this one."""
+    counts = [(s.X, s.U, s.Y)[kind].n_rays for s in model.stacks]
+    return sum(counts[g] * int((index < node).sum()) for g, index in enumerate(model.members))
+
+
+def _violation(
+    model: NetworkModel, name: str, normal: tuple[ExactMatrix, int, Index, int], target: Cone, ray: int
+) -> dict[str, Any]:
+    facets, facet, offsets, node = normal
+    row = np.zeros(target.dim, dtype=object)
+    row[offsets[node] : offsets[node + 1]] = facets.rows_as_integers(np.array([facet]))[0]
+    return proofs.violation(name, ExactMatrix.from_fractions(row[None, :]), 0, ray)
