@@ -18,6 +18,7 @@ from typing import Any, ClassVar, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import card
 from .exact import UNKNOWN, BilinearForms
 from .files import register_claim, save_certificate
 from .proofs import ProofOmittedError
@@ -269,6 +270,13 @@ class Certificate(ABC):
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.status.name}, margin {self.margin:.3g}>"
+
+    def _repr_html_(self) -> str:
+        rows = [("scale-free margin", f"{self.margin:.3g}")]
+        rate = getattr(self, "decay_rate", np.nan)
+        if self and np.isfinite(rate):
+            rows.append(("decay rate", f"{rate:.6g}"))
+        return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
 
     def data(self) -> dict[str, Any]:
         """The fields that determine the verdict, by name."""

@@ -15,6 +15,7 @@ from control import StateSpace, TimeResponseData
 from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import exact_matrix, vector
+from ..cards import card
 from ..certificates.result import Status
 from ..cones import Cone, product
 from ..errors import DataError, ShapeError, TooLargeError, UndecidedError
@@ -603,7 +604,9 @@ class ConeNetwork(StateSpace):
             through the network, 0 if the certificate does not hold.
         """
         overlay = self._changes()
-        return overlay.room_for(self._single(system), [overlay.identity(k) for k in sources], [overlay.identity(j) for j in targets])
+        return overlay.room_for(
+            self._single(system), [overlay.identity(k) for k in sources], [overlay.identity(j) for j in targets]
+        )
 
     def _changes(self) -> Overlay:
         certificate = self.certificate
@@ -657,7 +660,15 @@ class ConeNetwork(StateSpace):
         return repr(self)
 
     def _repr_html_(self) -> str | None:
-        return StateSpace._repr_html_(self) if self.nstates <= 50 else None
+        certificate = self.__dict__.get("certificate")  # not worth a long computation
+        rows = [
+            ("nodes", str(self.model.n_nodes)),
+            ("states, inputs, outputs", f"{self.nstates}, {self.ninputs}, {self.noutputs}"),
+            ("links", str(self.model.W.nnz)),
+        ]
+        if certificate is None:
+            return card(f"Network {self.name}", rows, text="Ask for its certificate: .certificate")
+        return card(f"Network {self.name}", rows, status=certificate.status.name, text=certificate.explain())
 
 
 def rightmost(network: ConeNetwork, k: int) -> NDArray[np.complex128]:
@@ -673,7 +684,7 @@ def rightmost(network: ConeNetwork, k: int) -> NDArray[np.complex128]:
 
 
 class Reporter:
-    """Lines about long work: to a callable, or to a terminal once it has taken two seconds."""
+    """Lines about long work: to a callable, or to a terminal or notebook once it has taken two seconds."""
 
     def __init__(self, target: Callable[[str], None] | bool | None) -> None:
         self._target, self._begun, self._shown = target, time.monotonic(), False
@@ -684,10 +695,15 @@ class Reporter:
     def _say(self, line: str) -> None:
         if callable(self._target):
             self._target(line)
-        elif self._target is not False and (self._target or sys.stderr.isatty()) and time.monotonic() - self._begun > 2:
+        elif self._target is not False and (self._target or _is_watched()) and time.monotonic() - self._begun > 2:
             print(f"\r{line:<78}", end="", file=sys.stderr, flush=True)
             self._shown = True
 
     def __exit__(self, *_: object) -> None:
         if self._shown:
             print(file=sys.stderr)
+
+
+def _is_watched() -> bool:
+    """True if standard error is a terminal or a cell of a notebook, where a line can be overwritten."""
+    return sys.stderr.isatty() or type(sys.stderr).__module__.startswith("ipykernel")

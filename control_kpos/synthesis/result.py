@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import card, shown_rows
 from ..certificates.result import Certificate, Status
 
 Floats = NDArray[np.float64]
@@ -144,6 +145,16 @@ class DesignResult:
             f"The gain must act as designed: the proof covers actuators at {100 * least:.4g} % to 100 % of their "
             "effect, and below that invariance or stability can be lost."
         )
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, f"{fact:.6g}")
+            for name, fact in ((self.objective, self.value), ("decay rate", self.decay_rate))
+            if self
+        ]
+        if isinstance(self.F, np.ndarray) and self.F.ndim == 2:
+            rows.append(("F in u = F x", shown_rows(self.F)))
+        return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
 
     def __bool__(self) -> bool:
         return self.status is Status.PROVED
