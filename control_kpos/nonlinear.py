@@ -177,20 +177,20 @@ class DifferentialCertificate(Certificate):
                 "arithmetic only, so that its Jacobian can be enclosed."
             )
         if not self:
-            return "Undecided: the enclosures of the Jacobian are too wide for this cone. Try a smaller region, or more pieces."
+            return "Undecided: the enclosures of the Jacobian are too wide for this cone. Try a smaller region or more pieces."
         order = (
             "The flow is monotone in the order of X: solutions that start ordered stay ordered, while they remain "
             "in the region."
         )
         if self.v is not None:
             return (
-                f"Proved. {order} It contracts: v'd decreases along every displacement d in X, so solutions converge to "
-                "each other."
+                f"Proved. {order} It contracts: v'd decreases along every displacement d in X, so solutions converge "
+                "to each other."
             )
         if self.is_strict:
             return (
-                f"Proved. {order} It is strictly differentially positive: almost every bounded trajectory that stays in "
-                "the region converges to an equilibrium."
+                f"Proved. {order} It is strictly differentially positive: almost every bounded trajectory that stays "
+                "in the region converges to an equilibrium."
             )
         return f"Proved. {order}"
 
@@ -262,7 +262,7 @@ def _vertices(data: Any, X: Cone) -> ExactMatrix:
     for s, matrix in enumerate(read):
         if matrix.shape != (X.dim, X.dim):
             raise ConeMismatchError(
-                f"jacobians[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but X has dimension {X.dim}; they must agree."
+                f"jacobians[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but X has dimension {X.dim}."
             )
     if all(m.is_double for m in read):
         return ExactMatrix(np.array([np.asarray(m.values) for m in read]))
@@ -306,7 +306,7 @@ def _of_system(
 ) -> DifferentialCertificate:
     n = int(sys.nstates or 0)
     if X.dim != n:
-        raise ConeMismatchError(f"the system has {n} states, but X has dimension {X.dim}; they must agree.")
+        raise ConeMismatchError(f"the system has {n} states, but X has dimension {X.dim}.")
     if region is None:
         raise DataError("region is missing: give the lower and upper bound of each state, shape (n, 2).")
     box, held = _box(region, n, "region"), _box(inputs, int(sys.ninputs or 0), "inputs")

@@ -37,9 +37,9 @@ def with_dominant_eigenvalue(seed: int, n: int, *, discrete: bool) -> np.ndarray
         values = np.linalg.eigvals(A)
         size = np.abs(values) if discrete else values.real
         first, *rest = np.argsort(-size)
-        if values[first].imag == 0 and (values[first].real > 0 or not discrete):
-            if not rest or size[first] - size[rest[0]] > 1e-3:
-                return A
+        real = values[first].imag == 0 and (values[first].real > 0 or not discrete)
+        if real and (not rest or size[first] - size[rest[0]] > 1e-3):
+            return A
 
 
 # -- a cone exists

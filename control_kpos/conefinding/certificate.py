@@ -139,7 +139,8 @@ class ConeCertificate(Certificate):
         more += "" if self.within is None else f", lies in the {self.within.shape[0]} half-spaces asked for"
         more += "" if self.v is None else "; v'x is a common Lyapunov function on it"
         return (
-            f"Proved: the cone of {n_rays} {kind} in dimension {n} is pointed, solid and invariant under {family}{more}. "
+            f"Proved: the cone of {n_rays} {kind} in dimension {n} is pointed, solid and invariant under "
+            f"{family}{more}. "
             f"Scale-free margin {self.margin:.3g}."
         )
 

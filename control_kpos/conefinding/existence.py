@@ -81,7 +81,7 @@ class SpectralObstruction:
                     f"the eigenvalue {value} {where}has the largest modulus, and no nonnegative eigenvalue reaches it "
                     f"(none beyond {float(self.bound):.6g})"
                 )
-            return f"the eigenvalue {value} {where}lies on the circle of the spectral radius and is no root of unity times it"
+            return f"the eigenvalue {value} {where}on the circle of the spectral radius is no root of unity times it"
         if self.kind == "ahead":
             return (
                 f"the rightmost eigenvalues {value} {where}are not real, and no real eigenvalue lies to the right of "

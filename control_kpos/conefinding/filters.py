@@ -66,8 +66,8 @@ class PerronObstruction:
     def __str__(self) -> str:
         names = ", ".join(map(str, self.cycle))
         return (
-            f"the dominant directions e and functionals l of the matrices {names} contradict each other: the product of "
-            f"l_i'e_j around this cycle is {self.value:.3g} < 0, whatever their signs"
+            f"the dominant directions e and functionals l of the matrices {names} contradict each other: the product "
+            f"of l_i'e_j around this cycle is {self.value:.3g} < 0, whatever their signs"
         )
 
 

@@ -230,9 +230,9 @@ def _with_ports(
     if (signs < 0).any():
         i, j = (int(k) for k in np.argwhere(signs < 0)[0])
         raise ConeMismatchError(
-            f"vector {j} of contains (column {j} of B) lies outside half-space {i} of within (row {i} of C): their product "
-            f"is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and lies in the other. "
-            "Change the sign of an input or output, or choose other ones."
+            f"vector {j} of contains (column {j} of B) lies outside half-space {i} of within (row {i} of C): their "
+            f"product is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and "
+            "lies in the other. Change the sign of an input or output, or choose other ones."
         )
     bound = lower_bound(A, discrete=discrete)
     certificate, separators, conditioning = find_with_ports(A, vectors, normals, discrete=discrete, max_rays=max_rays)

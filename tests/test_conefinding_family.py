@@ -1,0 +1,152 @@
+"""Common cones of families, and cone and feedback together."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+from planted import generators, metzler_hurwitz
+
+import control_kpos as kp
+from control_kpos.conefinding import design_cone_and_feedback, find_cone
+from control_kpos.errors import ConeMismatchError, DataError, ShapeError
+
+
+def planted(seed: int, n: int, count: int) -> np.ndarray:
+    """Matrices that are Metzler and Hurwitz in the same hidden coordinates."""
+    rng = np.random.default_rng(seed)
+    T = generators(rng, n)
+    return np.array([T @ metzler_hurwitz(rng, n) @ np.linalg.inv(T) for _ in range(count)])
+
+
+@pytest.mark.parametrize(("n", "count"), [(2, 3), (3, 8), (4, 4), (5, 3)])
+def test_planted_common_cones_are_found_and_proven(n, count):
+    for seed in range(3):
+        matrices = planted(seed, n, count)
+        found = find_cone(matrices, time_limit=30)
+        assert found and found.certificate.check() and found.cone.is_proper
+        for A in matrices:
+            assert kp.state_positivity(A, found.cone)
+        mixed = np.tensordot(np.random.default_rng(seed).dirichlet(np.ones(count)), matrices, 1)
+        assert kp.state_positivity(mixed, found.cone)  # the whole convex hull
+
+
+def test_a_common_lyapunov_vector_proves_robust_stability():
+    matrices = [[[-2, 1], [1, -2]], [[-1, 0.2], [0.1, -3]]]
+    found = find_cone(matrices)
+    assert found.v is not None
+    assert (found.rays @ found.v > 0).all()
+    for A in matrices:
+        assert (found.rays @ np.transpose(A) @ found.v < 0).all()
+    assert not replace(found.certificate, v=-found.v).check()
+
+
+def test_discrete_time_family():
+    found = find_cone([[[0.9, 0.1], [0.1, 0.5]], [[0.4, 0.1], [0.6, 0.3]]], discrete=True)
+    assert found and found.v is not None and found.certificate.check()
+
+
+def test_perron_filter_refutes_a_pair_and_a_cycle():
+    pair = [np.array([[1.0, 0], [0, -1]]), np.array([[2.0, 3], [-1, -2]])]
+    turned = [np.array([[1.0, 0], [0, -1]]), np.array([[-1.0, 4.0], [0, 1]]) @ np.diag([1, 1])]
+    cycle = [[[1, 0], [0, -1]], [[-1, 3], [0.1, 2]], [[0, -2], [-1, 1]]]
+    found = find_cone(cycle)
+    assert found.status is kp.Status.REFUTED and found.certificate.check()
+    assert len(found.obstruction.cycle) == 3 and "contradict" in found.explain()
+    assert not replace(found.certificate, witness=replace(found.obstruction, cycle=(0, 1, 1))).check()
+    for family in (pair, turned):
+        answer = find_cone(family, time_limit=2)
+        assert answer.certificate.check()
+
+
+def test_an_impossible_member_is_named():
+    found = find_cone([[[1, 2], [3, 4]], [[0, 1], [-1, 0]]])
+    assert found.status is kp.Status.REFUTED and found.obstruction.matrix == 1
+    assert "of matrix 1" in found.explain()
+
+
+def test_a_search_is_never_fooled_by_the_whole_space():
+    # Both matrices have cones, no common pointed one: rays that span the plane satisfy A R = R P.
+    family = [
+        np.array([[0.0, 1], [1, 0]]),
+        np.array([[0.0, -1], [-1, 0]]),
+        np.array([[1.0, 0], [0, -1]]),
+        -np.array([[1.0, 0], [0, -1]]),
+    ]
+    found = find_cone(family, time_limit=3)
+    assert not found
+    assert found.cone is None
+
+
+def test_time_limit_and_progress():
+    rng = np.random.default_rng(1)
+    family = [np.diag(-np.arange(7.0)) + 0.2 * rng.standard_normal((7, 7)) for _ in range(9)]
+    said: list[str] = []
+    start = time.monotonic()
+    find_cone(family, time_limit=1.0, restarts=10**6, progress=said.append)
+    assert time.monotonic() - start < 15
+    assert said
+
+
+def test_same_seed_same_cone():
+    matrices = planted(4, 3, 5)
+    assert np.array_equal(find_cone(matrices, seed=3).rays, find_cone(matrices, seed=3).rays)
+
+
+def test_bad_families_are_named():
+    with pytest.raises(ShapeError, match="empty family"):
+        find_cone([])
+    with pytest.raises(ShapeError, match=r"A\[1\] is 3 x 3, but A\[0\] is 2 x 2"):
+        find_cone([np.eye(2), np.eye(3)])
+    with pytest.raises(DataError, match=r"A\[1\]\[0, 1\] is nan"):
+        find_cone([np.eye(2), [[1, np.nan], [0, 1]]])
+
+
+# -- cone and feedback
+
+
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (2, 1), (3, 1), (4, 2), (6, 2), (8, 2)])
+def test_every_controllable_pair_has_a_cone_and_a_gain(n, m):
+    rng = np.random.default_rng(10 * n + m)
+    for _ in range(3):
+        A, B = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+        design = design_cone_and_feedback((A, B))
+        assert design and design.certificate.check() and design.cone.is_simplicial
+        assert (np.linalg.eigvals(A + B @ design.F).real < 0).all()
+        assert np.array_equal(design.K, -design.F)
+        assert kp.linear_lyapunov(A + B @ design.F, design.cone)
+
+
+def test_named_plants():
+    two_mass = ([[0, 0, 1, 0], [0, 0, 0, 1], [-1, 1, 0, 0], [1, -1, 0, 0]], [[0], [0], [1], [0]])
+    pendulum = ([[0, 1, 0, 0], [0, 0, -0.981, 0], [0, 0, 0, 1], [0, 0, 21.582, 0]], [[0], [1], [0], [-2]])
+    for plant in (([[0, 1], [-1, 0]], [[0], [1]]), two_mass, pendulum, ([[0, 1], [1, -0.3]], [[0], [1]])):
+        assert design_cone_and_feedback(plant)
+
+
+def test_discrete_time_design():
+    design = design_cone_and_feedback(ct.ss([[0, 1], [-1, 1.2]], [[0], [1]], np.eye(2), 0, 0.1))
+    assert design and (np.abs(design.poles) < 1).all() and design.closed_loop.dt == 0.1
+
+
+def test_robust_design_serves_every_vertex():
+    A, B = np.array([[0.0, 1], [-1, 0]]), np.array([[0.0], [1]])
+    vertices = [(A * (1 + s), B * (1 + r)) for s in (-0.05, 0.05) for r in (-0.05, 0.05)]
+    design = design_cone_and_feedback((A, B), vertices=vertices)
+    assert design
+    for As, Bs in vertices:
+        assert kp.linear_lyapunov(As + Bs @ design.F, design.cone)
+
+
+def test_uncontrollable_and_bad_plants():
+    design = design_cone_and_feedback((np.eye(2), [[1], [1]]))
+    assert design.status is kp.Status.UNDECIDED and "not controllable: only 1 of 2" in design.explain()
+    with pytest.raises(DataError, match="no inputs"):
+        design_cone_and_feedback((np.eye(2), np.zeros((2, 0))))
+    with pytest.raises(ConeMismatchError, match="B has 3 rows"):
+        design_cone_and_feedback((np.eye(2), np.ones((3, 1))))
+    with pytest.raises(ShapeError, match=r"vertices\[0\]"):
+        design_cone_and_feedback((np.eye(2), np.eye(2)), vertices=[(np.eye(3), np.eye(3))])

@@ -1,0 +1,117 @@
+"""Cones between the columns of B and the half-spaces of C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+from planted import generators, metzler_hurwitz
+
+import control_kpos as kp
+from control_kpos.arrays import ExactMatrix
+from control_kpos.conefinding import find_cone
+from control_kpos.errors import ConeMismatchError, TimebaseError
+
+
+def externally_positive(seed: int, n: int, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(A, b, c) whose impulse response, relative to its dominant mode, has minimum / maximum = margin."""
+    rng = np.random.default_rng(seed)
+    while True:
+        A = rng.standard_normal((n, n)) / np.sqrt(n)
+        values, V = np.linalg.eig(A)
+        first = int(np.argmax(values.real))
+        gap = np.sort(values.real[first] - values.real)[1]
+        if values[first].imag != 0 or gap < 0.05:
+            continue
+        b, c = rng.standard_normal(n), rng.standard_normal(n)
+        residues = (c @ V) * np.linalg.solve(V, b)
+        rest = np.arange(n) != first
+        t = np.linspace(0, 20 / gap, 4000)
+        transient = (np.exp(np.outer(t, values[rest] - values[first])) * residues[rest]).sum(axis=1).real
+        if transient.min() >= 0:
+            continue
+        level = (margin * transient.max() - transient.min()) / (1 - margin)
+        e, left = V[:, first].real, np.linalg.inv(V)[first].real
+        b = b + e * (1 - left @ b)
+        c = c + left * (level - c @ e)
+        return A, b, c
+
+
+@pytest.mark.parametrize("margin", [0.01, 0.1])
+@pytest.mark.parametrize("n", [2, 3, 4, 6, 8, 12])
+def test_externally_positive_systems_have_a_proven_cone(n, margin):
+    for seed in range(3):
+        A, b, c = externally_positive(seed, n, margin)
+        found = find_cone(ct.ss(A, b[:, None], c[None, :], 0))
+        assert found and found.certificate.check()
+        rays = found.certificate.rays.values
+        assert (rays @ c >= -1e-12 * np.linalg.norm(rays, axis=1) * np.linalg.norm(c)).all()
+        if n <= 3 and found.n_rays <= 40:
+            assert found.cone.contains(b)
+            assert kp.cone_positivity(A, b[:, None], c[None, :], [[0]], found.cone, kp.orthant(1), kp.orthant(1))
+
+
+def test_the_result_goes_straight_into_a_network():
+    node = ct.ss([[0, 1], [-2, -3]], [[0], [1]], [[1, 0]], 0)
+    X = find_cone(node).cone
+    sys = kp.ConeStateSpace(node, X=X)
+    assert sys.is_cone_positive()
+    net = kp.feedback_interconnect([sys] * 3, 0.3 * (np.ones((3, 3)) - np.eye(3)))
+    assert net.certificate
+
+
+def test_planted_input_and_output_cones():
+    rng = np.random.default_rng(0)
+    for n in (2, 3, 5):
+        T = generators(rng, n)
+        A = T @ metzler_hurwitz(rng, n) @ np.linalg.inv(T)
+        B, C = T @ rng.uniform(0.2, 1, (n, 2)), rng.uniform(0.2, 1, (2, n)) @ np.linalg.inv(T)
+        found = find_cone(A, contains=B.T, within=C)
+        assert found and found.certificate.check()
+
+
+def test_discrete_time_orbits():
+    sys = ct.ss([[0.9, 0], [0, 0.2]], [[1], [-0.5]], [[1, 1]], 0, True)
+    found = find_cone(sys)
+    assert found and found.certificate.discrete and found.certificate.check()
+
+
+@pytest.mark.parametrize(
+    ("numerator", "denominator", "word"),
+    [
+        ([1, -1], [1, 3, 2], "zero 1 "),
+        ([1, 0, 0], [1, 6, 11, 6], "zero 0 "),
+        ([1, 0.2, 1.01], [1, 6, 11, 6], "impulse response"),
+    ],
+)
+def test_obstruction_by_zeros_and_by_the_impulse_response(numerator, denominator, word):
+    found = find_cone(ct.ss(ct.tf(numerator, denominator)))
+    assert found.status is kp.Status.REFUTED and word in found.explain()
+    assert found.certificate.check()
+    harmless = replace(found.obstruction, normal=-found.obstruction.normal)
+    if found.obstruction.value < 0:
+        assert not replace(found.certificate, witness=harmless).check()
+
+
+def test_negative_impulse_response_in_discrete_time():
+    found = find_cone(ct.ss([[0.5, 0], [0, -0.5]], [[1], [1]], [[1, 2]], 0, True))
+    assert found.status is kp.Status.REFUTED and "k = 1" in found.explain()
+
+
+def test_a_changed_containment_fails():
+    found = find_cone(ct.ss([[0, 1], [-2, -3]], [[0], [1]], [[1, 0]], 0))
+    cert = found.certificate
+    assert not replace(cert, contains=ExactMatrix(np.array([[0.0, -1.0]]))).check()
+    assert not replace(cert, within=ExactMatrix(np.array([[-1.0, 0.0]]))).check()
+
+
+def test_bad_input_is_named():
+    A = [[-1, 0], [0, -2]]
+    with pytest.raises(ConeMismatchError, match=r"column 0 of B.*row 1 of C"):
+        find_cone(A, contains=[[1, 1]], within=[[1, 0], [1, -2]])
+    with pytest.raises(ConeMismatchError, match="size 3, but A is 2 x 2"):
+        find_cone(A, contains=[[1, 1, 1]])
+    with pytest.raises(TimebaseError, match="discrete"):
+        find_cone(ct.ss(A, [[1], [1]], [[1, 1]], 0), discrete=True)
