@@ -97,6 +97,15 @@ def test_every_planted_gain_on_a_simplicial_cone_is_found(n, m):
         assert d.value <= 1.06 * np.abs(F @ rays.T).max()  # the planted gain is not smaller
 
 
+@pytest.mark.parametrize(("n", "m"), [(2, 1), (6, 3), (15, 5)])
+def test_first_gain_is_certified_too(n, m):
+    rng = np.random.default_rng(n)
+    for _ in range(3):
+        A, B, rays, _ = planted.simplicial(rng, n, m)
+        d = kp.state_feedback(ct.ss(A, B, np.eye(n), 0), X=rays, method="first", rate=0.1)
+        require_certified(d, A, B, kp.PolyhedralCone(rays), rate=0.1)
+
+
 @pytest.mark.parametrize(("n", "m"), [(2, 1), (4, 2), (6, 3)])
 def test_every_planted_gain_in_discrete_time_is_found(n, m):
     rng = np.random.default_rng(n)

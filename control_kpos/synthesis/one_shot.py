@@ -27,6 +27,7 @@ from .weakening import certified_fraction
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
 LARGEST_RATE = "largest decay rate"
+FIRST_GAIN = "nothing; max |F x_k| at the generators of X"
 # The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
 GAIN_SLACK = 0.05
 # Of the decay rate that the slack allows, the part that is used; and of the largest rate, the part asked for.
@@ -60,6 +61,24 @@ def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
     width = plant.n if plant.C is None else plant.C.shape[0]
     found = accept(plant, np.zeros((plant.m, width)), rate=float(rate))
     return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
+
+
+def first_gain(plant: Plant, rate: float, lp: Solver) -> DesignResult:
+    """Any certified gain: by columns if that works, by the one-shot program otherwise."""
+    free = column_freedom(plant)
+    if free is None:
+        raise DataError("structure does not follow the blocks of X; this program cannot express it.")
+    program = SimplicialProgram(plant, free, lp)
+    point = program.by_columns(rate)
+    for x in (None if point is None else program.centred(rate, None, point), point):
+        if x is None:
+            continue
+        F, inside = program.read(x)
+        found = accept(plant, F, rate=rate, x=inside)
+        if found is not None:
+            value = gain_of(found.F, plant.rays)
+            return succeed(plant, found, FIRST_GAIN, value, float("nan"))
+    return design_on_simplicial(plant, rate, lp)
 
 
 def _smallest(plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str) -> DesignResult:

@@ -134,8 +134,8 @@ def observer_gain(
     Examples
     --------
     >>> import control as ct, control_kpos as kp
-    >>> plant = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
-    >>> d = kp.observer_gain(plant, X=kp.PolyhedralCone.from_facets([[0, 1], [1, -2]]))
+    >>> plant = ct.ss([[1, 1], [0.5, -2]], [[1], [0]], [[1, 0]], 0)
+    >>> d = kp.observer_gain(plant, rate=1)
     >>> bool(d), d.F.shape
     (True, (2, 1))
     """

@@ -87,8 +87,8 @@ class ScaleFreeCertificate(Certificate):
             return "The scale-free claim is not proven."
         return (
             f"Proved for any number of these nodes on any graph with nonnegative links whose weights out of each node "
-            f"sum to at most {self.weight:g} (or whose weights into each node do): positive and exponentially stable, decay rate "
-            f"at least {self.coupled.decay_rate:.4g}."
+            f"sum to at most {self.weight:g} (or whose weights into each node do): positive and exponentially stable, "
+            f"decay rate at least {self.coupled.decay_rate:.4g}."
         )
 
 

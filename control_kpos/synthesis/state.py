@@ -16,13 +16,13 @@ from .alternating import design_by_alternation
 from .backend import SolverChoice, backend
 from .disturbance import reject_disturbance
 from .modelling import design_with_constraints
-from .one_shot import design_on_simplicial
+from .one_shot import design_on_simplicial, first_gain
 from .plant import Plant, column_freedom, read_plant, require_simplicial
 from .result import DesignResult
 from .two_step import design_in_two_steps
 
-Method = Literal["auto", "one-shot", "alternation", "two-step"]
-_METHODS = ("auto", "one-shot", "alternation", "two-step")
+Method = Literal["auto", "one-shot", "first", "alternation", "two-step"]
+_METHODS = ("auto", "one-shot", "first", "alternation", "two-step")
 
 
 def state_feedback(
@@ -69,8 +69,9 @@ def state_feedback(
         Of a cvxpy variable F, shape (m, n): a list of further linear constraints.
     objective : callable, optional
         Of the same variable: a convex expression to minimise instead of the gain.
-    method : {"auto", "one-shot", "alternation", "two-step"}
-        "one-shot": necessary and sufficient on simplicial cones.  "alternation": any cone and any pattern.
+    method : {"auto", "one-shot", "first", "alternation", "two-step"}
+        "one-shot": necessary and sufficient on simplicial cones.  "first": the same without a search for the
+        smallest gain, for many states.  "alternation": any cone and any pattern.
         "two-step": the linear programs of the paper, for reference.  "auto" chooses between the first two.
     solver : str, callable or None
         None: HiGHS directly.  The name of any installed solver that cvxpy knows; or
@@ -131,9 +132,11 @@ def state_feedback(
     if method == "two-step":
         return design_in_two_steps(plant, float(target) if target != "max" else 0.0, lp)
     exact = plant.X.is_simplicial and column_freedom(plant) is not None
-    if method == "one-shot" and not exact:
+    if method in ("one-shot", "first") and not exact:
         require_simplicial(plant.X, "the one-shot program")
         raise DataError('structure does not follow the blocks of X; use method="alternation".')
+    if method == "first" and target != "max":
+        return first_gain(plant, float(target), lp)
     if exact and method != "alternation":
         return design_on_simplicial(plant, target, lp)
     return design_by_alternation(plant, target, lp)

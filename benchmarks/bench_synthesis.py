@@ -1,0 +1,146 @@
+"""Feedback design: overhead beyond HiGHS, networks of many nodes, and a quadratic (LMI) design as the peer."""
+
+import sys
+import time
+from collections import Counter
+from pathlib import Path
+
+import control as ct
+import cvxpy as cp
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import control_kpos as kp
+from control_kpos import linear_programs
+from control_kpos.synthesis.backend import backend
+from control_kpos.synthesis.plant import column_freedom, read_plant
+from control_kpos.synthesis.simplicial import SimplicialProgram
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+import planted
+
+ONE_SHOT = "one-shot program n = 10, m = 5, beyond HiGHS"
+WHOLE = "smallest gain with proof, n = 10, m = 5"
+NETWORK = "local gains with proof, {} nodes"
+QUADRATIC = "stabilise, n = {}, m = {}"
+PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
+
+
+def plant(n, m, seed=0):
+    A, B, rays, _ = planted.simplicial(np.random.default_rng(seed), n, m)
+    return ct.ss(A, B, np.eye(n), 0), rays
+
+
+def test_one_shot_overhead(contest, monkeypatch):
+    """The time of assembling, scaling and reading back one program; that of HiGHS itself is left out."""
+    sys_, rays = plant(10, 5)
+    problem = read_plant(kp.ConeStateSpace(sys_, X=rays), None)
+    inside = [0.0]
+    run = linear_programs.highspy.Highs.run
+
+    def timed(self):
+        begin = time.perf_counter()
+        try:
+            return run(self)
+        finally:
+            inside[0] += time.perf_counter() - begin
+
+    monkeypatch.setattr(linear_programs.highspy.Highs, "run", timed)
+
+    def overhead():
+        inside[0] = 0.0
+        begin = time.perf_counter()
+        program = SimplicialProgram(problem, column_freedom(problem), backend(None, 60))
+        F, _ = program.read(program.start(0.1))
+        spent = time.perf_counter() - begin - inside[0]
+        assert F.shape == (5, 10)
+        assert spent < 0.010
+        return spent
+
+    contest(ONE_SHOT, "ours", overhead)
+
+
+def test_smallest_gain(contest):
+    sys_, rays = plant(10, 5)
+    assert contest(WHOLE, "ours", lambda: kp.state_feedback(sys_, X=rays, rate=0.1))
+
+
+def random_network(n):
+    rng = np.random.default_rng(0)
+    A = np.zeros((n, 2, 2))
+    A[:, 0, 1], A[:, 1, 0] = 1, -rng.uniform(0.5, 2, size=n)
+    where = (np.repeat(np.arange(n), 3), rng.integers(0, n, size=3 * n))
+    W = sp.csr_array((rng.uniform(0, 1, size=3 * n), where), shape=(n, n))
+    return A, W
+
+
+def design_network(A, W):
+    nodes = kp.stack(A, [[0], [1]], [[1, 0]], X=PAPER)
+    return kp.network_feedback(nodes, W, gain_bound=15, rate=0.1)
+
+
+@pytest.mark.parametrize(("nodes", "at_most", "rounds"), [(10_000, 1.0, 3), (100_000, 10.0, 1)])
+def test_network(contest, size, nodes, at_most, rounds):
+    A, W = random_network(size(nodes, 100))
+    assert contest(NETWORK.format(nodes), "ours", lambda: design_network(A, W), at_most=at_most, rounds=rounds)
+
+
+def quadratic_design(A, B):
+    """P > 0 and Z with A P + P A' + B Z + Z'B' < 0; F = Z P^{-1}."""
+    n, m = B.shape
+    P, Z = cp.Variable((n, n), symmetric=True), cp.Variable((m, n))
+    M = A @ P + B @ Z
+    cp.Problem(cp.Minimize(0), [P >> np.eye(n), M + M.T << -1e-3 * np.eye(n)]).solve(solver="CLARABEL")
+    return Z.value @ np.linalg.inv(P.value)
+
+
+@pytest.mark.parametrize(("who", "at_most"), [("ours", None), ("LMI, cvxpy with Clarabel", 1 / 20)])
+@pytest.mark.parametrize("n", [20, 40])
+def test_against_quadratic(contest, size, n, who, at_most):
+    """Our time is that of finding a gain; the proof is not part of either."""
+    sys_, rays = plant(size(n, 6), n // 4)
+    A, B = sys_.A, sys_.B
+    problem = read_plant(kp.ConeStateSpace(sys_, X=rays), None)
+
+    def ours():
+        program = SimplicialProgram(problem, column_freedom(problem), backend(None, 60))
+        point = program.by_columns(0.0)
+        return program.read(program.start(0.0) if point is None else point)[0]
+
+    F = contest(
+        QUADRATIC.format(n, n // 4),
+        who,
+        ours if who == "ours" else lambda: quadratic_design(A, B),
+        at_most=at_most,
+        rounds=2,
+    )
+    assert np.linalg.eigvals(A + B @ F).real.max() < 0
+
+
+def count(family, number):
+    """Outcomes on a planted family: python benchmarks/bench_synthesis.py."""
+    rng = np.random.default_rng(7)
+    outcomes = Counter()
+    for k in range(number):
+        n, m = [(2, 1), (3, 1), (3, 2), (4, 2), (6, 3)][k % 5]
+        if family == "simplicial":
+            A, B, rays, _ = planted.simplicial(rng, n, m)
+            d = kp.state_feedback(ct.ss(A, B, np.eye(n), 0), X=rays)
+        elif family == "polyhedral":
+            A, B, X, _ = planted.polyhedral(rng, max(n, 3), m, max(n, 3))
+            d = kp.state_feedback(ct.ss(A, B, np.eye(len(A)), 0), X=X)
+        elif family == "discrete":
+            A, B, rays, _ = planted.discrete(rng, n, m)
+            d = kp.state_feedback(ct.ss(A, B, np.eye(n), 0, 1), X=rays)
+        else:
+            A, B, C, rays, _ = planted.output(rng, n, m, max(1, n - 1))
+            d = kp.output_feedback(ct.ss(A, B, C, 0), X=rays)
+        valid = not d or (d.check() and bool(d.closed_loop.linear_lyapunov()))
+        outcomes[d.status.name if valid else "INVALID"] += 1
+    return dict(outcomes)
+
+
+if __name__ == "__main__":
+    for family, number in (("simplicial", 2000), ("discrete", 500), ("polyhedral", 200), ("output", 200)):
+        print(family, number, count(family, number), flush=True)
