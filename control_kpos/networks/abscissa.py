@@ -147,7 +147,7 @@ def descend(
             return best
         c = mix(model, best.v, 1e-3 if jump > 1e-3 * abs(best.theta) else 1e-5, dual=True)
         d = mix(model, best.x, 1e-3 if jump > 1e-3 * abs(best.theta) else 1e-9, dual=False)
-        proposal = best.theta + max(min(0.2 * gap, 4 * jump), 0.8 * goal)
+        proposal = best.theta + max(min(0.5 * gap, 4 * jump), 0.8 * goal)
         if proposal <= below:
             proposal = 0.5 * (below + best.shift)
             if best.shift - below <= goal:
@@ -168,7 +168,7 @@ def _solve_at(
         distance = max(mu - best.theta, 1e-300)
         guess_v, guess_x = c / distance, d / distance
         tolerance = 1e-3 if distance > 1e-3 * abs(best.theta) else 1e-6
-        system.loop.iteration_limit = min(40 + 4 * best.iterations, 400)
+        system.loop.iteration_limit = min(20 + 3 * best.iterations, 400)
     else:
         # without iterates to start from, stay where sweeps converge, as they do for large mu without feedthrough
         system.loop.sweeps_only = not model.has_feedthrough
@@ -180,7 +180,7 @@ def _solve_at(
     x, _ = system.primal(d, tolerance, guess=guess_x, near=best is not None)
     if not is_inside(model, x, dual=False):
         return None
-    theta = mu - float(c @ x) / float(v @ x)
+    theta = mu - float(np.einsum("i,i->", c, x)) / float(np.einsum("i,i->", v, x))
     return Approach(theta, mu, v, x, c, d, max(used, system.loop.iterations))
 
 
@@ -234,6 +234,37 @@ def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400)
                 changed = True
         if not changed:
             return x
+    return None
+
+
+def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[Floats, float] | None:
+    """x in X and the largest rate found with A_cl x - rate x in X.
+
+    An eigenvector that lives on few nodes is computed anew on these alone: without their surroundings the
+    abscissa is lower by the square of what x is at their boundary, while x cut off there would not do.
+    """
+    x = found.x / np.abs(found.x).max()
+    size = np.zeros(model.n_nodes)
+    for index, part in zip(model.members, model.split(x, 0), strict=True):
+        size[index] = np.abs(part).max(axis=1)
+    core = size > 1e-7
+    here, place = found, None
+    if not core.all():
+        part = model.restrict(core)
+        nearer = descend(part, found.shift, relative=0.5 * relative)
+        if nearer is not None:
+            model, here, place = part, nearer, core[model.owners(0)]
+            x = here.x / np.abs(here.x).max()
+    unit = relative * max(abs(found.theta), 1e-300)
+    for share in (0.1, 0.5, 1.0, 10.0, 1e3, 1e5):
+        rate = here.theta - share * unit
+        kept = growing_part(model, x, rate)
+        if kept is not None:
+            if place is not None:
+                whole = np.zeros(len(place))
+                whole[place] = kept
+                kept = whole
+            return kept, rate
     return None
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from ..certificates.result import Certificate, Condition, Status, all_hold
 from ..errors import DataError
 from . import conditions as on
-from .abscissa import Progress, descend, growing_part
+from .abscissa import Progress, descend, slow_state
 from .blocks import Floats
 from .certificate import PerNode, dissipation, flat, per_node
 from .certify import growth_witness, loop_weights, provable_rate, supply_rates
@@ -88,25 +88,17 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
         return AbscissaCertificate.settle(model=model)
     v, r, q = supply_rates(model, final.v)
     upper = -provable_rate(model, v, q, discrete=False)
-    x = final.x / np.abs(final.x).max()
-    size = max(abs(final.theta), 1e-300)
-    for share in (0.02, 0.1, 0.3, 0.6, 3.0, 30.0, 300.0, 1e4):
-        lower = final.theta - share * relative * size
-        kept = growing_part(model, x, lower)
-        if kept is None:
-            continue
-        below = growth_witness(model, kept, lower)
-        if all_hold(below_abscissa(model, below, loop) or [None]):  # type: ignore[list-item]
-            certificate = AbscissaCertificate.settle(
-                model=model,
-                lower=lower,
-                upper=upper,
-                v=per_node(v, model, 0),
-                r=per_node(r, model, 1),
-                q=per_node(q, model, 2),
-                below=below,
-                loop_weights=loop,
-            )
-            if certificate.status is not Status.UNDECIDED:
-                return certificate
-    return AbscissaCertificate.settle(model=model)
+    slow = slow_state(model, final, relative)
+    if slow is None:
+        return AbscissaCertificate.settle(model=model)
+    x, lower = slow
+    return AbscissaCertificate.settle(
+        model=model,
+        lower=lower,
+        upper=upper,
+        v=per_node(v, model, 0),
+        r=per_node(r, model, 1),
+        q=per_node(q, model, 2),
+        below=growth_witness(model, x, lower),
+        loop_weights=loop,
+    )

@@ -1,0 +1,242 @@
+"""Theorem 4 on large networks, beside the solve alone, linear programs, ARPACK and ODE solvers.
+
+Nodes are mass-spring systems with k in [0.5, 1.5], F1 in [-22, -21], F2 in [-15, -14] on the paper's cone.
+"""
+
+import time
+
+import control as ct
+import numpy as np
+import pytest
+import scipy.optimize
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from scipy.integrate import solve_ivp
+
+import control_kpos as kp
+from control_kpos.networks.abscissa import descend
+
+GRAPHS = {"ring": kp.examples.ring, "3-regular": lambda n: kp.examples.random_regular(n, 3, seed=1)}
+
+
+def network(graph, n, weight=1.0):
+    A, B, C, D = kp.examples.mass_spring_nodes(n, seed=1)
+    stack = kp.stack(A, B, C, D, X=kp.examples.paper_cone())
+    return kp.feedback_interconnect(stack, weight * GRAPHS[graph](n), progress=False)
+
+
+def proved(net):
+    certificate = kp.feedback_interconnect(net.model.stacks[0], net.model.W, progress=False).certificate
+    assert certificate.status is kp.Status.PROVED
+    return certificate
+
+
+def bare_solve(net):
+    """v = -A^{-T} c alone, by BiCGSTAB with the node blocks as preconditioner, matrices at hand."""
+    transposed = sp.csr_array(net.sparse_A.T)
+    blocks = np.linalg.inv(net.model.stacks[0].A.values).transpose(0, 2, 1)
+    preconditioner = net.model.blocks([blocks], 0, 0)
+    c = np.tile(net.model.stacks[0].X.dual.interior_point, net.model.n_nodes)
+    operator = spla.LinearOperator(transposed.shape, matvec=lambda z: preconditioner @ z, dtype=float)
+
+    def run():
+        v, failed = spla.bicgstab(-transposed, c, M=operator, rtol=1e-10)
+        assert not failed
+        return v
+
+    return run
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+@pytest.mark.parametrize("who", ["ours", "4 bare BiCGSTAB solves + 2 s", "check of the certificate"])
+def test_certificate_of_a_million_nodes(contest, size, graph, who):
+    n = size(10**6, 10**3)
+    net = network(graph, n)
+    if who == "ours":
+        contest(f"certify {graph}, N = {n}", who, lambda: proved(net), rounds=2)
+    elif who[0] == "4":
+        solve, pause = bare_solve(net), size(2.0, 0.0)
+        contest(f"certify {graph}, N = {n}", who, lambda: [solve() for _ in range(4)] and time.sleep(pause), at_most=1, rounds=2)
+    else:
+        certificate = net.certificate
+        contest(f"certify {graph}, N = {n}", who, certificate.check, rounds=2)
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+@pytest.mark.parametrize("exponent", [4, 5, 6])
+def test_growth_with_size(contest, size, graph, exponent):
+    n = 10 ** size(exponent, exponent - 2)
+    net = network(graph, n)
+    who = "ours" if exponent == 6 else f"N = {n} ({10 ** (6 - exponent)} times smaller)"
+    limit = None if exponent == 6 else 1.2 ** (6 - exponent) * 10 ** (6 - exponent)
+    contest(f"certify {graph}, growth to N = 10^6", who, lambda: proved(net), at_most=limit, rounds=2 if exponent == 6 else 5)
+
+
+# -- the paper's linear program
+
+
+def paper_program(net):
+    """Find v, r, q: v'x >= 1, (v'A - q'C) x <= -1, v'B <= r, q + W'r <= 0 (cond2, cond3), node by node."""
+    model, rays = net.model, net.model.stacks[0].X.rays
+    n = model.n_nodes
+    a, b, c, _ = model.block_matrices
+    X = sp.kron(sp.eye_array(n), rays, format="csr")
+    zero, eye = sp.csr_array((2 * n, n)), sp.eye_array(n, format="csr")
+    rows = [
+        [-X, zero, zero],
+        [X @ a.T, zero, -(X @ c.T)],
+        [b.T, -eye, None],
+        [None, model.WT, eye],
+    ]
+    return sp.csr_array(sp.block_array(rows)), np.concatenate([-np.ones(4 * n), np.zeros(2 * n)])
+
+
+def highs(matrix, bound):
+    found = scipy.optimize.linprog(np.zeros(matrix.shape[1]), matrix, bound, bounds=(None, None), method="highs")
+    assert found.status == 0
+
+
+def clarabel_solver(matrix, bound):
+    import clarabel
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    k, n = matrix.shape
+    cones = [clarabel.NonnegativeConeT(k)]
+    found = clarabel.DefaultSolver(sp.csc_matrix((n, n)), np.zeros(n), sp.csc_matrix(matrix), bound, cones, settings).solve()
+    assert "Solved" in str(found.status)
+
+
+def pdlp(matrix, bound):
+    pytest.importorskip("ortools")
+    from ortools.pdlp import solve_log_pb2, solvers_pb2  # noqa: F401
+    from ortools.pdlp.python import pdlp as solver
+
+    program = solver.QuadraticProgram()
+    program.constraint_matrix = sp.csc_matrix(matrix)
+    program.constraint_lower_bounds, program.constraint_upper_bounds = np.full(len(bound), -np.inf), bound
+    program.objective_vector = np.zeros(matrix.shape[1])
+    program.variable_lower_bounds, program.variable_upper_bounds = np.full(matrix.shape[1], -np.inf), np.full(matrix.shape[1], np.inf)
+    solver.primal_dual_hybrid_gradient(program, solvers_pb2.PrimalDualHybridGradientParams())
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+@pytest.mark.parametrize(
+    ("who", "solve", "at_most"), [("ours", None, None), ("HiGHS", highs, 1 / 8), ("Clarabel", clarabel_solver, 1), ("PDLP", pdlp, 1)]
+)
+def test_against_the_linear_program(contest, size, graph, who, solve, at_most):
+    n = size(10**5, 10**3)
+    net = network(graph, n)
+    if solve is None:
+        contest(f"paper's program, {graph}, N = {n}", who, lambda: proved(net), rounds=3)
+    else:
+        matrix, bound = paper_program(net)
+        contest(f"paper's program, {graph}, N = {n}", who, lambda: solve(matrix, bound), at_most=at_most, rounds=1)
+
+
+# -- python-control
+
+
+def append_and_connect(nodes, n):
+    plant = ct.append(*nodes)
+    return ct.connect(plant, [[j + 1, (j + 1) % n + 1] for j in range(n)], [1], [1]).poles()
+
+
+@pytest.mark.filterwarnings("ignore:connect:FutureWarning")
+@pytest.mark.parametrize("who", ["ours", "append + connect + poles"])
+def test_against_python_control(contest, size, who):
+    n = size(1000, 20)
+    net = network("ring", n)
+    question = f"stability of a ring, N = {n}"
+    if who == "ours":
+        contest(question, who, lambda: proved(net))
+    else:
+        s = net.model.stacks[0]
+        nodes = [ct.ss(s.A.values[j], s.B.values[j], s.C.values[j], 0) for j in range(n)]
+        contest(question, who, lambda: append_and_connect(nodes, n), at_most=1 / 500, rounds=1)
+
+
+# -- next to the edge of stability
+
+
+def tuned_weight(graph, n, target):
+    """The weight of all links at which the spectral abscissa is `target`."""
+
+    def miss(weight):
+        return descend(network(graph, n, weight).model, 0.0, relative=1e-9).theta - target
+
+    low, high = (22.0, 23.5) if graph == "ring" else (7.3, 7.8)
+    return scipy.optimize.brentq(miss, low, high, xtol=1e-13, rtol=1e-15)
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+@pytest.mark.parametrize("target", [-1e-6, 1e-6])
+def test_next_to_the_edge(contest, size, graph, target):
+    n = size(10**5, 10**3)
+    net = network(graph, n, tuned_weight(graph, n, target))
+    wanted = kp.Status.PROVED if target < 0 else kp.Status.REFUTED
+
+    def decide():
+        certificate = kp.feedback_interconnect(net.model.stacks[0], net.model.W, progress=False).certificate
+        assert certificate.status is wanted
+
+    contest(f"abscissa {target:g}, {graph}, N = {n}", "ours", decide, at_most=30, rounds=1)
+
+
+# -- the spectral abscissa
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+@pytest.mark.parametrize("who", ["ours", "certificate alone", "ARPACK, shift-invert"])
+def test_bracket(contest, size, graph, who):
+    n = size(10**6, 10**3)
+    net = network(graph, n)
+    question = f"bracket of the abscissa, {graph}, N = {n}"
+    if who == "ours":
+
+        def bracket():
+            lower, upper = net.spectral_abscissa()
+            assert 0 <= upper - lower <= 1e-6 * abs(upper)
+
+        contest(question, who, bracket, rounds=1)
+    elif who == "certificate alone":
+        contest(question, who, lambda: proved(net), at_most=15, rounds=2)
+    elif graph == "ring" or n <= 10**4:  # a factorisation of the random graph fills in without bound
+        matrix = sp.csc_array(net.sparse_A)
+        contest(question, who, lambda: spla.eigs(matrix, k=1, sigma=0.0, which="LM", tol=1e-6), at_most=1 / 3, rounds=1)
+    else:
+        pytest.skip("the factorisation fills in")
+
+
+# -- simulation
+
+
+def errors_of(outputs, exact):
+    return float(np.abs(outputs - exact).max() / np.abs(exact).max())
+
+
+@pytest.mark.parametrize("graph", GRAPHS)
+@pytest.mark.parametrize("who", ["ours", "BDF, sparse Jacobian", "expm_multiply"])
+def test_simulation(contest, size, graph, who):
+    n, T = size(10**5, 500), np.linspace(0, 5, 200)
+    net = network(graph, n)
+    rng = np.random.default_rng(0)
+    x0 = np.ravel(rng.random((n, 2)) @ kp.examples.paper_cone().rays)
+    A, watched = net.sparse_A, [0, n // 2, n - 1]
+    rows = net.sparse_C[watched]
+    question = f"simulate {graph}, N = {n}, T = 5, 200 points"
+    exact = rows @ spla.expm_multiply(A, x0, start=0, stop=5, num=5).T
+    if who == "ours":
+        result = contest(question, who, lambda: net.initial_response(T, x0, outputs=watched, states=False).outputs, at_most=10, rounds=2)
+        assert errors_of(result[:, -1], exact[:, -1]) < 1e-5
+    elif who == "expm_multiply":
+        contest(question, who, lambda: rows @ spla.expm_multiply(A, x0, start=0, stop=5, num=200).T, at_most=1, rounds=1)
+    else:
+        jacobian = sp.csc_array(A)
+        contest(
+            question,
+            who,
+            lambda: rows @ solve_ivp(lambda t, x: A @ x, (0, 5), x0, "BDF", T, jac=jacobian, rtol=1e-5, atol=1e-8).y,
+            at_most=1,
+            rounds=1,
+        )
