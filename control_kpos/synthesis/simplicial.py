@@ -7,6 +7,7 @@ handful of programs (`ratio`).  What is returned here is in doubles and proves n
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -72,15 +73,31 @@ class SimplicialProgram:
         self.closed, self.drift = q.closed[:, self.kept], q.drift[:, self.kept]
         self.weights = np.zeros_like(self.drift)
         self.weights[np.arange(len(self.drift)), q.owner] = q.weight
-        slope, level, labels = gain_rows(n, m, np.ones(n), None)
-        held = np.tile(free.ravel(), 2)
-        self.slope, self.level = slope[np.ix_(held, self.kept)], level[np.ix_(held, self.kept)]
-        inputs = np.array([label[1] for label in labels], dtype=int)[held]
-        # inputs count relative to their bounds; without bounds all count alike
-        if plant.gain_bound is None:
-            self.bounds = np.zeros((0, len(self.kept)))
-        else:
-            self.bounds = self.slope - plant.gain_bound[inputs][:, None] * self.level
+
+    @cached_property
+    def _gains(self) -> tuple[Floats, Floats, NDArray[np.intp]]:
+        slope, level, labels = gain_rows(self.n, self.m, np.ones(self.n), None)
+        held = np.tile(self.free.ravel(), 2)
+        place = np.ix_(held, self.kept)
+        return slope[place], level[place], np.array([label[1] for label in labels], dtype=int)[held]
+
+    @property
+    def slope(self) -> Floats:
+        """z and -z, entry by entry."""
+        return self._gains[0]
+
+    @property
+    def level(self) -> Floats:
+        """xi, row by row of `slope`."""
+        return self._gains[1]
+
+    @cached_property
+    def bounds(self) -> Floats:
+        """Rows of the gain bound: must not be positive."""
+        bound = self.plant.gain_bound
+        if bound is None:
+            return np.zeros((0, len(self.kept)))
+        return self.slope - bound[self._gains[2]][:, None] * self.level
 
     def _theta(self, rate: float) -> float:
         return (1.0 if self.plant.discrete else 0.0) - rate - self.strict * self.plant.scale
