@@ -177,7 +177,7 @@ class DifferentialCertificate(Certificate):
                 "arithmetic only, so that its Jacobian can be enclosed."
             )
         if not self:
-            return "Undecided: the enclosures of the Jacobian are too wide for this cone. Try a smaller region or more pieces."
+            return "Undecided: the enclosed Jacobians are too wide for this cone. Try a smaller region or more pieces."
         order = (
             "The flow is monotone in the order of X: solutions that start ordered stay ordered, while they remain "
             "in the region."

@@ -135,8 +135,8 @@ class ConeCertificate(Certificate):
         kind = "facets" if self.by_facets else "generators"
         n_rays, n = self.rays.shape if self.rays is not None else (0, 0)
         family = "A" if self.matrices.shape[0] == 1 else f"each of the {self.matrices.shape[0]} matrices"
-        more = "" if self.contains is None else f", holds the {self.contains.shape[0]} vectors asked for"
-        more += "" if self.within is None else f", lies in the {self.within.shape[0]} half-spaces asked for"
+        more = "" if self.contains is None else ", holds the vectors asked for"
+        more += "" if self.within is None else ", lies in the half-spaces asked for"
         more += "" if self.v is None else "; v'x is a common Lyapunov function on it"
         return (
             f"Proved: the cone of {n_rays} {kind} in dimension {n} is pointed, solid and invariant under "

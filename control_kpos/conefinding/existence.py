@@ -74,7 +74,8 @@ class SpectralObstruction:
 
     def __str__(self) -> str:
         where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
-        value = f"{self.real:.6g} ± {abs(self.imag):.6g}i" if self.imag else f"{self.real:.6g}"
+        real = self.real + 0.0  # no minus zero
+        value = f"{real:.6g} ± {abs(self.imag):.6g}i" if self.imag else f"{real:.6g}"
         if self.discrete:
             if self.kind == "ahead":
                 return (
