@@ -56,7 +56,13 @@ def test_certificate_of_a_million_nodes(contest, size, graph, who):
         contest(f"certify {graph}, N = {n}", who, lambda: proved(net), rounds=2)
     elif who[0] == "4":
         solve, pause = bare_solve(net), size(2.0, 0.0)
-        contest(f"certify {graph}, N = {n}", who, lambda: [solve() for _ in range(4)] and time.sleep(pause), at_most=1, rounds=2)
+        contest(
+            f"certify {graph}, N = {n}",
+            who,
+            lambda: [solve() for _ in range(4)] and time.sleep(pause),
+            at_most=1,
+            rounds=2,
+        )
     else:
         certificate = net.certificate
         contest(f"certify {graph}, N = {n}", who, certificate.check, rounds=2)
@@ -69,7 +75,13 @@ def test_growth_with_size(contest, size, graph, exponent):
     net = network(graph, n)
     who = "ours" if exponent == 6 else f"N = {n} ({10 ** (6 - exponent)} times smaller)"
     limit = None if exponent == 6 else 1.2 ** (6 - exponent) * 10 ** (6 - exponent)
-    contest(f"certify {graph}, growth to N = 10^6", who, lambda: proved(net), at_most=limit, rounds=2 if exponent == 6 else 5)
+    contest(
+        f"certify {graph}, growth to N = 10^6",
+        who,
+        lambda: proved(net),
+        at_most=limit,
+        rounds=2 if exponent == 6 else 5,
+    )
 
 
 # -- the paper's linear program
@@ -103,7 +115,9 @@ def clarabel_solver(matrix, bound):
     settings.verbose = False
     k, n = matrix.shape
     cones = [clarabel.NonnegativeConeT(k)]
-    found = clarabel.DefaultSolver(sp.csc_matrix((n, n)), np.zeros(n), sp.csc_matrix(matrix), bound, cones, settings).solve()
+    found = clarabel.DefaultSolver(
+        sp.csc_matrix((n, n)), np.zeros(n), sp.csc_matrix(matrix), bound, cones, settings
+    ).solve()
     assert "Solved" in str(found.status)
 
 
@@ -116,13 +130,17 @@ def pdlp(matrix, bound):
     program.constraint_matrix = sp.csc_matrix(matrix)
     program.constraint_lower_bounds, program.constraint_upper_bounds = np.full(len(bound), -np.inf), bound
     program.objective_vector = np.zeros(matrix.shape[1])
-    program.variable_lower_bounds, program.variable_upper_bounds = np.full(matrix.shape[1], -np.inf), np.full(matrix.shape[1], np.inf)
+    program.variable_lower_bounds, program.variable_upper_bounds = (
+        np.full(matrix.shape[1], -np.inf),
+        np.full(matrix.shape[1], np.inf),
+    )
     solver.primal_dual_hybrid_gradient(program, solvers_pb2.PrimalDualHybridGradientParams())
 
 
 @pytest.mark.parametrize("graph", GRAPHS)
 @pytest.mark.parametrize(
-    ("who", "solve", "at_most"), [("ours", None, None), ("HiGHS", highs, 1 / 8), ("Clarabel", clarabel_solver, 1), ("PDLP", pdlp, 1)]
+    ("who", "solve", "at_most"),
+    [("ours", None, None), ("HiGHS", highs, 1 / 8), ("Clarabel", clarabel_solver, 1), ("PDLP", pdlp, 1)],
 )
 def test_against_the_linear_program(contest, size, graph, who, solve, at_most):
     n = size(10**5, 10**3)
@@ -227,10 +245,18 @@ def test_simulation(contest, size, graph, who):
     question = f"simulate {graph}, N = {n}, T = 5, 200 points"
     exact = rows @ spla.expm_multiply(A, x0, start=0, stop=5, num=5).T
     if who == "ours":
-        result = contest(question, who, lambda: net.initial_response(T, x0, outputs=watched, states=False).outputs, at_most=10, rounds=2)
+        result = contest(
+            question,
+            who,
+            lambda: net.initial_response(T, x0, outputs=watched, states=False).outputs,
+            at_most=10,
+            rounds=2,
+        )
         assert errors_of(result[:, -1], exact[:, -1]) < 1e-5
     elif who == "expm_multiply":
-        contest(question, who, lambda: rows @ spla.expm_multiply(A, x0, start=0, stop=5, num=200).T, at_most=1, rounds=1)
+        contest(
+            question, who, lambda: rows @ spla.expm_multiply(A, x0, start=0, stop=5, num=200).T, at_most=1, rounds=1
+        )
     else:
         jacobian = sp.csc_array(A)
         contest(

@@ -127,7 +127,9 @@ def test_block_transposed_coupling():
     W = [[None, [[0.1, 0.1], [0.1, 0.1]]], [[[0.1]], None]]
     net = kp.feedback_interconnect([wide, tall], W)
     assert net.certificate.status is Status.PROVED
-    with pytest.raises(kp.ConeMismatchError, match=r"coupling\[0\]\[1\] is 1 x 1, but node 0 has 2 inputs and node 1 has 2"):
+    with pytest.raises(
+        kp.ConeMismatchError, match=r"coupling\[0\]\[1\] is 1 x 1, but node 0 has 2 inputs and node 1 has 2"
+    ):
         kp.feedback_interconnect([wide, tall], [[None, W[1][0]], [W[0][1], None]])
     # square blocks: transposing them makes another network, with another truth
     one = [kp.ConeStateSpace(-np.eye(2), np.eye(2), np.eye(2), 0)] * 2
@@ -181,7 +183,18 @@ def test_forms_of_coupling_agree():
     graph.add_weighted_edges_from([("cart1", "cart0", 2.0), ("cart2", "cart1", 2.0), ("cart0", "cart2", 2.0)])
     numbered = nx.relabel_nodes(graph, {f"cart{j}": j for j in range(3)})
     blocks = [[None if not w else [[w]] for w in row] for row in W]
-    for form in (W, W.tolist(), messy, messy.tocsr(), messy.tocsc(), sp.lil_matrix(W), sp.bsr_array(W), graph, numbered, blocks):
+    for form in (
+        W,
+        W.tolist(),
+        messy,
+        messy.tocsr(),
+        messy.tocsc(),
+        sp.lil_matrix(W),
+        sp.bsr_array(W),
+        graph,
+        numbered,
+        blocks,
+    ):
         net = kp.feedback_interconnect(nodes, form)
         np.testing.assert_array_equal(net.model.W.toarray(), W)
     unsorted = sp.csr_array(W)
@@ -276,10 +289,14 @@ def test_changed_certificates_fail_their_check():
     for name in ("v", "r", "q", "sigma"):
         value = getattr(certificate, name)
         assert not replace(certificate, **{name: -value}).check()
-        assert not replace(certificate, **{name: value * np.linspace(1, 1.5, 6).reshape((6,) + (1,) * (value.ndim - 1))}).check()
+        assert not replace(
+            certificate, **{name: value * np.linspace(1, 1.5, 6).reshape((6,) + (1,) * (value.ndim - 1))}
+        ).check()
         assert not replace(certificate, **{name: value[:-1]}).check()
     assert not replace(certificate, decay_rate=certificate.decay_rate * 1.2).check()
-    assert not replace(certificate, model=certificate.model.with_coupling(kp.arrays.exact_matrix(sp.csr_array(cycle(6, 30.0)), "W"))).check()
+    assert not replace(
+        certificate, model=certificate.model.with_coupling(kp.arrays.exact_matrix(sp.csr_array(cycle(6, 30.0)), "W"))
+    ).check()
     worse = kp.feedback_interconnect(random_masses(rng, 6), cycle(6, 40.0)).certificate
     assert worse.check()
     assert not replace(worse, witness=replace(worse.witness, x=-worse.witness.x)).check()
@@ -317,7 +334,9 @@ def test_supply_rates_find_weights():
 
 
 def test_supply_rate_that_a_node_does_not_satisfy():
-    certificate = kp.feedback_interconnect([lag(2), lag(2)], cycle(2), supply_rates=[(-1.0, 1.0), (-5.0, 1.0)]).certificate
+    certificate = kp.feedback_interconnect(
+        [lag(2), lag(2)], cycle(2), supply_rates=[(-1.0, 1.0), (-5.0, 1.0)]
+    ).certificate
     assert certificate.status is Status.REFUTED and isinstance(certificate.witness, NodeNotDissipative)
     assert certificate.witness.node == 1 and certificate.check()
 
@@ -440,7 +459,11 @@ def _ring(n):
 @pytest.mark.parametrize("dt", [0, 0.1])
 def test_responses_are_those_of_python_control(dt):
     rng = np.random.default_rng(6)
-    nodes = [lag(0.5 if dt else 3.0, D=0.2, dt=dt), lag(0.3 if dt else 40.0, D=0.1, dt=dt), lag(0.2 if dt else 1.5, dt=dt)]
+    nodes = [
+        lag(0.5 if dt else 3.0, D=0.2, dt=dt),
+        lag(0.3 if dt else 40.0, D=0.1, dt=dt),
+        lag(0.2 if dt else 1.5, dt=dt),
+    ]
     net = kp.feedback_interconnect(nodes, 0.5 * rng.random((3, 3)))
     plain = ct.ss(net.A, net.B, net.C, net.D, dt)
     T, x0 = np.arange(0, 3.05, 0.1), rng.random(3)
@@ -448,7 +471,9 @@ def test_responses_are_those_of_python_control(dt):
     ours, theirs = net.forced_response(T, U, x0), ct.forced_response(plain, T, U, x0)
     np.testing.assert_allclose(ours.outputs, theirs.outputs, atol=1e-10)
     np.testing.assert_allclose(ours.states, theirs.states, atol=1e-10)
-    np.testing.assert_allclose(net.initial_response(T, x0).outputs, ct.initial_response(plain, T, x0).outputs, atol=1e-10)
+    np.testing.assert_allclose(
+        net.initial_response(T, x0).outputs, ct.initial_response(plain, T, x0).outputs, atol=1e-10
+    )
 
 
 def test_bad_simulation_input():

@@ -52,9 +52,7 @@ def random_network(rng):
         else:
             nodes.append(random_node(rng, discrete=discrete, feedthrough=feedthrough, damping=rng.uniform(0.2, 0.9)))
     strength = 10 ** rng.uniform(-1.5, 1.0)
-    blocks = [
-        [strength * positive_map(rng, b.Y, a.U, 1) if rng.random() < 0.5 else None for b in nodes] for a in nodes
-    ]
+    blocks = [[strength * positive_map(rng, b.Y, a.U, 1) if rng.random() < 0.5 else None for b in nodes] for a in nodes]
     return nodes, blocks, discrete
 
 
@@ -69,7 +67,9 @@ def dense_coupling(nodes, blocks):
 def truth(nodes, W):
     """Gain of the algebraic loop, and the abscissa (radius) of the closed loop, by dense linear algebra."""
     A, B, C, D = (
-        np.block([[m if i == k else np.zeros((m.shape[0], n.shape[1])) for k, n in enumerate(ms)] for i, m in enumerate(ms)])
+        np.block(
+            [[m if i == k else np.zeros((m.shape[0], n.shape[1])) for k, n in enumerate(ms)] for i, m in enumerate(ms)]
+        )
         for ms in ([s.A for s in nodes], [s.B for s in nodes], [s.C for s in nodes], [s.D for s in nodes])
     )
     loop = np.abs(np.linalg.eigvals(W @ D)).max()

@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..cones import Orthant
-
 from .blocks import Floats, Index, apply
 from .model import NetworkModel, NodeStack
 from .solvers import PortSystem, banded_order, direct_loop
@@ -275,7 +274,8 @@ def _opposite(s: NodeStack) -> Index:
 
 def _shares(s: NodeStack, x: Floats) -> Floats:
     """Coefficients on the generators of a simplicial cone, rounded to 26 bits so that a part of x has no rounding
-    errors on its face; x itself for other cones."""
+    errors on its face; x itself for other cones.
+    """
     if not s.X.is_simplicial:
         return x
     k = _opposite(s)

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..certificates.result import Certificate, Condition, Status, all_hold
+from ..certificates.result import Certificate, Condition, Status
 from ..errors import DataError
 from . import conditions as on
 from .abscissa import Progress, descend, slow_state

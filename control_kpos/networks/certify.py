@@ -18,7 +18,7 @@ from ..certificates.result import Condition, Status
 from ..cones import Cone, Orthant
 from ..positivity import settle_positivity
 from . import conditions as on
-from .abscissa import Approach, Progress, descend, growing_part, slow_state, interior, is_inside, mix
+from .abscissa import Approach, Progress, descend, growing_part, interior, is_inside, mix, slow_state
 from .blocks import Floats, exact_take
 from .certificate import NetworkCertificate, per_node
 from .model import NetworkModel
@@ -311,7 +311,9 @@ def unstable(model: NetworkModel, least: float, loop: Loop, progress: Progress |
         if not a.theta > least:
             return None
         near = a.shift - a.theta < 0.5 * (a.theta - least)
-        tries = [(growing_part(model, a.x / np.abs(a.x).max(), rate, 20), rate) for rate in (0.5 * (a.theta + least), least)]
+        tries = [
+            (growing_part(model, a.x / np.abs(a.x).max(), rate, 20), rate) for rate in (0.5 * (a.theta + least), least)
+        ]
         slow = slow_state(model, a, 0.1 * (a.theta - least) / abs(a.theta)) if near and tries[-1][0] is None else None
         for x, rate in tries if slow is None else [slow]:
             if x is not None and rate >= least:

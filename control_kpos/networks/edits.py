@@ -24,7 +24,7 @@ from ..certificates.result import Certificate, Condition, Status, all_hold
 from ..errors import ConeMismatchError, ShapeError, TimebaseError
 from . import conditions as on
 from .blocks import Floats, apply, inverse, is_zero
-from .certificate import NetworkCertificate, dissipation, flat, per_node
+from .certificate import NetworkCertificate, flat, per_node
 from .certify import nudge, provable_rate, supply_rates
 from .model import NetworkModel, NodeStack, same_timebase
 
@@ -123,9 +123,7 @@ class Overlay:
         if cached is None:
             model = self.base.model
             values = (self.base.v, self.base.r, self.base.q)
-            cached = tuple(
-                np.zeros(model.totals[k]) if x is None else flat(x, model, k) for k, x in enumerate(values)
-            )
+            cached = tuple(np.zeros(model.totals[k]) if x is None else flat(x, model, k) for k, x in enumerate(values))
             self.base.__dict__["_flat"] = cached
         return cached
 
@@ -161,10 +159,18 @@ class Overlay:
         sources, targets = dict(self.sources), dict(self.targets)
         for k in set(self.links(identity, True) if identity < self.count else ()) | set(into):
             if k != identity:
-                targets[k] = {**self.links(k, False), identity: into[k]} if k in into else _without(self.links(k, False), identity)
+                targets[k] = (
+                    {**self.links(k, False), identity: into[k]}
+                    if k in into
+                    else _without(self.links(k, False), identity)
+                )
         for j in set(self.links(identity, False) if identity < self.count else ()) | set(out_of):
             if j != identity:
-                sources[j] = {**self.links(j, True), identity: out_of[j]} if j in out_of else _without(self.links(j, True), identity)
+                sources[j] = (
+                    {**self.links(j, True), identity: out_of[j]}
+                    if j in out_of
+                    else _without(self.links(j, True), identity)
+                )
         sources[identity], targets[identity] = into, out_of
         empty = LocalNode(stack, np.zeros(stack.sizes[0]), np.zeros(ports[0]), np.zeros(ports[1]))
         changed = replace(
@@ -244,7 +250,9 @@ class Overlay:
         around = list(dict.fromkeys([*touched, *(j for k in touched for j in self.links(k, False))]))
         rank = {k: i for i, k in enumerate(around)}
         local = [self.node(k) for k in around]
-        model = assemble(local, [(rank[j], rank[k], b) for k in touched for j, b in self.links(k, False).items()], self.base.model.dt)
+        model = assemble(
+            local, [(rank[j], rank[k], b) for k in touched for j, b in self.links(k, False).items()], self.base.model.dt
+        )
         new = rank[identity]
         inside = on.positivity(model, new)
         for i in range(len(touched)):
@@ -265,8 +273,14 @@ class Overlay:
         if not sources or not targets:
             return np.inf
         ends = [self.node(k).stack for k in (*sources, *targets)]
-        if stack.sizes[1:] != (1, 1) or any(s.sizes[1:] != (1, 1) for s in ends) or not all(map(is_zero, (stack.D, *(s.D for s in ends)))):
-            raise ConeMismatchError("room_for is for nodes with one input, one output and no feedthrough; try with_node instead.")
+        if (
+            stack.sizes[1:] != (1, 1)
+            or any(s.sizes[1:] != (1, 1) for s in ends)
+            or not all(map(is_zero, (stack.D, *(s.D for s in ends))))
+        ):
+            raise ConeMismatchError(
+                "room_for is for nodes with one input, one output and no feedthrough; try with_node instead."
+            )
         least = 1.0 if self.base.model.discrete else 0.0
         K = inverse(least * np.eye(stack.sizes[0]) - stack.A.values)[0]
         gain = float((stack.C.values[0] @ K @ stack.B.values[0])[0, 0])
@@ -335,7 +349,11 @@ class Overlay:
         alive[list(self.removed)] = False
         values = []
         for kind in range(3):
-            parts = np.split(self._flat[kind], old.offsets[kind][1:-1]) if self.nodes or self.removed else [self._flat[kind]]
+            parts = (
+                np.split(self._flat[kind], old.offsets[kind][1:-1])
+                if self.nodes or self.removed
+                else [self._flat[kind]]
+            )
             if self.nodes or self.removed:
                 parts += [np.zeros(0)] * (self.count - old.n_nodes)
                 for k, local in self.nodes.items():
@@ -396,7 +414,9 @@ def _without(items: Mapping[int, Any], key: int) -> dict[int, Any]:
 def check_timebase(stack: NodeStack, dt: Any) -> None:
     """Raise `TimebaseError` unless the node fits a network of this timebase."""
     if not same_timebase(stack.dt, dt):
-        raise TimebaseError(f"the node has dt = {stack.dt}, but the network has dt = {dt}; bring it to the same sampling time.")
+        raise TimebaseError(
+            f"the node has dt = {stack.dt}, but the network has dt = {dt}; bring it to the same sampling time."
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

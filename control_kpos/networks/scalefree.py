@@ -122,7 +122,9 @@ class OutWeightCertificate(Certificate):
         kinds = np.zeros(size, dtype=np.intp) if types is None else np.asarray(types, dtype=np.intp)
         local = self.local
         if kinds.size and not (kinds.min() >= 0 and kinds.max() < local.model.n_nodes):
-            raise ShapeError(f"types must name one of the {local.model.n_nodes} node types, 0 to {local.model.n_nodes - 1}.")
+            raise ShapeError(
+                f"types must name one of the {local.model.n_nodes} node types, 0 to {local.model.n_nodes - 1}."
+            )
         stacks, members = [], []
         for s, index in zip(local.model.stacks, local.model.members, strict=True):
             place = np.full(local.model.n_nodes, -1)
@@ -143,7 +145,11 @@ class OutWeightCertificate(Certificate):
 
         def spread(value: Any, kind: int) -> Floats:
             own = np.split(flat(value, local.model, kind), local.model.offsets[kind][1:-1])
-            return np.concatenate([own[t] for t in kinds]) if len({len(o) for o in own}) > 1 else np.stack(own)[kinds].ravel()
+            return (
+                np.concatenate([own[t] for t in kinds])
+                if len({len(o) for o in own}) > 1
+                else np.stack(own)[kinds].ravel()
+            )
 
         loop = None
         if model.has_feedthrough and local.loop_weights is not None:

@@ -1,0 +1,242 @@
+"""Poles and time responses of a network, without dense matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from control import TimeResponseData
+from numpy.typing import ArrayLike, NDArray
+
+from ..arrays import exact_matrix, vector
+from ..errors import DataError, ShapeError, TooLargeError
+from .abscissa import descend
+from .blocks import Floats, Index
+from .model import READABLE
+from .progress import Reporter
+from .shell import NetworkShell
+from .simulate import delayed, respond, sample_times
+from .solvers import PortSystem
+
+# Numbers a response may hold before it has to be narrowed down.
+RESPONSE_LIMIT = 200_000_000
+
+
+class NetworkResponses(NetworkShell):
+    """Poles and time responses; see `ConeNetwork`."""
+
+    def poles(self, k: int | None = None) -> NDArray[np.complex128]:
+        """Poles: all of a network of moderate size, or the k rightmost ones.
+
+        Parameters
+        ----------
+        k : int, optional
+            How many; all if not given, which needs a dense matrix.
+
+        Returns
+        -------
+        ndarray of complex, sorted by falling real part if k is given
+
+        Raises
+        ------
+        TooLargeError
+            All poles of a network with more than `DENSE_STATES` states.
+
+        Notes
+        -----
+        With k: ARPACK on the closed loop, shifted to the proven upper end of the abscissa; the eigenvalues
+        next to it are found, to about 1e-8, not proven.
+        """
+        if k is None:
+            return np.linalg.eigvals(self.A).astype(complex) if self.nstates else np.zeros(0, dtype=complex)
+        if not 0 < k <= self.nstates:
+            raise ShapeError(f"k is {k}; it must be between 1 and the number of states, {self.nstates}.")
+        if self.nstates <= max(400, 2 * k + 2):
+            values = np.linalg.eigvals(self.sparse_A.toarray()).astype(complex)
+        else:
+            values = rightmost(self, k)
+        order = np.lexsort((np.abs(values.imag), -values.real))
+        return values[order][:k]
+
+    # -- responses
+
+    def initial_response(
+        self,
+        T: ArrayLike | float,
+        X0: ArrayLike,
+        *,
+        outputs: Sequence[int | str] | None = None,
+        states: bool | None = None,
+    ) -> TimeResponseData:
+        """Response to an initial state.
+
+        Parameters
+        ----------
+        T : array_like or float
+            Evenly spaced sample times, or the final time (200 samples).
+        X0 : array_like, shape (nstates,), (N, n) for nodes of one size, or a number
+        outputs : sequence of int or str, optional
+            Outputs to keep, by place or name; all if not given.
+        states : bool, optional
+            Keep the states too.  Default: if they are fewer than 2 10^7 numbers.
+
+        Returns
+        -------
+        control.TimeResponseData
+
+        Notes
+        -----
+        Error below 1e-10 of the largest state.  About T |A| * 5 products with the sparse A.
+        """
+        return self.forced_response(T, None, X0, outputs=outputs, states=states)
+
+    def forced_response(
+        self,
+        T: ArrayLike | float,
+        U: ArrayLike | None = None,
+        X0: ArrayLike = 0.0,
+        *,
+        outputs: Sequence[int | str] | None = None,
+        states: bool | None = None,
+    ) -> TimeResponseData:
+        """Response to external inputs, linear between samples, and an initial state.
+
+        Parameters
+        ----------
+        T : array_like or float
+            Evenly spaced sample times, or the final time (200 samples).
+        U : array_like, shape (ninputs, len(T)) or (len(T),) for a single input, optional
+        X0 : array_like, shape (nstates,), (N, n) for nodes of one size, or a number
+        outputs, states
+            See `initial_response`.
+
+        Returns
+        -------
+        control.TimeResponseData
+        """
+        times = sample_times(T, self.dt)
+        x0 = self._initial_state(X0)
+        rows = self._chosen_outputs(outputs)
+        keep = self.nstates * len(times) <= 20_000_000 if states is None else bool(states)
+        if (len(rows) + keep * self.nstates) * len(times) > RESPONSE_LIMIT:
+            raise TooLargeError(
+                f"a response of {len(rows)} outputs{' and all states' if keep else ''} at {len(times)} times is refused "
+                f"(limit {RESPONSE_LIMIT} numbers); choose outputs=, states=False or fewer times."
+            )
+        samples = self._input_samples(U, len(times))
+        inputs = None if samples is None else (self.sparse_B, samples)
+        with Reporter(self._progress) as report:
+            y, x = respond(self.loop, times, x0, inputs, self._outputs[rows], keep, report)
+        if samples is not None and self.model.has_feedthrough:
+            y = y + self.sparse_D[rows] @ samples
+        return self._response(times, y, x, samples, rows)
+
+    def delayed_response(
+        self,
+        T: ArrayLike | float,
+        X0: ArrayLike,
+        delays: ArrayLike | Any,
+        *,
+        outputs: Sequence[int | str] | None = None,
+        refine: int = 8,
+    ) -> TimeResponseData:
+        """Response to an initial state when the links pass outputs on late: u_j(t) = sum W_jk y_k(t - tau_jk).
+
+        Parameters
+        ----------
+        T : array_like or float
+            Evenly spaced sample times, or the final time (200 samples).
+        X0 : array_like, shape (nstates,), (N, n) or a number
+            Before t = 0 the outputs are those at t = 0.
+        delays : float or matrix like the coupling
+            tau_jk >= 0, one for all links or one per link; zeros mean no delay.
+        outputs : sequence of int or str, optional
+        refine : int
+            Steps per sample; the error falls with its square.
+
+        Returns
+        -------
+        control.TimeResponseData
+        """
+        if self.model.discrete:
+            raise DataError("delays are simulated in continuous time; in discrete time add delay states to the nodes.")
+        times = sample_times(T, self.dt)
+        rows = self._chosen_outputs(outputs)
+        coo = sp.coo_array(self.model.W)
+        if np.ndim(delays) == 0 and not sp.issparse(delays):
+            tau = np.full(coo.nnz, float(vector([delays], "delays")[0]))
+        else:
+            table = delays if sp.issparse(delays) else exact_matrix(delays, "delays").values
+            if table.shape != coo.shape:
+                raise ShapeError(
+                    f"delays is {table.shape[0]} x {table.shape[1]}; it must be a number or {coo.shape[0]} x {coo.shape[1]} like the coupling."
+                )
+            tau = np.asarray(sp.csr_array(table)[coo.coords[0], coo.coords[1]], dtype=float).ravel()
+        if not (tau >= 0).all() or not np.isfinite(tau).all():
+            raise DataError("delays must be finite and not negative.")
+        with Reporter(self._progress) as report:
+            y = delayed(
+                self.model, times, self._initial_state(X0), tau, max(1, int(refine)), self._outputs[rows], report
+            )
+        return self._response(times, y, None, None, rows)
+
+    def _initial_state(self, X0: ArrayLike) -> Floats:
+        if np.ndim(X0) == 0:
+            return np.full(self.nstates, float(vector([X0], "X0")[0]))
+        values = np.asarray(exact_matrix(np.ravel(np.asarray(X0)), "X0", ndim=1).values)
+        return vector(values, "X0", self.nstates)
+
+    def _input_samples(self, U: ArrayLike | None, count: int) -> Floats | None:
+        if U is None:
+            return None
+        samples = np.asarray(exact_matrix(U, "U").values)
+        if np.ndim(U) == 0:
+            samples = np.full((self.ninputs, count), float(samples[0, 0]))
+        if samples.shape != (self.ninputs, count):
+            raise ShapeError(
+                f"U is {samples.shape[0]} x {samples.shape[1]}; it must be {self.ninputs} x {count}: inputs by sample times."
+            )
+        return samples if np.any(samples) else None
+
+    def _chosen_outputs(self, outputs: Sequence[int | str] | int | str | None) -> Index:
+        if outputs is None:
+            return np.arange(self.noutputs)
+        chosen = [outputs] if isinstance(outputs, (str, int, np.integer)) else list(outputs)
+        places = []
+        for item in chosen:
+            place = self.output_index.get(item) if isinstance(item, str) else int(item)
+            if place is None or not -self.noutputs <= place < self.noutputs:
+                raise ShapeError(f"outputs names {item!r}, which is none of the {self.noutputs} outputs.")
+            places.append(place % self.noutputs)
+        return np.array(places, dtype=np.intp)
+
+    def _response(self, times: Floats, y: Floats, x: Floats | None, u: Floats | None, rows: Index) -> TimeResponseData:
+        named = self.model.n_nodes <= READABLE
+        labels = list(self.output_index) if named else None
+        return TimeResponseData(
+            times,
+            y,
+            x,
+            u,
+            issiso=False,
+            output_labels=[labels[i] if labels else f"y[{i}]" for i in rows.tolist()],
+            state_labels=list(self.state_index) if named and x is not None else None,
+            input_labels=list(self.input_index) if named and u is not None else None,
+            sysname=self.name,
+            plot_inputs=False,
+        )
+
+
+def rightmost(network: NetworkShell, k: int) -> NDArray[np.complex128]:
+    """k rightmost eigenvalues by ARPACK with the port solver as shifted inverse."""
+    model = network.model
+    estimate = descend(model, 1.0 if model.discrete else 0.0, relative=1e-2)
+    if estimate is None:
+        return spla.eigs(network.sparse_A, k=k, which="LR", return_eigenvectors=False)
+    system = PortSystem(model, estimate.shift)
+    n = network.nstates
+    inverse = spla.LinearOperator((n, n), matvec=lambda z: -system.primal(np.ravel(z), 1e-11)[0], dtype=float)
+    return spla.eigs(network.sparse_A, k=k, sigma=estimate.shift, OPinv=inverse, which="LM", return_eigenvectors=False)
