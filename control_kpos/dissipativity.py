@@ -480,8 +480,11 @@ def _weight(weight: ArrayLike | None, name: str, home: Cone) -> NDArray[np.float
         return np.asarray(home.interior_point, dtype=float)
     row = require_shape(exact_matrix(weight, name), name, (1, home.dim)).values[0]
     if not home.contains(row, strict=True):
+        signals = "inputs in U" if name == "e" else "outputs in Y"
         raise DataError(
-            f"{name} = {_short(row)} must lie in the interior of the cone of its signals (its dual for L1)."
+            f"{name} = {_short(row)} does not weigh the {signals}: for L1 it must be positive on every generator of "
+            f"the cone (in the interior of the dual), for Linf it must lie in the interior of the cone; for instance "
+            f"{_short(np.asarray(home.interior_point))}."
         )
     return np.array(row)
 

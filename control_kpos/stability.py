@@ -53,7 +53,8 @@ class InstabilityDirection:
     exact: tuple[Fraction, ...] | None = None
 
     def __str__(self) -> str:
-        return "a direction x in X along which the state does not decay"
+        shown = ", ".join(f"{v:.4g}" for v in self.x[:6]) + (", ..." if len(self.x) > 6 else "")
+        return f"a direction x = ({shown}) in X along which the state does not decay"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
