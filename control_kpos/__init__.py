@@ -38,11 +38,28 @@ from .stability import linear_lyapunov as linear_lyapunov
 from .statespace import ConeStateSpace as ConeStateSpace
 
 if TYPE_CHECKING:
+    from .conefinding import CodesignResult as CodesignResult
+    from .conefinding import ConeCertificate as ConeCertificate
+    from .conefinding import FoundCone as FoundCone
+    from .conefinding import Obstruction as Obstruction
+    from .conefinding import design_cone_and_feedback as design_cone_and_feedback
     from .conefinding import find_cone as find_cone
+    from .networks import AbscissaCertificate as AbscissaCertificate
+    from .networks import AlgebraicLoop as AlgebraicLoop
     from .networks import ConeNetwork as ConeNetwork
+    from .networks import CouplingViolation as CouplingViolation
     from .networks import NetworkCertificate as NetworkCertificate
+    from .networks import NetworkInstability as NetworkInstability
+    from .networks import NodeNotDissipative as NodeNotDissipative
+    from .networks import NodeStack as NodeStack
+    from .networks import NodeViolation as NodeViolation
+    from .networks import NoWeights as NoWeights
+    from .networks import OutWeightCertificate as OutWeightCertificate
     from .networks import feedback_interconnect as feedback_interconnect
+    from .networks import scale_free_certificate as scale_free_certificate
     from .networks import stack as stack
+    from .nonlinear import DifferentialCertificate as DifferentialCertificate
+    from .nonlinear import differential_positivity as differential_positivity
     from .plotting import phase_portrait as phase_portrait
     from .plotting import plot_closed_loop as plot_closed_loop
     from .plotting import plot_cone as plot_cone
@@ -65,12 +82,33 @@ __version__ = "0.1.0"
 _ON_DEMAND = {
     name: room
     for room, names in {
-        ".conefinding": ("find_cone",),
+        ".conefinding": (
+            "CodesignResult",
+            "ConeCertificate",
+            "FoundCone",
+            "Obstruction",
+            "design_cone_and_feedback",
+            "find_cone",
+        ),
         ".networks": (
+            "AbscissaCertificate",
+            "AlgebraicLoop",
             "ConeNetwork",
-            "feedback_interconnect",
+            "CouplingViolation",
             "NetworkCertificate",
+            "NetworkInstability",
+            "NodeNotDissipative",
+            "NodeStack",
+            "NodeViolation",
+            "NoWeights",
+            "OutWeightCertificate",
+            "feedback_interconnect",
+            "scale_free_certificate",
             "stack",
+        ),
+        ".nonlinear": (
+            "DifferentialCertificate",
+            "differential_positivity",
         ),
         ".plotting": (
             "phase_portrait",
@@ -82,13 +120,13 @@ _ON_DEMAND = {
         ),
         ".synthesis": (
             "DesignResult",
+            "Tradeoff",
             "gain_rate_tradeoff",
             "network_feedback",
             "observer_gain",
             "output_feedback",
             "scale_free_feedback",
             "state_feedback",
-            "Tradeoff",
         ),
     }.items()
     for name in names

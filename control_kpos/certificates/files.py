@@ -30,7 +30,7 @@ MAX_FILE_BYTES = 2 * 10**9
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 # Rooms imported on demand; they register their claims when they are.
-_ROOMS_WITH_CLAIMS = ("control_kpos.networks", "control_kpos.synthesis", "control_kpos.conefinding")
+_ROOMS_WITH_CLAIMS = tuple(f"control_kpos.{room}" for room in ("networks", "synthesis", "conefinding", "nonlinear"))
 
 _restorers: dict[str, Callable[[dict[str, Any]], Any]] = {}
 
