@@ -41,7 +41,6 @@ if TYPE_CHECKING:
     from .conefinding import CodesignResult as CodesignResult
     from .conefinding import ConeCertificate as ConeCertificate
     from .conefinding import FoundCone as FoundCone
-    from .conefinding import Obstruction as Obstruction
     from .conefinding import design_cone_and_feedback as design_cone_and_feedback
     from .conefinding import find_cone as find_cone
     from .networks import AbscissaCertificate as AbscissaCertificate
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
     from .networks import NetworkCertificate as NetworkCertificate
     from .networks import NetworkInstability as NetworkInstability
     from .networks import NodeNotDissipative as NodeNotDissipative
-    from .networks import NodeStack as NodeStack
     from .networks import NodeViolation as NodeViolation
     from .networks import NoWeights as NoWeights
     from .networks import OutWeightCertificate as OutWeightCertificate
@@ -86,7 +84,6 @@ _ON_DEMAND = {
             "CodesignResult",
             "ConeCertificate",
             "FoundCone",
-            "Obstruction",
             "design_cone_and_feedback",
             "find_cone",
         ),
@@ -98,7 +95,6 @@ _ON_DEMAND = {
             "NetworkCertificate",
             "NetworkInstability",
             "NodeNotDissipative",
-            "NodeStack",
             "NodeViolation",
             "NoWeights",
             "OutWeightCertificate",
