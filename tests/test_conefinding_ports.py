@@ -115,3 +115,10 @@ def test_bad_input_is_named():
         find_cone(A, contains=[[1, 1, 1]])
     with pytest.raises(TimebaseError, match="discrete"):
         find_cone(ct.ss(A, [[1], [1]], [[1, 1]], 0), discrete=True)
+
+
+def test_high_relative_degree_on_the_orthant():
+    # c'b = c'Ab = 0 exactly: every orbit starts on the boundary, where no rounding is allowed
+    chain = ct.ss([[-1, 0, 0], [1, -2, 0], [0, 1, -3]], [[1], [0], [0]], [[0, 0, 1]], 0)
+    found = find_cone(chain)
+    assert found and found.certificate.check() and found.cone == kp.orthant(3)

@@ -23,6 +23,10 @@ from ..certificates.result import Condition
 
 Array = NDArray[np.float64]
 
+_BLOCK = 64
+# Multiplications of integers spent on columns whose residual may be exactly zero.
+_EXACT = 3 * 10**6
+
 
 @dataclass(frozen=True, eq=False)
 class Bounds(Condition):
@@ -76,16 +80,20 @@ class Bounds(Condition):
 def enclosed_product(left: ExactMatrix, right: ExactMatrix) -> tuple[Array, Array]:
     """left @ right' in floating point, and a bound on its distance from the exact product."""
     a, b = np.asarray(left.values), np.asarray(right.values)
+    width = a.shape[1]
+    blocks = range(0, max(width, 1), _BLOCK)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         size = np.abs(a) @ np.abs(b).T
-        count = (2 * a.shape[1] + 16) * HALF_ULP
-        bound = count / (1 - count) * size + 4 * SMALLEST_NORMAL * (a.shape[1] + 1)
+        # Sums in blocks: each term passes through at most so many additions.
+        product = sum((a[:, k : k + _BLOCK] @ b[:, k : k + _BLOCK].T for k in blocks), np.zeros(size.shape))
+        count = (2 * (min(width, _BLOCK) + len(blocks)) + 16 + width * 2.0**-20) * HALF_ULP
+        bound = count / (1 - count) * size + 4 * SMALLEST_NORMAL * (width + 1)
         if left.radius is not None:
             bound = bound + 1.01 * (left.radius @ np.abs(b).T)
         if right.radius is not None:
             reach = np.abs(a) if left.radius is None else np.abs(a) + left.radius
             bound = bound + 1.01 * (reach @ right.radius.T)
-        return a @ b.T, bound
+        return product, bound
 
 
 class Generators:
@@ -147,7 +155,7 @@ class Generators:
         exact = np.zeros(Q.shape, dtype=bool)
         open_ = np.flatnonzero(((~(lower > 0)) & required).any(axis=0))
         good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
-        if good.size:
+        if good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT and good.size:
             zero = _exactly_zero(targets, self.rays, multipliers, good)
             exact[:, good[zero]] = True
         lower = np.where(required, lower, 1.0)

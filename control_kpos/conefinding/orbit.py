@@ -23,10 +23,10 @@ from .modes import Modes
 
 Array = NDArray[np.float64]
 
-_STEPS = 2500
+_STEPS = 4500
 _TIMES = 500
 # Lengths of the first step that are tried side by side, as parts of the longest sensible one.
-_FIRST = 1.6 ** -np.arange(18.0)
+_FIRST = 1.25 ** -np.arange(42.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,8 +112,8 @@ def _powers(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:
 def _steps(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:
     """Orbits with several first step lengths, side by side.
 
-    The margin of a point g is min_t c'e^(tS) g / limit.  A step of length h bends the orbit outwards by
-    about h^2, so h grows with the square root of the margin, which is free again once the closest
+    The margin of a point g is min_t c'e^(tS) g / limit.  Steps of length h bend the orbit outwards by
+    about h per unit of time, so h grows with the margin, which is free again once the closest
     approach to the boundary has passed.
     """
     future = _future(f, normals)
@@ -129,7 +129,7 @@ def _steps(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:
             who = int(owner[np.argmax(there)])
             return Orbit(np.array([h[who] for h in history]), np.array([h[who] for h in sizes[:k]]))
         margin = (states @ future.T).min(axis=1, initial=np.inf) / states[:, 0]
-        size = np.minimum(longest, lengths[owner] * np.sqrt(np.maximum(np.minimum(margin / first, 1e12), 0.25)))
+        size = np.minimum(longest, lengths[owner] * np.clip(margin / first, 1.0, 1e12) ** 0.75)
         states = states + size[:, None] * (states @ f.S.T)
         alive = _inside(states, normals)
         states, owner, size = states[alive], owner[alive], size[alive]

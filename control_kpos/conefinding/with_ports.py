@@ -42,6 +42,10 @@ def find_with_ports(
     nothing = ConeCertificate.settle(
         matrices=stack, discrete=discrete, contains=_given(vectors), within=_given(normals)
     )
+    easy = _orthant(stack, vectors, normals, discrete)
+    n = A.shape[0]
+    if easy and (max_rays is None or n <= max_rays):
+        return easy, 1.0 - 2.0 * np.eye(n), 1.0
     matrix, units = balanced(A)
     m = modes(matrix, discrete=discrete)
     if m is None:
@@ -68,6 +72,22 @@ def find_with_ports(
         if certificate:
             return certificate, separators, flatness(R)
     return nothing, None, np.inf
+
+
+def _orthant(stack: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, discrete: bool) -> ConeCertificate:
+    """The orthant, on which zeros of A, B and C are no trouble: P = A."""
+    eye = np.eye(stack.shape[-1])
+    return ConeCertificate.settle(
+        matrices=stack,
+        discrete=discrete,
+        rays=ExactMatrix(eye),
+        multipliers=stack,
+        pointing=np.ones(len(eye)),
+        right_inverse=eye,
+        contains=_given(vectors),
+        shares=_given(vectors),
+        within=_given(normals),
+    )
 
 
 def oriented(m: Modes, vectors: Array, normals: Array) -> Modes:
