@@ -20,6 +20,7 @@ templates_path = ["_templates"]
 html_theme = "furo"
 html_title = "control_kpos"
 default_role = "code"
+smartquotes = False  # v'x is a product
 
 # -- notebooks: shown from copies, executed unless somebody has done so already
 
