@@ -78,14 +78,33 @@ class TestTolerancesErr:
         assert cert.status is Status.REFUTED
         assert -5e-3 < cert.witness.value < 0
 
-    def test_rounding_that_looks_like_a_violation_is_not(self):
-        # h'A x is exactly 0, in floating point -2.8e-17
-        A = [["0.1", "0.2", "-0.3"], [0, -1, 0], [0, 0, -1]]
-        row = kp.state_positivity(A, kp.orthant(3))
-        assert row.status is Status.REFUTED  # the single entry -0.3 counts
-        X = kp.PolyhedralCone([[1, 0, 0], [1, 1, 1], [0, 0, 1]])
-        M = [["0", "0.3", "-0.3"], [0, 0, 0], [0, "0", "0"]]
-        assert kp.state_positivity(M, X).status.name == kp.state_positivity(M, X, discrete=False).status.name
+    # A x for x = (1, 1, 1), a generator on the facet x_1 = 0, moves by first + second - their sum
+    CONE = kp.PolyhedralCone([[1, 1, 1], [0, 1, 0], [0, 0, 1]])
+
+    @staticmethod
+    def drift(first, second, total):
+        return [[total, first, second], [0, 9, 9], [0, 9, 9]]
+
+    def test_violation_that_floating_point_rounds_to_zero_is_found(self):
+        A = self.drift(0.1, 1.0, -(0.1 + 1.0))  # the doubles add up to -8e-17
+        assert (self.CONE.facets @ A @ self.CONE.rays.T).min() >= 0
+        cert = kp.state_positivity(A, self.CONE, discrete=True)
+        assert cert.status is Status.REFUTED and cert.check()
+
+    def test_rounding_that_looks_like_a_violation_is_none(self):
+        A = self.drift("0.1", "0.7", "-0.8")  # the decimals add up to 0, their doubles to -8e-17
+        assert (self.CONE.facets @ np.array(A, dtype=float) @ self.CONE.rays.T).min() < 0
+        cert = kp.state_positivity(A, self.CONE, discrete=True)
+        assert cert.status is Status.PROVED and cert.margin <= 1e-16
+
+    def test_cone_in_units_that_are_not_integers(self):
+        # millimetres and 1/3 minutes: the paper's cone and boundary, rescaled without rounding
+        s, t = Fraction(1000), Fraction(1, 20)
+        X = kp.PolyhedralCone([[0, s * t], [s, -2 * s * t]])
+        A = [[0, 1 / t], [-22 * t, -13]]
+        assert kp.state_positivity(A, X)
+        A[1][1] += Fraction(1, 10**12)
+        assert kp.state_positivity(A, X).status is Status.REFUTED
 
     def test_tiny_negative_entry_is_seen(self):
         assert kp.state_positivity([[-1, -1e-300], [0, -1]], kp.orthant(2)).status is Status.REFUTED
