@@ -4,9 +4,9 @@ from .bracket import AbscissaCertificate as AbscissaCertificate
 from .certificate import NetworkCertificate as NetworkCertificate
 from .interconnect import feedback_interconnect as feedback_interconnect
 from .model import NetworkModel as NetworkModel
-from .model import NodeStack as NodeStack
-from .model import stack as stack
 from .network import ConeNetwork as ConeNetwork
+from .nodes import NodeStack as NodeStack
+from .nodes import stack as stack
 from .scalefree import OutWeightCertificate as OutWeightCertificate
 from .scalefree import scale_free_certificate as scale_free_certificate
 from .witnesses import AlgebraicLoop as AlgebraicLoop

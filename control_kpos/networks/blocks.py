@@ -137,7 +137,7 @@ def block_diagonal(parts: Sequence[tuple[Floats, Index, Index]], shape: tuple[in
     shape : tuple of int
     """
     if len(parts) == 1 and _in_order(parts[0][1]) and _in_order(parts[0][2]):
-        blocks, rows, columns = parts[0]
+        blocks, _, columns = parts[0]
         n, r, c = blocks.shape
         kind = np.int32 if max(*shape, blocks.size) < 2**31 else np.int64
         indices = np.repeat(columns.astype(kind), r, axis=0).ravel()

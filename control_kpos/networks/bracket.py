@@ -75,7 +75,10 @@ class AbscissaCertificate(Certificate):
         what = "radius" if self.model.discrete else "abscissa"
         if self:
             return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
-        return f"Undecided: no proven bracket of the spectral {what} was found; see the certificate of the network for what breaks it."
+        return (
+            f"Undecided: no proven bracket of the spectral {what} was found; "
+            "see the certificate of the network for what breaks it."
+        )
 
 
 def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | None = None) -> AbscissaCertificate:

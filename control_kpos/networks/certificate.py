@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ from .witnesses import (
     refute,
 )
 
-PerNode = Floats | tuple[Floats, ...]
+PerNode: TypeAlias = "Floats | tuple[Floats, ...]"
 _REMEDY = {
     CouplingViolation: "Change the sign of the link, or choose cones that the coupling respects.",
     NodeViolation: "Choose another cone for this node, or a local feedback that makes it positive.",
@@ -178,15 +178,19 @@ class NetworkCertificate(Certificate):
                 else "It stays stable under any constant delays of the links whose sources have no feedthrough"
             )
             return (
-                f"Proved: {what} is positive and exponentially stable with decay rate at least {self.decay_rate:.4g} per {unit}. "
-                f"The weakest is {model.name_of(weakest)}, with scale-free margin {self.node_margins[weakest]:.3g}. {delays}, "
-                "and when links are weakened, lost or switched over time, as long as what is left and what is taken away "
+                f"Proved: {what} is positive and exponentially stable with decay rate at least "
+                f"{self.decay_rate:.4g} per {unit}. "
+                f"The weakest is {model.name_of(weakest)}, with scale-free margin "
+                f"{self.node_margins[weakest]:.3g}. {delays}, "
+                "and when links are weakened, lost or switched over time, as long as what is left and what is "
+                "taken away "
                 "both map Y into U. Not so for a weakened feedback inside a node."
             )
         if self.witness is not None:
             return f"Not certified: {what} fails, {self.witness}. {_REMEDY[type(self.witness)]}"
         return (
-            f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the edge of stability. "
+            f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the "
+            "edge of stability. "
             "Change the gains or links a little."
         )
 
@@ -228,7 +232,8 @@ def flat(value: PerNode | Any, model: NetworkModel, kind: int) -> Floats:
     )
     if parts.shape != (model.totals[kind],) or not np.isfinite(parts).all():
         raise DataError(
-            f"a per-node vector has {parts.size} finite or infinite entries; {model.totals[kind]} finite ones are needed."
+            f"a per-node vector has {parts.size} finite or infinite entries; {model.totals[kind]} finite ones are "
+            "needed."
         )
     return parts
 

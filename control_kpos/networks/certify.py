@@ -10,8 +10,10 @@ A_cl x in X exists and is found at a shift just above the abscissa.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeAlias
 
 import numpy as np
+import scipy.sparse as sp
 
 from ..arrays import HALF_ULP
 from ..certificates.result import Condition, Status
@@ -19,14 +21,14 @@ from ..cones import Cone, Orthant
 from ..positivity import settle_positivity
 from . import conditions as on
 from .abscissa import Approach, Progress, descend, growing_part, interior, is_inside, mix, slow_state
-from .blocks import Floats, exact_take
+from .blocks import Floats, Index, exact_take
 from .certificate import NetworkCertificate, per_node
 from .model import NetworkModel
 from .solvers import PortSystem, direct_loop
 from .witnesses import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation, below_abscissa
 
-Data = tuple[Floats, Floats, Floats]
-Loop = tuple[Floats, Floats] | None
+Data: TypeAlias = "tuple[Floats, Floats, Floats]"
+Loop: TypeAlias = "tuple[Floats, Floats] | None"
 
 
 def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
@@ -195,13 +197,15 @@ def refuted_node(model: NetworkModel, node: int) -> NetworkCertificate:
     return NetworkCertificate.settle(model=model, witness=NodeViolation(node, part.witness))
 
 
-def _coupling_places(model: NetworkModel):
+def _coupling_places(model: NetworkModel) -> list[tuple[Index, Index] | None]:
     if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
         return [None]
     return [(j, k) for _, _, j, k in on.coupling_pairs(model)]
 
 
-def _coupling_witness(model: NetworkModel, condition: Condition, pair, place: tuple[int, ...]) -> CouplingViolation:
+def _coupling_witness(
+    model: NetworkModel, condition: Condition, pair: tuple[Index, Index] | None, place: tuple[int, ...]
+) -> CouplingViolation:
     value = float(condition.forms.values[place])
     if pair is None:  # an entry of W
         entry = place[-1]
@@ -257,7 +261,7 @@ def algebraic_witness(model: NetworkModel) -> AlgebraicLoop | None:
     return None
 
 
-def _growing_outputs(model: NetworkModel, D, y: Floats) -> Floats | None:
+def _growing_outputs(model: NetworkModel, D: sp.csr_array, y: Floats) -> Floats | None:
     y = np.where(np.abs(y) > 1e-12, y, 0.0)
     for _ in range(100):
         if not np.any(y):

@@ -83,7 +83,8 @@ class ClosedLoop:
         if size > LOOP_LIMIT:
             raise TooLargeError(
                 f"the feedthrough terms close loops over {size} inputs, so the closed-loop matrices are dense; "
-                f"they are formed up to {LOOP_LIMIT} inputs. Use the responses and certificates, which do not need them."
+                f"they are formed up to {LOOP_LIMIT} inputs. Use the responses and certificates, which do not "
+                "need them."
             )
         return sp.csr_array(np.linalg.inv((eye - loop).toarray()))
 
@@ -132,7 +133,8 @@ def require_well_posed(model: NetworkModel) -> None:
         if _is_singular(part):
             nodes = np.unique(owner[index])
             raise DataError(
-                f"the network is not well posed: I - W D is singular on the algebraic loop through {list_nodes(nodes)}. "
+                "the network is not well posed: I - W D is singular on the algebraic loop through "
+                f"{list_nodes(nodes)}. "
                 "Change a feedthrough term D or a link of this loop, or put dynamics into it."
             )
     if size and count > 1000 and _is_singular(sp.csc_array(sp.eye_array(size) - loop)):

@@ -6,9 +6,12 @@ Every product of given data is left to the kernel; nothing is multiplied beforeh
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from ..certificates.exact import BilinearForms
@@ -16,7 +19,7 @@ from ..certificates.result import Condition
 from ..cones import Cone, Orthant
 from ..cones.rows import dense_rows
 from ..errors import UndecidedError
-from .blocks import Floats, Index, block_diagonal, exact_block, is_zero, nonzero_blocks, take_blocks
+from .blocks import Floats, Index, block_diagonal, exact_block, exact_take, is_zero, nonzero_blocks, take_blocks
 from .model import NetworkModel, NodeStack
 
 STATE, INPUT, OUTPUT, DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
@@ -25,6 +28,44 @@ STORAGE, RATE, SUPPLY = "v'x > 0", "(v'A + rate v' - q'C) x <= 0", "(v'B - r' - 
 STRICT = "(v'A - q'C) x < 0"
 COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"
 LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W - p') y < 0"
+
+
+# Stacks are proven this many nodes at a time, so that the numbers stay in the caches.
+_CHUNK = 2**15
+
+
+class StackedForms(BilinearForms):
+    """Bilinear forms on a long stack, evaluated piece by piece."""
+
+    def __init__(self, left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> None:
+        super().__init__(left, middle, right)
+        operands = (left, middle, right)
+        count = max(m.shape[0] for m in operands if m is not None and len(m.shape) == 3)
+        self._pieces = []
+        for start in range(0, count, _CHUNK):
+            part = slice(start, start + _CHUNK)
+            cut = [m if m is None or len(m.shape) < 3 or m.shape[0] == 1 else exact_take(m, part) for m in operands]
+            self._pieces.append((part, BilinearForms(cut[0], cut[1], cut[2])))  # type: ignore[arg-type]
+
+    @cached_property
+    def values(self) -> Any:
+        """See `BilinearForms`."""
+        return np.concatenate([forms.values for _, forms in self._pieces])
+
+    @cached_property
+    def magnitudes(self) -> Any:
+        """See `BilinearForms`."""
+        return np.concatenate([forms.magnitudes for _, forms in self._pieces])
+
+    def signs(self, where: NDArray[np.bool_] | None = None) -> Any:
+        """See `BilinearForms`."""
+        return np.concatenate([forms.signs(None if where is None else where[part]) for part, forms in self._pieces])
+
+
+def stacked(left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> BilinearForms:
+    """Bilinear forms on stacks of any length."""
+    count = max((m.shape[0] for m in (left, middle, right) if m is not None and len(m.shape) == 3), default=0)
+    return (StackedForms if count > 2 * _CHUNK else BilinearForms)(left, middle, right)
 
 
 def titled(name: str, model: NetworkModel, g: int) -> str:
@@ -46,14 +87,12 @@ def positivity(model: NetworkModel, g: int) -> list[Condition]:
     """Theorem 1 for every node of a stack: forms of shape (N, facets, generators)."""
     s = model.stacks[g]
     out = []
-    state = BilinearForms(facets(s.X), s.A, rays(s.X))
+    state = stacked(facets(s.X), s.A, rays(s.X))
     where = None if model.discrete else np.broadcast_to(s.X.incidence, (len(s), s.X.n_facets, s.X.n_rays))
     out.append(Condition(titled(STATE, model, g), state, ">=", where))
     for name, target, matrix, source in ((INPUT, s.X, s.B, s.U), (OUTPUT, s.Y, s.C, s.X), (DIRECT, s.Y, s.D, s.U)):
         if not (name == DIRECT and is_zero(s.D)):
-            out.append(
-                Condition(titled(name, model, g), BilinearForms(facets(target), _shared(matrix), rays(source)), ">=")
-            )
+            out.append(Condition(titled(name, model, g), stacked(facets(target), _shared(matrix), rays(source)), ">="))
     return out
 
 
@@ -95,14 +134,14 @@ def coupling(model: NetworkModel) -> list[Condition]:
             model.coupling, u0[j][:, None] + np.arange(target.sizes[1]), y0[k][:, None] + np.arange(source.sizes[2])
         )
         name = COUPLING if len(model.stacks) == 1 else f"{COUPLING} [stack {gk} to {gj}]"
-        out.append(Condition(name, BilinearForms(facets(target.U), blocks, rays(source.Y)), ">="))
+        out.append(Condition(name, stacked(facets(target.U), blocks, rays(source.Y)), ">="))
     return out
 
 
 def storage(model: NetworkModel, g: int, v: Floats) -> Condition:
     """v_j'x > 0 on the generators of X_j; v of shape (N, n)."""
     s = model.stacks[g]
-    return Condition(titled(STORAGE, model, g), BilinearForms(ExactMatrix(v[:, None, :]), None, rays(s.X)), ">")
+    return Condition(titled(STORAGE, model, g), stacked(ExactMatrix(v[:, None, :]), None, rays(s.X)), ">")
 
 
 def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bool) -> BilinearForms:
@@ -119,7 +158,7 @@ def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bo
         left.append(-q)
         middle.append(s.C)
     row = ExactMatrix(np.concatenate(left, axis=1)[:, None, :])
-    return BilinearForms(row, exact_block(middle, axis=-2), rays(s.X))
+    return stacked(row, exact_block(middle, axis=-2), rays(s.X))
 
 
 def decrease(model: NetworkModel, g: int, v: Floats, q: Floats, rate: float, *, discrete: bool) -> Condition:
@@ -138,7 +177,7 @@ def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: s
         left.append(-q)
         middle.append(s.D)
     row = ExactMatrix(np.concatenate(left, axis=1)[:, None, :])
-    return Condition(titled(name, model, g), BilinearForms(row, exact_block(middle, axis=-2), rays(s.U)), "<=")
+    return Condition(titled(name, model, g), stacked(row, exact_block(middle, axis=-2), rays(s.U)), "<=")
 
 
 def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
@@ -146,7 +185,7 @@ def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
     s = model.stacks[g]
     row = ExactMatrix(np.concatenate([p, t], axis=1)[:, None, :])
     middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[1])[None])], axis=-2)
-    return Condition(titled(LOOP_DIRECT, model, g), BilinearForms(row, middle, rays(s.U)), "<=")
+    return Condition(titled(LOOP_DIRECT, model, g), stacked(row, middle, rays(s.U)), "<=")
 
 
 def output_generators(model: NetworkModel) -> ExactMatrix:
@@ -194,7 +233,8 @@ def _exact_image(generators: ExactMatrix, coupling: ExactMatrix) -> ExactMatrix:
     Y, W = _dense(generators), _dense(coupling)
     if Y.shape[0] * W.shape[0] * W.shape[1] > 10**7:
         raise UndecidedError(
-            "weights sigma other than 1 with general output cones are proven up to 10^7 products only; scale the supply rates."
+            "weights sigma other than 1 with general output cones are proven up to 10^7 products only; scale the "
+            "supply rates."
         )
     y, w = Y.fractions(), W.fractions()
     return ExactMatrix.from_fractions(np.concatenate([y, y @ w.T], axis=1))
@@ -236,9 +276,7 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
     """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y."""
     xs, us, ys = model.split(x, 0), model.split(u, 1), model.split(y, 2)
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
-        yield Condition(
-            titled("h'x >= 0", model, g), BilinearForms(facets(s.X), None, ExactMatrix(x_g[:, None, :])), ">="
-        )
+        yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, ExactMatrix(x_g[:, None, :])), ">=")
         row = [x_g, u_g]
         middle = [s.A, s.B]
         if rate:
@@ -247,13 +285,13 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
         right = ExactMatrix(np.concatenate(row, axis=1)[:, None, :])
         yield Condition(
             titled("h'(A x + B u - rate x) >= 0", model, g),
-            BilinearForms(facets(s.X), exact_block(middle, -1), right),
+            stacked(facets(s.X), exact_block(middle, -1), right),
             ">=",
         )
         if s.sizes[2]:
             right = ExactMatrix(np.concatenate([x_g, u_g, y_g], axis=1)[:, None, :])
             middle = exact_block([s.C, s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
-            yield Condition(titled("h'(C x + D u - y) >= 0", model, g), BilinearForms(facets(s.Y), middle, right), ">=")
+            yield Condition(titled("h'(C x + D u - y) >= 0", model, g), stacked(facets(s.Y), middle, right), ">=")
     yield received(model, u, y)
 
 

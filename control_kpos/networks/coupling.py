@@ -42,7 +42,8 @@ def read_coupling(coupling: Any, model: NetworkModel) -> ExactMatrix:
     _, m, q = model.totals
     if out.shape != (m, q):
         raise ConeMismatchError(
-            f"coupling is {out.shape[0]} x {out.shape[1]}, but the nodes have {m} inputs and {q} outputs in all{_largest(model)}."
+            f"coupling is {out.shape[0]} x {out.shape[1]}, but the nodes have {m} inputs and {q} outputs in "
+            f"all{_largest(model)}."
         )
     return out
 
@@ -65,12 +66,14 @@ def _from_graph(graph: Any, model: NetworkModel) -> ExactMatrix:
     """Edge j -> k of weight w: y_j feeds u_k."""
     if graph.is_multigraph():
         raise DataError(
-            "coupling is a multigraph; parallel edges have no single weight. Add their weights up in a Graph or DiGraph."
+            "coupling is a multigraph; parallel edges have no single weight. Add their weights up in a Graph or "
+            "DiGraph."
         )
     for s, index in zip(model.stacks, model.members, strict=True):
         if s.sizes[1:] != (1, 1):
             raise ConeMismatchError(
-                f"coupling is a graph, but {model.name_of(int(index[0]))} has {s.sizes[1]} inputs and {s.sizes[2]} outputs; "
+                f"coupling is a graph, but {model.name_of(int(index[0]))} has {s.sizes[1]} inputs and "
+                f"{s.sizes[2]} outputs; "
                 "graphs couple nodes with one input and one output. Give a matrix or blocks."
             )
     labels = list(graph.nodes)
@@ -82,7 +85,8 @@ def _from_graph(graph: Any, model: NetworkModel) -> ExactMatrix:
     strange = next((label for label in labels if label not in number), None)
     if strange is not None:
         raise ConeMismatchError(
-            f"coupling is a graph with a node {strange!r}; nodes must be named like the systems, or 0 to {model.n_nodes - 1}."
+            f"coupling is a graph with a node {strange!r}; nodes must be named like the systems, or 0 to "
+            f"{model.n_nodes - 1}."
         )
     rows, columns, weights = [], [], []
     for tail, head, weight in graph.edges(data="weight", default=1):
@@ -111,7 +115,8 @@ def _from_blocks(coupling: Any, model: NetworkModel) -> ExactMatrix:
     if len(coupling) != n or any(len(row) != n for row in coupling):
         lengths = sorted({len(row) for row in coupling})
         raise ConeMismatchError(
-            f"coupling has {len(coupling)} block rows of {lengths} blocks, but there are {n} nodes; give {n} x {n} blocks."
+            f"coupling has {len(coupling)} block rows of {lengths} blocks, but there are {n} nodes; give {n} x "
+            f"{n} blocks."
         )
     m, q = np.diff(model.offsets[1]), np.diff(model.offsets[2])
     rows, columns, data = [], [], []

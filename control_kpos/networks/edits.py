@@ -10,17 +10,16 @@ of their decrease (v_k'A_k - q_k'C_k) x < 0 covers or not.  Nobody else notices.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..arrays import ExactMatrix, exact_matrix
-from ..certificates.result import Certificate, Condition, Status, all_hold
+from ..certificates.result import Status, all_hold
 from ..errors import ConeMismatchError, ShapeError, TimebaseError
 from . import conditions as on
 from .blocks import Floats, apply, inverse, is_zero
@@ -30,26 +29,6 @@ from .model import NetworkModel, NodeStack, same_timebase
 
 Blocks = dict[int, Floats]
 _SHARES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
-
-
-def inherit(certificate: NetworkCertificate, model: NetworkModel) -> NetworkCertificate | None:
-    """The data of a certificate, proven for the same nodes under other links; None if they prove nothing there.
-
-    No solve.  Weaker links always pass: r_j lies in U_j*, so taking (W - W')Y inside U away from W lowers
-    every sum of (III').
-    """
-    if certificate.status is not Status.PROVED:
-        return None
-    draft = NetworkCertificate.settle(
-        model=model,
-        v=certificate.v,
-        r=certificate.r,
-        q=certificate.q,
-        sigma=certificate.sigma,
-        decay_rate=certificate.decay_rate,
-        loop_weights=certificate.loop_weights,
-    )
-    return draft if draft.status is Status.PROVED else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +103,7 @@ class Overlay:
             model = self.base.model
             values = (self.base.v, self.base.r, self.base.q)
             cached = tuple(np.zeros(model.totals[k]) if x is None else flat(x, model, k) for k, x in enumerate(values))
-            self.base.__dict__["_flat"] = cached
+            vars(self.base)["_flat"] = cached
         return cached
 
     def node(self, identity: int) -> LocalNode:
@@ -401,7 +380,8 @@ def _block(weight: Any, rows: int, columns: int, source: int, target: int) -> Fl
     exact = exact_matrix(weight, f"the link from node {source} to node {target}")
     if exact.shape != (rows, columns):
         raise ConeMismatchError(
-            f"the link from node {source} to node {target} is {exact.shape[0]} x {exact.shape[1]}, but must be {rows} x {columns}: "
+            f"the link from node {source} to node {target} is {exact.shape[0]} x {exact.shape[1]}, but must be "
+            f"{rows} x {columns}: "
             "inputs of its target by outputs of its source."
         )
     return np.array(exact.values, dtype=float)
@@ -417,71 +397,3 @@ def check_timebase(stack: NodeStack, dt: Any) -> None:
         raise TimebaseError(
             f"the node has dt = {stack.dt}, but the network has dt = {dt}; bring it to the same sampling time."
         )
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LocalCertificate(Certificate):
-    """Theorem 4 for a changed network: the old certificate, and a proof of what changed.
-
-    Has the attributes of a `NetworkCertificate`; those that concern all nodes are put together, and
-    `check`, `save` and `residuals` work on the whole, when first asked for.
-
-    Attributes
-    ----------
-    overlay : Overlay
-        The certified network and its changes.
-    decay_rate : float
-        Proven for the changed network.
-    """
-
-    overlay: Overlay
-
-    @cached_property
-    def whole(self) -> NetworkCertificate:
-        """The same proof without reference to the old network; linear in its size, no solve."""
-        return self.overlay.certificate(self.overlay.build())
-
-    @property
-    def decay_rate(self) -> float:
-        """See the class."""
-        return self.overlay.decay_rate
-
-    @property
-    def margin(self) -> float:  # type: ignore[override]
-        """The margin of the whole."""
-        return self.whole.margin
-
-    def __getattr__(self, name: str) -> Any:
-        if name in ("v", "r", "q", "sigma", "model", "node_margins", "loop_weights"):
-            return getattr(self.whole, name)
-        raise AttributeError(f"{type(self).__name__} has no attribute {name!r}")
-
-    def conditions(self) -> Sequence[Condition]:
-        return self.whole.conditions()
-
-    def refutation(self) -> Sequence[Condition] | None:
-        return None
-
-    def check(self) -> bool:
-        """Recompute the proof of the whole changed network."""
-        return self.whole.status is Status.PROVED and self.whole.check()
-
-    def save(self, path: str | PathLike[str]) -> None:
-        """Write the whole as a certificate of its own.
-
-        Parameters
-        ----------
-        path : path-like
-        """
-        self.whole.save(path)
-
-    def explain(self) -> str:
-        changed, gone = len(self.overlay.nodes), len(self.overlay.removed)
-        return (
-            f"Proved: the network of {self.overlay.n_nodes} nodes is positive and exponentially stable with decay rate at least "
-            f"{self.decay_rate:.4g}. Inherited from a certificate of {self.overlay.base.model.n_nodes} nodes; {changed} nodes were proven "
-            f"anew and {gone} removed. It stays stable under constant link delays and when links are weakened or lost."
-        )
-
-    def __repr__(self) -> str:
-        return f"<LocalCertificate {self.status.name}, {self.overlay.n_nodes} nodes, {len(self.overlay.nodes)} proven anew>"

@@ -17,7 +17,8 @@ from .bracket import AbscissaCertificate, bracket
 from .certificate import NetworkCertificate
 from .certify import certify
 from .coupling import read_coupling
-from .edits import LocalCertificate, Overlay, check_timebase, inherit
+from .edits import Overlay, check_timebase
+from .inherited import LocalCertificate, inherit
 from .model import NetworkModel, NodeStack, gather
 from .progress import Reporter, Target
 from .responses import NetworkResponses
@@ -37,6 +38,23 @@ class ConeNetwork(NetworkResponses):
     made on demand for up to `DENSE_STATES` = 5000 states, so that python-control's functions work; above
     that they raise `TooLargeError` and name the sparse attributes, which have no such limit.
 
+    Parameters
+    ----------
+    model : NetworkModel, optional
+        Nodes in stacks and the coupling.
+    overlay : Overlay, optional
+        Instead of `model`: a certified network and what has changed since.
+    external : tuple of two ndarrays of int, optional
+        Places of the external inputs and outputs kept; all if not given.
+    name : str, optional
+        Name of the system.
+    certificate : NetworkCertificate or LocalCertificate, optional
+        If it is known already.
+    find : callable, optional
+        Takes the model and returns its certificate, instead of `certify`.
+    progress : callable or bool, optional
+        As for `feedback_interconnect`.
+
     Attributes
     ----------
     model : NetworkModel
@@ -47,6 +65,17 @@ class ConeNetwork(NetworkResponses):
         The closed loop from w to y.
     X : Cone
         Product of the nodes' state cones.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> nodes = kp.stack([[[-2.0]], [[-3.0]]], B=[[1]], C=[[1]])
+    >>> net = kp.feedback_interconnect(nodes, [[0, 1], [2, 0]])
+    >>> net.A
+    array([[-2.,  1.],
+           [ 2., -3.]])
+    >>> net.without_node(0).certificate.status.name
+    'PROVED'
     """
 
     def __init__(

@@ -123,7 +123,8 @@ class NetworkResponses(NetworkShell):
         keep = self.nstates * len(times) <= 20_000_000 if states is None else bool(states)
         if (len(rows) + keep * self.nstates) * len(times) > RESPONSE_LIMIT:
             raise TooLargeError(
-                f"a response of {len(rows)} outputs{' and all states' if keep else ''} at {len(times)} times is refused "
+                f"a response of {len(rows)} outputs{' and all states' if keep else ''} at {len(times)} times is "
+                "refused "
                 f"(limit {RESPONSE_LIMIT} numbers); choose outputs=, states=False or fewer times."
             )
         samples = self._input_samples(U, len(times))
@@ -167,12 +168,13 @@ class NetworkResponses(NetworkShell):
         rows = self._chosen_outputs(outputs)
         coo = sp.coo_array(self.model.W)
         if np.ndim(delays) == 0 and not sp.issparse(delays):
-            tau = np.full(coo.nnz, float(vector([delays], "delays")[0]))
+            tau = np.full(coo.nnz, float(vector(np.array([delays]), "delays")[0]))
         else:
             table = delays if sp.issparse(delays) else exact_matrix(delays, "delays").values
             if table.shape != coo.shape:
                 raise ShapeError(
-                    f"delays is {table.shape[0]} x {table.shape[1]}; it must be a number or {coo.shape[0]} x {coo.shape[1]} like the coupling."
+                    f"delays is {table.shape[0]} x {table.shape[1]}; it must be a number or {coo.shape[0]} x "
+                    f"{coo.shape[1]} like the coupling."
                 )
             tau = np.asarray(sp.csr_array(table)[coo.coords[0], coo.coords[1]], dtype=float).ravel()
         if not (tau >= 0).all() or not np.isfinite(tau).all():
@@ -185,7 +187,7 @@ class NetworkResponses(NetworkShell):
 
     def _initial_state(self, X0: ArrayLike) -> Floats:
         if np.ndim(X0) == 0:
-            return np.full(self.nstates, float(vector([X0], "X0")[0]))
+            return np.full(self.nstates, float(vector(np.array([X0]), "X0")[0]))
         values = np.asarray(exact_matrix(np.ravel(np.asarray(X0)), "X0", ndim=1).values)
         return vector(values, "X0", self.nstates)
 
@@ -197,7 +199,8 @@ class NetworkResponses(NetworkShell):
             samples = np.full((self.ninputs, count), float(samples[0, 0]))
         if samples.shape != (self.ninputs, count):
             raise ShapeError(
-                f"U is {samples.shape[0]} x {samples.shape[1]}; it must be {self.ninputs} x {count}: inputs by sample times."
+                f"U is {samples.shape[0]} x {samples.shape[1]}; it must be {self.ninputs} x {count}: inputs by "
+                "sample times."
             )
         return samples if np.any(samples) else None
 

@@ -79,8 +79,10 @@ class OutWeightCertificate(Certificate):
         what = "copies of this node" if kinds == 1 else f"nodes of these {kinds} types"
         if self:
             return (
-                f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links that leave a "
-                f"node is at most {self.weight:.6g}, is positive and stable with decay rate at least {self.decay_rate:.4g}."
+                f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links "
+                "that leave a "
+                f"node is at most {self.weight:.6g}, is positive and stable with decay rate at least "
+                f"{self.decay_rate:.4g}."
             )
         return (
             f"Not certified: already a node with a self-loop of weight {self.weight:.6g} fails. {self.local.explain()} "
@@ -211,7 +213,8 @@ def scale_free_certificate(
     for s in stacks:
         if s.sizes[1:] != (1, 1) or not (s.U.rays[0, 0] > 0 and s.Y.rays[0, 0] > 0):
             raise ConeMismatchError(
-                f"a node has {s.sizes[1]} inputs and {s.sizes[2]} outputs; scale-free certificates are for nodes with one "
+                f"a node has {s.sizes[1]} inputs and {s.sizes[2]} outputs; scale-free certificates are for nodes "
+                "with one "
                 "nonnegative input and one nonnegative output."
             )
     count = sum(len(s) for s in stacks)

@@ -119,7 +119,8 @@ class NetworkShell(StateSpace):
         if self.nstates > DENSE_STATES:
             raise TooLargeError(
                 f"a dense {name} of this network with {self.nstates} states is refused (limit {DENSE_STATES}); use "
-                f"sparse_{name}, poles(k), spectral_abscissa(), initial_response() or forced_response(), which stay sparse."
+                f"sparse_{name}, poles(k), spectral_abscissa(), initial_response() or forced_response(), which "
+                "stay sparse."
             )
         return getattr(self, f"sparse_{name}").toarray()
 

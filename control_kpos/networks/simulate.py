@@ -42,10 +42,10 @@ def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.
     """
     step = (1.0 if dt is True else float(dt)) if dt else None
     if np.ndim(T) == 0:
-        end = float(vector([T], "T")[0])
+        end = float(vector(np.array([T]), "T")[0])
         if not end > 0:
             raise DataError(f"T is {end:g}; the final time must be positive.")
-        return np.arange(int(round(end / step)) + 1) * step if step else np.linspace(0.0, end, count)
+        return np.arange(round(end / step) + 1) * step if step else np.linspace(0.0, end, count)
     times = vector(T, "T")
     if times.size == 0:
         raise ShapeError("T is empty; give sample times or a final time.")

@@ -59,6 +59,7 @@ class Loop:
 
     @cached_property
     def TT(self) -> sp.csr_array:
+        """T'."""
         return sp.csr_array(self.T.T)
 
     def solve(

@@ -107,7 +107,10 @@ class NetworkInstability:
 
     def __str__(self) -> str:
         alive = int(np.count_nonzero(self.x))
-        return f"the network does not decay along a state x in X with {alive} nonzero entries (growth rate at least {self.rate:.3g})"
+        return (
+            f"the network does not decay along a state x in X with {alive} nonzero entries "
+            f"(growth rate at least {self.rate:.3g})"
+        )
 
 
 @register_record

@@ -1,0 +1,154 @@
+"""Nodes of one size and with the same cones, in stacked arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from control.config import defaults
+from numpy.typing import ArrayLike
+
+from ..arrays import ExactMatrix, exact_matrix
+from ..certificates.files import register_record
+from ..cones import Cone, orthant
+from ..errors import ConeMismatchError, ShapeError
+from .blocks import exact_take
+
+Timebase: TypeAlias = "float | bool | None"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NodeStack:
+    """Many nodes of one size with the same cones, as `control_kpos.stack` builds them.
+
+    Attributes
+    ----------
+    A, B, C, D : ExactMatrix, shapes (N, n, n), (N, n, m), (N, q, n), (N, q, m)
+    X, U, Y : Cone
+        Proper cones in R^n, R^m, R^q.
+    dt : float, bool or None
+        Timebase as in python-control: 0 continuous, a positive number or True discrete.
+    names : tuple of str
+        Node names; empty if nobody gave any.
+    labels : tuple of (states, inputs, outputs)
+        Signal names per node, each a tuple of str; empty for the defaults x[i], u[i], y[i].
+    """
+
+    A: ExactMatrix
+    B: ExactMatrix
+    C: ExactMatrix
+    D: ExactMatrix
+    X: Cone
+    U: Cone
+    Y: Cone
+    dt: Timebase = 0
+    names: tuple[str, ...] = ()
+    labels: tuple[tuple[tuple[str, ...], ...], ...] = ()
+
+    def __len__(self) -> int:
+        return self.A.shape[0]
+
+    @property
+    def sizes(self) -> tuple[int, int, int]:
+        """States, inputs and outputs of one node."""
+        return self.A.shape[-1], self.B.shape[-1], self.C.shape[-2]
+
+    def take(self, index: Any) -> NodeStack:
+        """The nodes at these places, as a stack."""
+        index = np.atleast_1d(np.asarray(index, dtype=np.intp))
+        blocks = [exact_take(m, index) for m in (self.A, self.B, self.C, self.D)]
+        names = tuple(self.names[i] for i in index) if self.names else ()
+        labels = tuple(self.labels[i] for i in index) if self.labels else ()
+        return NodeStack(*blocks, self.X, self.U, self.Y, self.dt, names, labels)
+
+    def __repr__(self) -> str:
+        n, m, q = self.sizes
+        return f"<NodeStack of {len(self)} nodes: {n} states, {m} inputs, {q} outputs each>"
+
+
+def stack(
+    A: ArrayLike,
+    B: ArrayLike,
+    C: ArrayLike,
+    D: ArrayLike | None = None,
+    dt: Timebase = None,
+    *,
+    X: Cone | None = None,
+    U: Cone | None = None,
+    Y: Cone | None = None,
+    names: Sequence[str] | None = None,
+) -> NodeStack:
+    """Many nodes of one size as stacked arrays, for networks up to millions of nodes.
+
+    Parameters
+    ----------
+    A : array_like, shape (N, n, n)
+    B : array_like, shape (N, n, m) or (n, m)
+        Two-dimensional B, C or D is shared by all nodes.
+    C : array_like, shape (N, q, n) or (q, n)
+    D : array_like, shape (N, q, m) or (q, m), optional
+        Zero if not given.
+    dt : float, bool or None
+        0 for continuous time, a positive number or True for discrete time; the default is
+        python-control's, 0.
+    X, U, Y : Cone, optional
+        Shared by all nodes; the nonnegative orthants if not given.
+    names : sequence of str, optional
+        One name per node.
+
+    Returns
+    -------
+    NodeStack
+        To be passed to `feedback_interconnect`.
+
+    Raises
+    ------
+    ShapeError, DataError
+        Sizes that do not fit, an empty stack, numbers that are not finite and real.
+    NotProperConeError, ConeMismatchError
+        Cones that are not proper, or of another dimension.
+
+    Notes
+    -----
+    Copies the arrays once: 8 N (n n + n m + q n + q m) bytes.
+
+    Examples
+    --------
+    >>> import numpy as np, control_kpos as kp
+    >>> A = np.array([[[0, 1], [-22, -13]], [[0, 1], [-21, -13]]])
+    >>> nodes = kp.stack(A, B=[[0], [1]], C=[[1, 0]], X=kp.PolyhedralCone([[0, 1], [1, -2]]))
+    >>> len(nodes), nodes.sizes
+    (2, (2, 1, 1))
+    """
+    matrices = {"A": exact_matrix(A, "A", ndim=3), "B": exact_matrix(B, "B", ndim=3), "C": exact_matrix(C, "C", ndim=3)}
+    count, n = matrices["A"].shape[0], matrices["A"].shape[2]
+    m, q = matrices["B"].shape[2], matrices["C"].shape[1]
+    matrices["D"] = ExactMatrix(np.zeros((1, q, m))) if D is None else exact_matrix(D, "D", ndim=3)
+    if count == 0 or n == 0:
+        raise ShapeError(f"A has shape {matrices['A'].shape}: a stack needs at least one node with at least one state.")
+    for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (q, n)), ("D", (q, m))):
+        have = matrices[name].shape
+        if have[1:] != shape or have[0] not in (1, count):
+            raise ShapeError(
+                f"{name} has shape {have}; it must be ({count}, {shape[0]}, {shape[1]}), one matrix per node as in A."
+            )
+        if have[0] == 1 < count:
+            matrices[name] = exact_take(matrices[name], np.zeros(count, dtype=np.intp))
+    cones = {}
+    for name, cone, size in (("X", X, n), ("U", U, m), ("Y", Y, q)):
+        cones[name] = orthant(size) if cone is None else cone
+        if cones[name].dim != size:
+            raise ConeMismatchError(
+                f"{name} is a cone in dimension {cones[name].dim}, but the nodes need dimension {size}."
+            )
+        cones[name].require_proper(name)
+    labels = tuple(str(name) for name in names) if names is not None else ()
+    if labels and (len(labels) != count or len(set(labels)) != count):
+        raise ShapeError(
+            f"names has {len(labels)} entries ({len(set(labels))} distinct); {count} nodes need {count} distinct names."
+        )
+    dt = defaults["control.default_dt"] if dt is None else dt
+    return NodeStack(**matrices, **cones, dt=dt, names=labels)
