@@ -7,7 +7,10 @@ import planted
 import pytest
 
 import control_kpos as kp
+from control_kpos.synthesis.alternation import GainProgram
+from control_kpos.synthesis.backend import backend
 from control_kpos.synthesis.obstruction import Multipliers
+from control_kpos.synthesis.plant import read_plant
 
 PAPER = [[0, 1], [1, -2]]
 
@@ -294,3 +297,17 @@ def test_gain_against_rate(plant):
     assert curve.gains[:2] == pytest.approx([5, 5], rel=1e-3) and np.isnan(curve.gains[2])
     assert [d.status.name for d in curve.designs] == ["PROVED", "PROVED", "REFUTED"]
     assert (np.diff(kp.gain_rate_tradeoff(plant, X=[[0, 1], [1, -1]]).gains) >= -1e-6).all()
+
+
+def test_alternation_is_never_worse_than_its_start():
+    rng = np.random.default_rng(2)
+    for _ in range(5):
+        A, B, X, _ = planted.polyhedral(rng, 3, 1, 3)
+        plant = read_plant(kp.ConeStateSpace(ct.ss(A, B, np.eye(3), 0), X=X), None)
+        program = GainProgram(plant, backend(None, 60))
+        start = program.fastest(program.facet_sum(), 10.0)
+        end = program.speed_up(program.facet_sum(), 10.0)
+        assert end.rate >= start.rate
+        slim, size = program.slim(end, end.rate / 2)
+        assert size <= np.abs(end.gain @ X.rays.T).max() + 1e-9
+        assert slim.rate >= end.rate / 2 - 1e-9

@@ -24,6 +24,7 @@ from ..errors import DataError, TooLargeError
 from ..rational_programs import exact_feasibility
 from .inequalities import Inequalities, column_rows, feedback_inequalities, gain_rows
 from .plant import Plant, column_freedom, exact_geometry
+from .repair import repaired_multipliers
 
 
 @register_record
@@ -199,10 +200,10 @@ def _rational(M: ExactMatrix) -> NDArray[np.object_]:
 
 
 def _lengths(X: Cone, integer_rays: NDArray[np.object_]) -> NDArray[np.object_]:
-    """rays[k] = lengths[k] * integer ray k, up to the rounding of rays[k]."""
+    """Integer ray k = lengths[k] * rays[k], up to the rounding of rays[k]: a bound on F x_k, for the integer ray."""
     rays = np.asarray(X.rays, dtype=float)
     largest = np.argmax(np.abs(rays), axis=1)
-    return np.array([Fraction(rays[k, j]) / Fraction(integer_rays[k, j]) for k, j in enumerate(largest)], dtype=object)
+    return np.array([Fraction(integer_rays[k, j]) / Fraction(rays[k, j]) for k, j in enumerate(largest)], dtype=object)
 
 
 def decide(
@@ -222,13 +223,18 @@ def decide(
     q = exact_inequalities(plant, ports)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
     first = len(q.closed)
-    sums = np.array([0] * first + [1] * (len(rows) - first), dtype=object)
-    matrix = np.concatenate([rows.T, sums[None, :]])
-    right = np.array([0] * rows.shape[1] + [1], dtype=object)
-    try:
-        multipliers, solution = exact_feasibility(ExactMatrix.from_fractions(matrix), ExactMatrix.from_fractions(right))
-    except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
-        return None, None
+    strict = np.arange(len(rows)) >= first
+    owner = np.concatenate([np.arange(q.n), np.repeat(np.arange(q.n), q.m)])[kept]
+    multipliers, solution = repaired_multipliers(rows, owner, q.n, strict), None
+    if multipliers is None:
+        matrix = np.concatenate([rows.T, strict.astype(int).astype(object)[None, :]])
+        right = np.array([0] * rows.shape[1] + [1], dtype=object)
+        try:
+            multipliers, solution = exact_feasibility(
+                ExactMatrix.from_fractions(matrix), ExactMatrix.from_fractions(right)
+            )
+        except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
+            return None, None
     if multipliers is not None:
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]

@@ -101,13 +101,23 @@ def state_feedback(
 
     Examples
     --------
-    >>> import control as ct, control_kpos as kp
+    >>> import control as ct, control_kpos as kp, numpy as np
     >>> plant = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
     >>> d = kp.state_feedback(plant, X=[[0, 1], [1, -2]], rate=1)
     >>> bool(d), d.decay_rate >= 1, round(d.limit, 3)
     (True, True, 5.0)
     >>> d.closed_loop.is_cone_positive()
     True
+
+    python-control takes it from there, with its own sign convention u = -K x:
+
+    >>> controller, closed = ct.create_statefbk_iosystem(ct.ss(plant.A, plant.B, np.eye(2), 0), d.K)
+    >>> same = ct.ss(plant.A + plant.B @ d.F, plant.B, plant.C, plant.D)
+    >>> np.allclose(same.poles(), d.closed_loop.poles())
+    True
+
+    A demand that no gain meets:
+
     >>> kp.state_feedback(plant, X=kp.orthant(2)).status.name
     'REFUTED'
     """

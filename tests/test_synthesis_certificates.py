@@ -1,0 +1,119 @@
+"""Proofs that no gain exists are true, and certificates of designs do not survive a change of their data."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import control as ct
+import numpy as np
+import planted
+import pytest
+
+import control_kpos as kp
+from control_kpos.synthesis.acceptance import GainBoundCertificate
+from control_kpos.synthesis.invariance import PairMultipliers
+from control_kpos.synthesis.obstruction import Multipliers
+
+PAPER = [[0, 1], [1, -2]]
+PLANT = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 1), (4, 2), (6, 3), (10, 5)])
+@pytest.mark.parametrize("length", [1.0, 1e-3, 7.0])
+def test_bounds_just_above_the_limit_are_met_and_just_below_refuted(n, m, length):
+    A, B, rays, _ = planted.simplicial(np.random.default_rng(n), n, m)
+    rays = length * rays
+    sys = ct.ss(A, B, np.eye(n), 0)
+    limit = kp.state_feedback(sys, X=rays).limit
+    if limit == 0:
+        pytest.skip("this plant needs no gain")
+    above = kp.state_feedback(sys, X=rays, gain_bound=1.02 * limit)
+    assert above and np.abs(above.F @ rays.T).max() <= 1.02 * limit
+    below = kp.state_feedback(sys, X=rays, gain_bound=0.98 * limit)
+    assert below.status is kp.Status.REFUTED and below.check()
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 1), (3, 1), (4, 2)])
+def test_rates_just_below_the_limit_are_reached_and_just_above_refuted(n, m):
+    rng = np.random.default_rng(n)
+    seen = 0
+    for _ in range(10):
+        A, B, rays, _ = planted.simplicial(rng, n, m)
+        sys = ct.ss(A, B, np.eye(n), 0)
+        limit = kp.state_feedback(sys, X=rays, rate="max", gain_bound=20).limit
+        below = kp.state_feedback(sys, X=rays, rate=0.99 * limit, gain_bound=20)
+        above = kp.state_feedback(sys, X=rays, rate=1.01 * limit, gain_bound=20)
+        assert below and below.decay_rate >= 0.99 * limit
+        assert above.status is kp.Status.REFUTED and above.check()
+        seen += 1
+    assert seen == 10
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_refuted_means_that_no_gain_on_a_grid_works(seed):
+    rng = np.random.default_rng(seed)
+    A, B = rng.integers(-3, 4, size=(2, 2)), rng.integers(-2, 3, size=(2, 1))
+    rays = [[0, 1], [1, int(rng.integers(-2, 3))]]
+    d = kp.state_feedback(ct.ss(A, B, np.eye(2), 0), X=rays)
+    X = kp.PolyhedralCone(rays)
+    works = any(
+        bool(kp.linear_lyapunov(A + B @ np.array([[f, g]]), X)) for f in range(-16, 17, 2) for g in range(-16, 17, 2)
+    )
+    assert d.status is not kp.Status.UNDECIDED
+    assert d or not works
+    assert d.check()
+
+
+def refuted():
+    return kp.state_feedback(PLANT, X=kp.orthant(2)).certificate
+
+
+def test_perturbed_multipliers_prove_nothing():
+    c = refuted()
+    w = c.witness
+    assert c.check()
+    for name in ("closed", "drift", "positive"):
+        group = list(getattr(w, name))
+        for i in range(len(group)):
+            changed = replace(w, **{name: tuple(group[:i] + [group[i] + Fraction(1, 10**9)] + group[i + 1 :])})
+            assert not replace(c, witness=changed).check()
+    zero = Multipliers(*(tuple(Fraction(0) for _ in g) for g in (w.closed, w.drift, w.positive)))
+    assert not replace(c, witness=zero).check()
+    assert not replace(c, witness=Multipliers((), (), ())).check()
+
+
+def test_refutation_is_about_its_own_data():
+    c = refuted()
+    assert not replace(c, X=kp.PolyhedralCone(PAPER)).check()
+    assert not replace(c, rate=-1.0).check()
+    assert not replace(c, witness=None).check()
+
+
+def test_refuted_invariance_does_not_survive_perturbation():
+    square = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
+    turn = ct.ss([[0, -5, 0], [5, 0, 0], [0, 0, -1]], [[0], [0], [1]], np.eye(3), 0)
+    c = kp.state_feedback(turn, X=square, structure=[[1, 0, 0]]).certificate
+    assert c.status is kp.Status.REFUTED and c.check()
+    weights = list(c.witness.weights)
+    weights[0] += 1
+    assert not replace(c, witness=PairMultipliers(tuple(weights))).check()
+    assert not replace(c, witness=PairMultipliers(tuple(-w for w in c.witness.weights))).check()
+
+
+def test_gain_bound_is_exact():
+    X = kp.PolyhedralCone(PAPER)
+    F = kp.arrays.exact_matrix([[-21, -13]], "F")
+    assert GainBoundCertificate.settle(F=F, bound=np.array([13.0]), X=X)
+    assert not GainBoundCertificate.settle(F=F, bound=np.array([np.nextafter(13.0, 0)]), X=X)
+
+
+def test_common_vector_and_disturbance_do_not_survive_perturbation():
+    vertices = [([[0, 1], [-k, 0]], [[0], [1]]) for k in (0.5, 2)]
+    c = kp.state_feedback(PLANT, X=PAPER, vertices=vertices).certificate
+    common = c.others[-1]
+    assert c.check() and common.check()
+    assert not replace(common, x=-common.x).check()
+    assert not replace(common, x=np.array([1.0, 1e6])).check()
+    d = kp.state_feedback(PLANT, X=PAPER, disturbance=([[0], [1]], [[1, 0]]), gain_bound=8).certificate
+    bound = d.others[-1]
+    assert bound.check() and not replace(bound, gamma=0.5 * bound.gamma).check()
+    assert not replace(bound, x=100 * bound.x).check()
