@@ -1,14 +1,15 @@
 """Operations on systems with cones: python-control's, and cones for the result where they follow.
 
 Every method calls the one it overrides, so that values, names, state order and refusals are
-python-control's own.  If the result is a plain StateSpace, `connections` says whether it has cones.
+python-control's own.  If the result is a plain StateSpace, `connections` says whether it has cones.  If the
+operands are positive, the result is rounded towards these cones, so that it is positive in doubles too.
 """
 
 from __future__ import annotations
 
 import numbers
 from abc import abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -20,14 +21,14 @@ from numpy.typing import ArrayLike
 from . import connections
 from .arrays import ExactMatrix, exact_matrix, require_shape
 from .connections import Model
-from .errors import DataError, KposError, ShapeError, TimebaseError
+from .errors import DataError, KposError, ShapeError, TimebaseError, TooLargeError, UndecidedError
 from .positivity import PositivityCertificate
-from .rounding import rounded_into
+from .rounding import maps_into, rounded_into
 
 # Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
 _POSITIVE_HOLDS = ("zoh", "foh", "impulse")
-# States up to which a change of coordinates is computed in fractions: a rounded inverse would lose the boundary.
-_EXACT_TRANSFORM = 32
+# States above which results are not checked for what rounding has done to them; it would take longer than they do.
+_MOST_ROUNDED = 300
 
 
 class ConeOperations(StateSpace):
@@ -50,11 +51,17 @@ class ConeOperations(StateSpace):
         """The result as a system with cones; as it is if there are none."""
 
     def _adopt(
-        self, result: Any, rule: Callable[..., Model | None], *others: ConeOperations, exactly: bool = False
+        self,
+        result: Any,
+        rule: Callable[..., Model | None],
+        *others: ConeOperations,
+        exactly: bool = False,
+        copied: bool = False,
     ) -> Any:
         """The result with the cones that `rule` finds from the operands, if they follow.
 
-        `exactly`: track the matrices in fractions even if the operands are doubles.
+        `exactly`: track the matrices in fractions even if the operands are doubles.  `copied`: no arithmetic has
+        touched the entries.
         """
         if type(result) is not StateSpace:
             return result  # NotImplemented, or an interconnection with a nonlinear system
@@ -64,7 +71,13 @@ class ConeOperations(StateSpace):
         if not _is_finite(result):
             return result  # overflow
         tracked = exactly or any(s._exact() for s in operands)
-        return self._with_cones(result, rule(*(s._model(tracked) for s in operands)))
+        try:
+            model = rule(*(s._model(tracked) for s in operands))
+        except (TooLargeError, UndecidedError):
+            return result  # cones that nobody can compute are no reason to refuse the operation
+        if model is not None and model.matrices is None and not copied and result.nstates <= _MOST_ROUNDED:
+            _round_towards(result, model, operands)
+        return self._with_cones(result, model)
 
     def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, ExactMatrix], Model | None]) -> Any:
         """Cones of s * factor or factor * s for a number or an array."""
@@ -96,7 +109,7 @@ class ConeOperations(StateSpace):
     # -- arithmetic
 
     def __neg__(self) -> StateSpace:
-        return self._adopt(super().__neg__(), connections.negate)
+        return self._adopt(super().__neg__(), connections.negate, copied=True)
 
     def __add__(self, other: Any) -> Any:
         self._require_timebase(other)
@@ -107,11 +120,9 @@ class ConeOperations(StateSpace):
         if isinstance(other, numbers.Real):
             other = np.full((self.noutputs, self.ninputs), float(other))
         gain = _gain(other)
-        return (
-            result
-            if gain is None
-            else self._adopt(result, lambda s: connections.add_gain(s, gain), exactly=not gain.is_double)
-        )
+        if gain is None:
+            return result
+        return self._adopt(result, lambda s: connections.add_gain(s, gain), exactly=not gain.is_double)
 
     def __radd__(self, other: Any) -> Any:
         if isinstance(other, StateSpace):
@@ -137,7 +148,7 @@ class ConeOperations(StateSpace):
 
     def __pow__(self, other: Any) -> Any:
         result = super().__pow__(other)  # products of ours, except for powers 0 and -1
-        return self._adopt(result, connections.unit) if type(other) is int and other == 0 else result
+        return self._adopt(result, connections.unit, copied=True) if type(other) is int and other == 0 else result
 
     # -- connections
 
@@ -160,7 +171,9 @@ class ConeOperations(StateSpace):
                 result = super().append(other)
         finally:
             self.dt = dt  # python-control changes it
-        return self._adopt(result, connections.append, other) if isinstance(other, ConeOperations) else result
+        if not isinstance(other, ConeOperations):
+            return result
+        return self._adopt(result, connections.append, other, copied=True)
 
     def feedback(self, other: Any = 1, sign: float = -1) -> Any:
         """The loop u = r + sign * y2, where `other` maps y to y2.
@@ -175,6 +188,14 @@ class ConeOperations(StateSpace):
         -------
         StateSpace
             With cones (X1 x X2, U1, Y1) if Y1 lies in U2, sign * Y2 in U1 and the direct terms allow it.
+
+        Examples
+        --------
+        >>> s = kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)
+        >>> s.feedback(s, sign=1).linear_lyapunov().status.name
+        'PROVED'
+        >>> isinstance(s.feedback(s), kp.ConeStateSpace)  # -Y2 does not lie in U1
+        False
         """
         self._require_timebase(other)
         with self._sizes_in_errors(other):
@@ -186,11 +207,9 @@ class ConeOperations(StateSpace):
             D2 = other._direct()
             return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, D1, D2, k), other)
         gain = _gain(other)
-        return (
-            result
-            if gain is None
-            else self._adopt(result, lambda s: connections.feedback_gain(s, gain, D1, k), exactly=not gain.is_double)
-        )
+        if gain is None:
+            return result
+        return self._adopt(result, lambda s: connections.feedback_gain(s, gain, D1, k), exactly=not gain.is_double)
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> StateSpace:
         """Linear fractional transformation: `other` closes the last inputs and outputs of this system.
@@ -225,14 +244,12 @@ class ConeOperations(StateSpace):
         outputs = [self.output_index[label] for label in result.output_labels]
         if (len(inputs), len(outputs)) != (result.ninputs, result.noutputs):
             return result
-        return self._adopt(result, lambda s: connections.select(s, inputs, outputs))
+        return self._adopt(result, lambda s: connections.select(s, inputs, outputs), copied=True)
 
     # -- other forms of the same system
 
     def sample(self, Ts: float, method: str = "zoh", *args: Any, **kwargs: Any) -> StateSpace:
         """Discrete-time system at the sampling times.
-
-        If this system is positive, its samples are rounded towards the cones, so that they are positive too.
 
         Parameters
         ----------
@@ -246,17 +263,20 @@ class ConeOperations(StateSpace):
         Returns
         -------
         StateSpace
+
+        Examples
+        --------
+        >>> s = kp.ConeStateSpace([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+        >>> s.sample(0.1).is_cone_positive()
+        True
+        >>> type(s.sample(0.1, method="tustin")).__name__
+        'StateSpace'
         """
         result = super().sample(Ts, method, *args, **kwargs)
         if method not in _POSITIVE_HOLDS or not Ts > 0 or not _is_finite(result):
             return result
         model = self._model(tracked=False)
-        if self.nstates == result.nstates and self.cone_positivity():
-            X, U, Y = model.X, model.U, model.Y
-            for name, source, target in (("A", X, X), ("B", U, X), ("D", U, Y)):
-                nearby = rounded_into(getattr(result, name), source, target)
-                if nearby is not None:
-                    setattr(result, name, nearby)
+        _round_towards(result, model, [self])
         return self._with_cones(result, model)
 
     def linearize(self, x0: Any, *args: Any, **kwargs: Any) -> StateSpace:
@@ -273,8 +293,9 @@ class ConeOperations(StateSpace):
         StateSpace
         """
         result = super().linearize(x0, *args, **kwargs)
-        result.A, result.B, result.C, result.D = self.A, self.B, self.C, self.D
-        return self._adopt(result, lambda s: s)
+        if result.nstates == self.nstates:
+            result.A, result.B, result.C, result.D = (m.copy() for m in (self.A, self.B, self.C, self.D))
+        return self._adopt(result, lambda s: s, copied=True)
 
     def to_ss(self, *args: Any, **kwargs: Any) -> StateSpace:
         """A copy.
@@ -288,10 +309,10 @@ class ConeOperations(StateSpace):
         -------
         StateSpace
         """
-        return self._adopt(super().to_ss(*args, **kwargs), lambda s: s)
+        return self._adopt(super().to_ss(*args, **kwargs), lambda s: s, copied=True)
 
     def similarity_transform(self, T: ArrayLike, timescale: float = 1, inverse: bool = False) -> StateSpace:
-        """The same system in states z = T x, with the cone T X; exact up to 32 states.
+        """The same system in states z = T x, with the cone T X.
 
         Parameters
         ----------
@@ -333,7 +354,26 @@ class ConeOperations(StateSpace):
                 raise singular
             return model
 
-        return self._adopt(result, moved, exactly=n <= _EXACT_TRANSFORM)
+        return self._adopt(result, moved, exactly=not exact.is_double)
+
+
+def _round_towards(result: StateSpace, model: Model, operands: Sequence[ConeOperations]) -> None:
+    """Undo what rounding has done to a result of positive operands, entries changing in their last digits."""
+    X, U, Y = model.X, model.U, model.Y
+    if X.dim != result.nstates:
+        return
+    flow = not result.dt
+    maps = [("A", X, X, flow), ("B", U, X, False), ("C", X, Y, False), ("D", U, Y, False)]
+    missed = [
+        (name, source, target, flow)
+        for name, source, target, flow in maps
+        if not maps_into(ExactMatrix(getattr(result, name)), source, target, flow=flow)
+    ]
+    if missed and all(s.cone_positivity() for s in operands):
+        for name, source, target, flow in missed:
+            nearby = rounded_into(getattr(result, name), source, target, flow=flow)
+            if nearby is not None:
+                setattr(result, name, nearby)
 
 
 def _is_finite(s: StateSpace) -> bool:

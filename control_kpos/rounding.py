@@ -1,11 +1,12 @@
 """Rounding towards cones: a computed matrix, moved by a few units in the last place until M S lies in T.
 
-Matrix exponentials are never exact.  If the true matrix maps a cone S into T and touches its boundary, the
-computed one misses it by a rounding error every other time.  Among the doubles close to the computed matrix
+Products, inverses and matrix exponentials are rounded.  If the true matrix maps a cone S into T and touches its
+boundary, the computed one misses it by a rounding error every other time.  Among the doubles close to M,
 
     M + epsilon t s',   t in int T, s in int S*,
 
 lies in the interior of what is wanted: h_k't > 0 for every facet of T and s'x_i > 0 for every generator of S.
+The same move turns a flow x' = M x on the boundary of a cone inwards.
 """
 
 from __future__ import annotations
@@ -15,20 +16,29 @@ from numpy.typing import NDArray
 
 from .arrays import ExactMatrix
 from .cones import Cone, Orthant
-from .positivity import inclusion_condition
+from .positivity import inclusion_condition, invariance_condition
 
 # Sizes of epsilon tried, in units of the largest entry; the last is far above any rounding error.
 _STEPS = tuple(2.0**k for k in range(-54, -36, 2))
 
 
-def maps_into(M: ExactMatrix, source: Cone, target: Cone) -> bool:
-    """True if M source lies in target, by proven signs."""
+def maps_into(M: ExactMatrix, source: Cone, target: Cone, *, flow: bool = False) -> bool:
+    """True if M source lies in target, by proven signs; with `flow`, if e^{Mt} keeps the source for t >= 0."""
     if not source.dim or not target.dim:
         return True
-    return inclusion_condition("M U in Y", target, M, source).verdict() is True
+    if isinstance(source, Orthant) and isinstance(target, Orthant) and M.is_double:
+        return bool((_inner(np.asarray(M.values), flow) >= 0).all())
+    condition = (
+        invariance_condition(M, source, discrete=False)
+        if flow
+        else inclusion_condition("M x in the target", target, M, source)
+    )
+    return condition.verdict() is True
 
 
-def rounded_into(M: NDArray[np.float64], source: Cone, target: Cone) -> NDArray[np.float64] | None:
+def rounded_into(
+    M: NDArray[np.float64], source: Cone, target: Cone, *, flow: bool = False
+) -> NDArray[np.float64] | None:
     """The doubles close to M that map the source into the target, proven.
 
     Parameters
@@ -36,20 +46,28 @@ def rounded_into(M: NDArray[np.float64], source: Cone, target: Cone) -> NDArray[
     M : ndarray, shape (m, n)
     source, target : Cone
         In R^n and R^m.
+    flow : bool
+        True: e^{Mt} is to keep the source for t >= 0; the target is the source.
 
     Returns
     -------
     ndarray, shape (m, n), or None
         M itself if it will do; None if nothing within 1e-11 of its largest entry does.
     """
-    if maps_into(ExactMatrix(M), source, target):
+    if maps_into(ExactMatrix(M), source, target, flow=flow):
         return M
     size = float(np.abs(M).max())
     if isinstance(source, Orthant) and isinstance(target, Orthant):  # keeps zeros
-        return np.maximum(M, 0.0) if M.min() >= -_STEPS[-1] * size else None
+        inner = _inner(M, flow)
+        return np.where(inner < 0, 0.0, M) if inner.min() >= -_STEPS[-1] * size else None
     inward = np.outer(target.interior_point, source.dual.interior_point)
     for step in _STEPS:
         moved = M + step * size * inward
-        if maps_into(ExactMatrix(moved), source, target):
+        if maps_into(ExactMatrix(moved), source, target, flow=flow):
             return moved
     return None
+
+
+def _inner(M: NDArray[np.float64], flow: bool) -> NDArray[np.float64]:
+    """M, with a diagonal of zeros for a flow: these entries decide between orthants."""
+    return M - np.diag(np.diag(M)) if flow else M

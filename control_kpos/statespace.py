@@ -192,6 +192,12 @@ class ConeStateSpace(ConeOperations):
         -------
         PositivityCertificate
             See `control_kpos.positivity.cone_positivity`.
+
+        Examples
+        --------
+        >>> s = kp.ConeStateSpace([[-1, 2], [-3, -4]], [[1], [0]], [[1, 0]], 0)
+        >>> s.cone_positivity().witness.condition, s.cone_positivity().witness.value
+        ('A X in X', -3.0)
         """
         return cone_positivity(*self._question(), discrete=self._discrete)
 
@@ -207,6 +213,12 @@ class ConeStateSpace(ConeOperations):
         -------
         LyapunovCertificate
             See `control_kpos.stability.linear_lyapunov`.
+
+        Examples
+        --------
+        >>> s = kp.ConeStateSpace([[-2, 1], [1, -2]], [[1], [0]], [[1, 0]], 0)
+        >>> round(s.linear_lyapunov(rate="max").decay_rate, 6)
+        1.0
         """
         A, _, _, _, X, _, _ = self._question()
         return linear_lyapunov(A, X, discrete=self._discrete, rate=rate)
@@ -240,6 +252,11 @@ class ConeStateSpace(ConeOperations):
         Returns
         -------
         float
+
+        Examples
+        --------
+        >>> round(kp.ConeStateSpace([[-2]], [[1]], [[6]], [[1]]).gain(), 12)
+        4.0
         """
         return induced_gain(*self._question(ports=True), norm=norm, e=e, f=f, discrete=self._discrete)
 

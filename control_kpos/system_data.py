@@ -61,18 +61,18 @@ def read_matrix(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
 
     Doubles are passed on as they come, so that python-control decides what 0, a vector or [] means.
     """
-    if isinstance(data, ExactMatrix):
-        exact = data
-    else:
-        kind, wide = _kind(data)
-        if not wide and kind in "fiub":
-            return data, None
-        if kind == "c":
-            raise ComplexDataError(f"{name} is complex; each entry must be a real number, not 'complex'.")
-        array = None if sp.issparse(data) else _as_array(data)
+    ndim = 2
+    if not isinstance(data, ExactMatrix) and not sp.issparse(data):
+        array = _as_array(data)
         if array is not None and array.ndim > 2:
             raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")
-        exact = exact_matrix(data, name, ndim=2 if array is None else array.ndim)
+        if array is not None:
+            if array.dtype.kind == "c":
+                raise ComplexDataError(f"{name} is complex; each entry must be a real number, not 'complex'.")
+            if _fits_doubles(array) and not np.ma.is_masked(data):
+                return (array if array.ndim else data), None
+            ndim = array.ndim
+    exact = exact_matrix(data, name, ndim=ndim)
     values = dense(exact.values)
     return (values if values.ndim else float(values)), (None if exact.is_double else exact)
 
@@ -92,15 +92,12 @@ def _as_array(data: Any) -> NDArray[Any] | None:
         return None  # ragged
 
 
-def _kind(data: Any) -> tuple[str, bool]:
-    """Kind of numbers as numpy letters them, and whether they may not fit into doubles."""
-    array = None if sp.issparse(data) or np.ma.isMaskedArray(data) else _as_array(data)
-    if array is None or array.ndim > 2:
-        return "O", True
-    kind = array.dtype.kind
-    if kind == "f":
-        return ("f", False) if array.dtype.itemsize <= 8 else ("O", True)
-    return kind, kind in "iu" and array.size > 0 and (array.max() > 2**53 or array.min() < -(2**53))
+def _fits_doubles(array: NDArray[Any]) -> bool:
+    """True if conversion to doubles loses nothing."""
+    kind, size = array.dtype.kind, array.dtype.itemsize
+    if kind in "iu" and size == 8 and array.size:
+        return bool(array.min() >= -(2**53) and array.max() <= 2**53)
+    return kind in "iub" or (kind == "f" and size <= 8)
 
 
 def read_cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, removal: Removal | None = None) -> Cone:

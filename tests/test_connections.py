@@ -297,7 +297,7 @@ def test_feedback_through_direct_terms_needs_a_spectral_radius_below_one():
 def test_a_timebase_read_two_ways_gives_a_plain_system():
     unspecified, discrete = orthant_system(dt=None), kp.ConeStateSpace([[0.5]], [[1]], [[1]], 0, True)
     assert unspecified.is_cone_positive()  # read as continuous time
-    for result in (unspecified * discrete, discrete + unspecified, discrete.append(unspecified)):
+    for result in (unspecified * discrete, discrete + unspecified, unspecified.append(discrete)):
         assert type(result) is ct.StateSpace
         assert result.dt is True
     assert unspecified.dt is None  # python-control's append changes its operand
@@ -366,6 +366,32 @@ def test_the_cone_of_no_states():
 # -- rounding towards cones
 
 
+def test_connections_touching_the_boundary_are_rounded_to_the_right_side():
+    # B on the ray (1, -3) of X; fl(3 * 0.1) > 3 * fl(0.1) moves B C out of X
+    X = kp.PolyhedralCone([[0, 1], [1, -3]])
+    outer = kp.ConeStateSpace([[-1, 0], [0, -1]], [[1], [-3]], [[1, 0]], 0, X=X)
+    inner = kp.ConeStateSpace([[-1]], [[1]], [[0.1]], 0)
+    python_control = ct.StateSpace(outer) * ct.StateSpace(inner)
+    assert not kp.ConeStateSpace(python_control, X=kp.orthant(1) * X).is_cone_positive()
+    for result in (outer * inner, outer * np.array([[0.1]]), 0.1 * outer, outer.feedback(inner, 1)):
+        assert result.is_cone_positive()
+    np.testing.assert_allclose((outer * inner).A, python_control.A, atol=1e-15)
+    outward = kp.ConeStateSpace(outer.A, [[1], [-3 - 2.0**-51]], outer.C, 0, X=X)
+    assert not outward.is_cone_positive()
+    np.testing.assert_array_equal((outward * 0.1).B, outward.B * 0.1)  # nothing to restore
+
+
+def test_loops_of_direct_terms_are_rounded_to_the_right_side():
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        D1, D2 = (rng.random((3, 3)) * (rng.random((3, 3)) < 0.6) * 0.6 for _ in range(2))
+        one, other = kp.ConeStateSpace([], [], [], D1), kp.ConeStateSpace([], [], [], D2)
+        loop = one.feedback(other, 1)
+        radius = np.abs(np.linalg.eigvals(D2 @ D1)).max()
+        assert isinstance(loop, kp.ConeStateSpace) == (radius < 1)
+        assert radius >= 1 or loop.is_cone_positive()
+
+
 @given(st.data())
 def test_rounding_moves_by_units_in_the_last_place(data):
     n = data.draw(st.integers(1, 3))
@@ -383,8 +409,11 @@ def test_rounding_gives_up_on_what_is_really_outside():
     X = kp.PolyhedralCone([[0, 1], [1, -2]])
     assert rounded_into(np.array([[0.0, -1.0], [1.0, 0.0]]), X, X) is None
     assert rounded_into(np.array([[1.0, -1.0], [1.0, 0.0]]), kp.orthant(2), kp.orthant(2)) is None
+    assert rounded_into(np.array([[-1.0, -1.0], [1.0, -2.0]]), kp.orthant(2), kp.orthant(2), flow=True) is None
 
 
 def test_rounding_keeps_zeros_between_orthants():
     M = np.array([[1.0, -1e-18], [0.0, 2.0]])
     np.testing.assert_array_equal(rounded_into(M, kp.orthant(2), kp.orthant(2)), [[1, 0], [0, 2]])
+    flow = rounded_into(M - 3 * np.eye(2), kp.orthant(2), kp.orthant(2), flow=True)
+    np.testing.assert_array_equal(flow, [[-2, 0], [0, -1]])
