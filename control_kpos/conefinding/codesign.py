@@ -217,12 +217,15 @@ def _gains(A: Array, B: Array, discrete: bool, robust: bool) -> Iterator[Array]:
     ]
     if robust:
         patterns = [(0.3, 2.5), (0.1, 3.0), (1.0, 2.0), (0.3, 4.0), (1.0, 4.0), (3.0, 3.0), (0.5, 1.5), (10.0, 2.0)]
+    # Close to where the poles are: real, at the open-loop distances, a little apart.
+    near = np.sort(np.abs(values)) + 1e-2 * size
+    for k in range(1, n):
+        near[k] = max(near[k], (1.4 if robust else 1.15) * near[k - 1])
     if not robust:
-        # Close to where the poles are: real, at the open-loop distances, a little apart.
-        near = np.sort(np.abs(values)) + 1e-2 * size
-        for k in range(1, n):
-            near[k] = max(near[k], 1.15 * near[k - 1])
         yield from _placed(A, B, -near)
+    elif n > 1:
+        for front, back in ((0.5, 1.0), (0.25, 1.0), (0.5, 1.6), (0.1, 1.0), (0.2, 2.5)):
+            yield from _placed(A, B, -np.concatenate([[front * near[0]], back * near[1:]]))
     for first, ratio in patterns:
         if robust:
             # The dominant pole alone on the right, the others a factor apart further left.

@@ -29,7 +29,9 @@ from .modes import Modes
 # Part of the available decay kept aside for the strictness of P.
 _SLACK = 0.02
 _TIGHT = 1e-4
-_LARGEST_POLYGON = 5000
+_LARGEST_POLYGON = 8000
+# From this many generators on the first cone found is taken: others would save little and cost much.
+_LARGE = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +90,8 @@ def modal_cone(m: Modes, *, discrete: bool = False, max_rays: int | None = None)
             built = _build(targets, groups, top, discrete, tight=tight)
             if built is not None and (best is None or built.size < best.size):
                 best = built
+        if best is not None and best.size > _LARGE:
+            break
     if best is None or (max_rays is not None and best.size > max_rays):
         return None
     V = np.column_stack([m.right, *m.bases])

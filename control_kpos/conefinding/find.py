@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
-from control import StateSpace
+from control import StateSpace, TransferFunction
 
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.exact import BilinearForms
@@ -95,6 +95,8 @@ def find_cone(
     """
     if few not in ("rays", "facets"):
         raise DataError(f'few is {few!r}; it must be "rays" or "facets".')
+    if isinstance(A, TransferFunction):
+        raise DataError("A is a transfer function, which has no state; convert it with control.ss first.")
     if _is_family(A):
         if contains is not None or within is not None or few == "facets":
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
