@@ -231,3 +231,15 @@ def test_axes_and_cone_must_fit():
 def test_improper_cones_are_refused():
     with pytest.raises(kp.NotProperConeError, match="X"):
         kp.plot_cone(kp.PolyhedralCone([[1, 0, 0], [0, 1, 0]]))
+
+
+def test_choosing_the_backend_in_a_picture_leaves_interactive_mode_on(monkeypatch, node):
+    """In a notebook the first figure chooses the backend, and that turns interactive mode on."""
+    monkeypatch.setattr(plt, "draw_if_interactive", plt.ion)
+    plt.ioff()
+    try:
+        for draw in (lambda: kp.plot_cone(kp.orthant(2)), lambda: kp.phase_portrait(node)):
+            draw()
+            assert plt.isinteractive()
+    finally:
+        plt.ioff()
