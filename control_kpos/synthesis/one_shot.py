@@ -125,10 +125,10 @@ def exact_design(plant: Plant, rate: float, infimum: float = float("nan")) -> De
 
 
 def _fastest(plant: Plant, program: SimplicialProgram) -> DesignResult:
-    start = program.start(None)
-    if isinstance(start, Failure):
-        return _refuse(plant, 0.0, start, program)
-    x, limit = program.largest_rate(start)
+    best = program.supremum_of_rates()
+    if isinstance(best, Failure):
+        return _refuse(plant, 0.0, best, program)
+    x, limit = best
     if np.isinf(limit):
         return DesignResult(
             Status.UNDECIDED,
@@ -158,9 +158,9 @@ def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProg
 def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest | None:
     slowest = bound = None
     if rate > 0:
-        start = program.start(None)
-        if not isinstance(start, Failure):
-            limit = program.largest_rate(start)[1]
+        best = program.supremum_of_rates()
+        if not isinstance(best, Failure):
+            limit = best[1]
             slowest = limit if np.isfinite(limit) and limit > 0 else None
     if plant.gain_bound is not None:
         unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.free, program.lp)

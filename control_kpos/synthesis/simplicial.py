@@ -187,6 +187,27 @@ class SimplicialProgram:
         )
         return x, np.inf if theta <= stop else (1.0 if self.plant.discrete else 0.0) - theta
 
+    def supremum_of_rates(self) -> tuple[Floats, float] | Failure:
+        """Point of largest decay rate over all gains, and that rate (inf if nothing limits it).
+
+        Near the supremum entries of xi may have to vanish, where `largest_rate` can stall; programs at higher
+        rates find another start, or show that there is none.
+        """
+        start = self.start(0.0)
+        if isinstance(start, Failure):
+            start = self.start(None)
+        if isinstance(start, Failure):
+            return start
+        x, rate = self.largest_rate(start)
+        step = max(abs(rate), 0.1 * self.plant.scale)
+        while np.isfinite(rate) and step > 1e-4 * max(abs(rate), 1e-3 * self.plant.scale):
+            higher = self.start(rate + step)
+            if isinstance(higher, Failure):
+                step /= 4
+            else:
+                x, rate = max((self.largest_rate(higher), (higher, rate + step)), key=lambda pair: pair[1])
+        return x, rate
+
     def centred(self, rate: float, gain: float | None, x: Floats) -> Floats:
         """A point near x with margins wherever they are free."""
         rows = np.concatenate([self.closed, -self._decreasing(rate)])

@@ -88,8 +88,8 @@ def gain_rate_tradeoff(
     if free is None:
         raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
     program = SimplicialProgram(plant, free, backend(None, 600.0))
-    start = program.start(None)
-    largest = -np.inf if isinstance(start, Failure) else program.largest_rate(start)[1]
+    best = program.supremum_of_rates()
+    largest = -np.inf if isinstance(best, Failure) else best[1]
     if rates is None:
         if not 0 < largest < np.inf:
             raise DataError("rates is missing, and no finite positive largest rate suggests any; give rates.")
