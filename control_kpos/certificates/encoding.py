@@ -11,7 +11,7 @@ import re
 from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,8 +29,10 @@ _DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,9})\.?([0-9a-f]{0,30})p([+-]\d{1,4})")
 
 _records: dict[str, type] = {}
 
+T = TypeVar("T")
 
-def register_record(cls: type) -> type:
+
+def register_record(cls: type[T]) -> type[T]:
     """Class decorator: dataclasses of this kind may stand in certificate files."""
     _records[cls.__name__] = cls
     return cls

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -24,7 +25,7 @@ from .blocks import Floats, Index, apply
 from .model import NetworkModel, NodeStack
 from .solvers import PortSystem, banded_order, direct_loop
 
-Progress = Callable[[str], None]
+Progress: TypeAlias = Callable[[str], None]
 
 
 @dataclass

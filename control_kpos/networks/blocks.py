@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import lcm
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, Matrix, rounding_radius
 
-Floats = NDArray[np.float64]
-Index = NDArray[np.intp]
+Floats: TypeAlias = NDArray[np.float64]
+Index: TypeAlias = NDArray[np.intp]
 
 
 def exact_block(matrices: Sequence[ExactMatrix], axis: int) -> ExactMatrix:
@@ -82,10 +82,10 @@ def inverse(stack: Floats) -> Floats:
     """Inverses of a stack (N, n, n); all NaN where a matrix is singular."""
     if stack.shape[-1] == 1:
         with np.errstate(divide="ignore"):
-            return 1.0 / stack
+            return np.reciprocal(stack).astype(np.float64, copy=False)
     try:
         with np.errstate(all="ignore"):
-            return np.linalg.inv(stack)
+            return np.asarray(np.linalg.inv(stack), dtype=np.float64)
     except np.linalg.LinAlgError:
         pass
     with np.errstate(all="ignore"):  # numpy gives up on the whole stack: set the singular ones aside

@@ -57,9 +57,11 @@ class StackedForms(BilinearForms):
         """See `BilinearForms`."""
         return np.concatenate([forms.magnitudes for _, forms in self._pieces])
 
-    def signs(self, where: NDArray[np.bool_] | None = None) -> Any:
+    def signs(self, where: NDArray[np.bool_] | None = None, *, integers: bool = True) -> Any:
         """See `BilinearForms`."""
-        return np.concatenate([forms.signs(None if where is None else where[part]) for part, forms in self._pieces])
+        chosen = [None if where is None else where[part] for part, _ in self._pieces]
+        parts = zip(chosen, self._pieces, strict=True)
+        return np.concatenate([forms.signs(wanted, integers=integers) for wanted, (_, forms) in parts])
 
 
 def stacked(left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> BilinearForms:

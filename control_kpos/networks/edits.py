@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,7 +27,7 @@ from .certificate import NetworkCertificate, flat, per_node
 from .certify import nudge, provable_rate, supply_rates
 from .model import NetworkModel, NodeStack, same_timebase
 
-Blocks = dict[int, Floats]
+Blocks: TypeAlias = "dict[int, Floats]"
 _SHARES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 
 
@@ -98,7 +98,7 @@ class Overlay:
 
     @cached_property
     def _flat(self) -> tuple[Floats, Floats, Floats]:
-        cached = self.base.__dict__.get("_flat")
+        cached: Any = vars(self.base).get("_flat")
         if cached is None:
             model = self.base.model
             values = (self.base.v, self.base.r, self.base.q)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -93,10 +94,8 @@ def feedback_interconnect(
         external = (_select(model, inputs, 1, "inputs"), _select(model, outputs, 2, "outputs"))
     find = None
     if supply_rates is not None:
-        rates = read_rates(model, supply_rates)
-
-        def find(m: NetworkModel) -> Any:
-            return certify_rates(m, *rates)
+        q, r = read_rates(model, supply_rates)
+        find = partial(certify_rates, q=q, r=r)
 
     return ConeNetwork(model, external=external, name=name, find=find, progress=progress)
 

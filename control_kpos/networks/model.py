@@ -24,7 +24,7 @@ from ..arrays import ExactMatrix
 from ..certificates.files import register_record
 from ..errors import ShapeError, TimebaseError
 from ..statespace import ConeStateSpace
-from .blocks import Floats, Index, block_diagonal, exact_block, exact_stack, is_zero
+from .blocks import Floats, Index, block_diagonal, exact_stack, is_zero
 from .nodes import NodeStack as NodeStack
 from .nodes import Timebase as Timebase
 
@@ -213,7 +213,7 @@ def gather(
     TimebaseError
         Nodes with different timebases.
     """
-    items = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else list(systems)
+    items: list[Any] = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else list(systems)
     if not items:
         raise ShapeError("systems is empty; a network needs at least one node.")
     dt: Timebase = None
@@ -268,20 +268,20 @@ def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> l
 def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     first = systems[0]
     exact = [s._exact() for s in systems]
-    data = []
+    data: dict[str, ExactMatrix] = {}
     for name in "ABCD":
         known = [e.get(name) for e in exact]
         matrices = [
             ExactMatrix(np.asarray(getattr(s, name), dtype=float)) if m is None else m
             for s, m in zip(systems, known, strict=True)
         ]
-        data.append(exact_stack(matrices))
+        data[name] = exact_stack(matrices)
     named = not first._generic_name_check()
     names = tuple(s.name for s in systems) if named else ()
     labels = ()
     if len(systems) <= READABLE:
         labels = tuple((tuple(s.state_labels), tuple(s.input_labels), tuple(s.output_labels)) for s in systems)
-    return NodeStack(*data, first.X, first.U, first.Y, first.dt, names, labels)
+    return NodeStack(**data, X=first.X, U=first.U, Y=first.Y, dt=first.dt, names=names, labels=labels)
 
 
 def same_timebase(a: Timebase, b: Timebase) -> bool:
@@ -291,23 +291,3 @@ def same_timebase(a: Timebase, b: Timebase) -> bool:
     if a is True or b is True:
         return bool(a) and bool(b)
     return a == b
-
-
-def identity(size: int) -> ExactMatrix:
-    """The identity as exact data."""
-    return ExactMatrix(np.eye(size))
-
-
-def beside(*matrices: ExactMatrix) -> ExactMatrix:
-    """Exact matrices beside each other."""
-    return exact_block(matrices, axis=-1)
-
-
-def below(*matrices: ExactMatrix) -> ExactMatrix:
-    """Exact matrices below each other."""
-    return exact_block(matrices, axis=-2)
-
-
-def constant(values: NDArray[np.float64]) -> ExactMatrix:
-    """Doubles as exact data."""
-    return ExactMatrix(values)

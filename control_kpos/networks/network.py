@@ -179,10 +179,11 @@ class ConeNetwork(NetworkResponses):
             Otherwise it is found anew when first asked for.
         """
         model = self.model.with_coupling(read_coupling(coupling, self.model))
+        known = self.certificate
         return ConeNetwork(
             model,
             external=self._external,
-            certificate=inherit(getattr(self.certificate, "whole", self.certificate), model),
+            certificate=inherit(known.whole if isinstance(known, LocalCertificate) else known, model),
             progress=self._progress,
         )
 

@@ -59,10 +59,10 @@ class NodeStack:
     def take(self, index: Any) -> NodeStack:
         """The nodes at these places, as a stack."""
         index = np.atleast_1d(np.asarray(index, dtype=np.intp))
-        blocks = [exact_take(m, index) for m in (self.A, self.B, self.C, self.D)]
+        a, b, c, d = (exact_take(m, index) for m in (self.A, self.B, self.C, self.D))
         names = tuple(self.names[i] for i in index) if self.names else ()
         labels = tuple(self.labels[i] for i in index) if self.labels else ()
-        return NodeStack(*blocks, self.X, self.U, self.Y, self.dt, names, labels)
+        return NodeStack(a, b, c, d, self.X, self.U, self.Y, self.dt, names, labels)
 
     def __repr__(self) -> str:
         n, m, q = self.sizes

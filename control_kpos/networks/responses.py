@@ -170,7 +170,7 @@ class NetworkResponses(NetworkShell):
         if np.ndim(delays) == 0 and not sp.issparse(delays):
             tau = np.full(coo.nnz, float(vector(np.array([delays]), "delays")[0]))
         else:
-            table = delays if sp.issparse(delays) else exact_matrix(delays, "delays").values
+            table: Any = delays if sp.issparse(delays) else exact_matrix(delays, "delays").values
             if table.shape != coo.shape:
                 raise ShapeError(
                     f"delays is {table.shape[0]} x {table.shape[1]}; it must be a number or {coo.shape[0]} x "

@@ -9,7 +9,7 @@ between samples, as in python-control.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -24,7 +24,7 @@ from .blocks import Floats, Index, apply
 from .closedloop import ClosedLoop
 from .model import NetworkModel
 
-Progress = Callable[[str], None]
+Progress: TypeAlias = Callable[[str], None]
 # Length of a window times the norm of A: rounding errors grow by e to this power.
 _REACH = 6.0
 _TAIL = 1e-13
@@ -45,7 +45,7 @@ def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.
         end = float(vector(np.array([T]), "T")[0])
         if not end > 0:
             raise DataError(f"T is {end:g}; the final time must be positive.")
-        return np.arange(round(end / step) + 1) * step if step else np.linspace(0.0, end, count)
+        return np.arange(float(round(end / step) + 1)) * step if step else np.linspace(0.0, end, count)
     times = vector(T, "T")
     if times.size == 0:
         raise ShapeError("T is empty; give sample times or a final time.")
@@ -281,7 +281,8 @@ def delayed(
 
     def arriving(i: int) -> Floats:
         recent, older = past[(i - whole) % reach, source], past[(i - whole - 1) % reach, source]
-        return np.bincount(target, W.data * ((1 - share) * recent + share * older), minlength=M)
+        late = W.data * ((1 - share) * recent + share * older)
+        return np.bincount(target, late, minlength=M).astype(np.float64, copy=False)
 
     y = output(x0, np.zeros(M))
     for _ in range(50 if model.has_feedthrough else 0):
@@ -295,7 +296,8 @@ def delayed(
             apply(f, x_g) + apply(g0, u_g)
             for (f, g0, _), x_g, u_g in zip(advance, model.split(x, 0), model.split(u, 1), strict=True)
         ]
-        slot = past[i % reach] = past[(i - 1) % reach]
+        u_new, slot = u, past[(i - 1) % reach]
+        past[i % reach] = slot
         for _ in range(3):  # links shorter than a step see the new outputs
             u_new = arriving(i)
             x = model.join(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,7 +20,7 @@ from .certify import certify, loop_weights, provable_rate, violation
 from .model import NetworkModel
 from .witnesses import NodeNotDissipative, NoWeights, node_positivity
 
-SupplyRates = Sequence[Any]
+SupplyRates: TypeAlias = Sequence[Any]
 
 
 def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Floats, Floats]:
