@@ -165,7 +165,7 @@ class SimplicialProgram:
                 except np.linalg.LinAlgError:
                     return None
             if rightmost < 0 and (xi > 0).all():
-                return np.concatenate([xi, answer.x * xi[free]])
+                return np.asarray(np.concatenate([xi, answer.x * xi[free]]), dtype=float)
             if not (np.isfinite(v).all() and (v > 0).all()):
                 return None
             v = v / v.max()
