@@ -1,7 +1,7 @@
 """A proper polyhedral cone for one matrix: what to try, in which order.
 
 1. The modes of A and polygons, where eigenvectors are well conditioned (`explicit`).
-2. A Schur form, where they are not (`schur`).
+2. The same for a neighbouring matrix with distinct eigenvalues, where they are not.
 3. Exact rational modes, where A has several dominant eigenvalues (`rational_modes`).
 Every candidate is put to the proof; the first one proven wins.
 """
@@ -11,18 +11,22 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from .certificate import ConeCertificate
 from .existence import layer
 from .explicit import Candidate, modal_cone
-from .modes import Modes, modes
+from .modes import Modes, dominant_index, modes
 from .multipliers import multipliers
 from .rational_modes import rational_cones
 
-# Beyond this, eigenvectors are given up for a Schur form.
+# Beyond the first, a neighbouring matrix with better eigenvectors is tried before A's own; beyond the
+# second, A's own are given up.
+_WELL_CONDITIONED = 1e4
 _ILL_CONDITIONED = 1e8
+_SPREADS = (0.3, 0.5, 0.7, 0.15)
 
 
 def balanced(A: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -61,10 +65,50 @@ def balancing_units(size: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[Candidate]:
     """Cones worth proving, the most economic first."""
-    if m is not None and m.conditioning < _ILL_CONDITIONED:
+    if m is not None and m.conditioning < _WELL_CONDITIONED:
         found = modal_cone(m, discrete=discrete, max_rays=max_rays)
         if found is not None:
             yield found
+            return
+    for part in _SPREADS:
+        near = modes(spread(A, part, discrete=discrete), discrete=discrete)
+        if near is None or not near.conditioning < (m.conditioning if m is not None else np.inf):
+            continue
+        found = modal_cone(near, discrete=discrete, max_rays=max_rays)
+        if found is not None:
+            yield Candidate(found.R, found.pointing, None, found.separators)
+    if m is not None and _WELL_CONDITIONED <= m.conditioning < _ILL_CONDITIONED:
+        found = modal_cone(m, discrete=discrete, max_rays=max_rays)
+        if found is not None:
+            yield found
+
+
+def spread(A: NDArray[np.float64], part: float, *, discrete: bool) -> NDArray[np.float64]:
+    """A with its other eigenvalues moved towards the dominant one, each by a different part of its gap.
+
+    A (nearly) defective A has no usable eigenvectors; a neighbour with less decay has, and its cone has room
+    for A.  The dominant eigenvector stays.
+    """
+    values = np.linalg.eigvals(A).astype(np.complex128)
+    top = values[dominant_index(values, discrete=discrete)].real
+    near = 1e-6 * float(np.abs(values).max(initial=0.0))
+    T, Z, _ = sl.schur(A, output="real", sort=lambda re, im: abs(re - top) <= near and abs(im) <= near)
+    n = len(T)
+    k = 1
+    while k < n:
+        size = 2 if k + 1 < n and T[k + 1, k] != 0 else 1
+        at = slice(k, k + size)
+        block = T[at, at]
+        amounts = part * np.arange(k + 1, k + size + 1) / n
+        value = complex(np.linalg.eigvals(block)[0])
+        gap = top - (abs(value) if discrete else value.real)
+        if value.real >= 0 or not discrete:
+            nearly_real = abs(value.imag) < 0.1 * part * gap
+            T[at, at] = block + gap * np.diag(amounts if nearly_real else amounts[:1].repeat(size))
+        else:
+            T[at, at] = block * (1 + amounts[0] * gap / abs(value))
+        k += size
+    return Z @ T @ Z.T
 
 
 def find_single(
