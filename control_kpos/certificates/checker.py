@@ -46,7 +46,7 @@ def plus(*terms):  # sum of c x over pairs (c, x), without zeros
 def mul(M, x):
     return plus(*((c, M[j]) for j, c in x.items() if j in M))
 def dot(x, y):
-    return sum((a * y[i] for i, a in x.items() if i in y), Fraction(0))
+    return sum((x[i] * y[i] for i in min(x, y, key=len) if i in x and i in y), Fraction(0))
 
 # -- cones
 def cone(runs, limit):  # the product of cones, each `count` times; pointed because w'x > 0, solid because R Z = I

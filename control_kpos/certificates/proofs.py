@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
-from ..cones import Cone, Orthant, ProductCone
+from ..cones import Cone, Orthant, ProductCone, orthant
 from ..errors import TooLargeError
 from ..rational_programs import exact_feasibility
 from .encoding import encode_triplets, nested_text, number_text
@@ -29,6 +29,7 @@ _BITS = 10**8
 _PROGRAMS = 3000
 _WORK = 10**8
 _BLOCKS = 2 * 10**5
+_HALF_LINE = orthant(1)
 
 
 class ProofOmittedError(ArithmeticError):
@@ -165,12 +166,14 @@ class Prover:
 
 
 def _blocks(cone: Cone) -> list[_Block]:
-    if not isinstance(cone, ProductCone):
-        return [_Block(cone, 0, 0)]
-    if sum(cone.counts) > _BLOCKS:
+    runs = list(zip(cone.factors, cone.counts, strict=True)) if isinstance(cone, ProductCone) else [(cone, 1)]
+    runs = [
+        (_HALF_LINE, factor.dim * count) if isinstance(factor, Orthant) else (factor, count) for factor, count in runs
+    ]
+    if sum(count for _, count in runs) > _BLOCKS:
         raise ProofOmittedError(f"the product has more than {_BLOCKS} factors")
     out, row, ray = [], 0, 0
-    for factor, count in zip(cone.factors, cone.counts, strict=True):
+    for factor, count in runs:
         n_rays = factor.n_rays
         for _ in range(count):
             out.append(_Block(factor, row, ray))

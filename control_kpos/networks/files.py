@@ -54,9 +54,14 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
     DataError
         The parts do not fit together.
     """
+    if any(
+        not ((part >= 0) & (part < 2**31) & (part == np.round(part))).all()
+        for part in (contents["sizes"], contents["stack"])
+    ):
+        raise DataError("sizes and stack are not whole numbers.")
     sizes, stack = contents["sizes"].astype(np.intp), contents["stack"].astype(np.intp)
     cones, names = contents["cones"], contents["names"]
-    if sizes.shape != (len(stack), 3) or (sizes < 0).any() or not np.isin(stack, np.arange(len(cones))).all():
+    if sizes.shape != (len(stack), 3) or not np.isin(stack, np.arange(len(cones))).all():
         raise DataError("sizes and stack do not describe nodes.")
     offsets = np.concatenate([np.zeros((1, 3), dtype=np.intp), np.cumsum(sizes, axis=0)])
     members = [np.flatnonzero(stack == g) for g in range(len(cones))]

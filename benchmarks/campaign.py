@@ -1,0 +1,128 @@
+"""The long campaign: random systems with exact truth, changed descriptions, changed files, changed operators.
+
+    python benchmarks/campaign.py systems 100000 --seed 1
+    python benchmarks/campaign.py descriptions 1000
+    python benchmarks/campaign.py cones 10000
+    python benchmarks/campaign.py files 100000
+    python benchmarks/campaign.py kernel
+
+Prints one line per part; the exit status is 1 if anything false was found.
+"""
+
+import argparse
+import json
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "tests"))
+sys.path.insert(0, str(ROOT))
+
+import campaigns  # noqa: E402
+import certified  # noqa: E402
+import tampering  # noqa: E402
+
+from control_kpos.certificates import exact  # noqa: E402
+
+
+def systems(count, seed):
+    """Near-marginal Metzler matrices against exact minors."""
+    found = campaigns.wrong_verdicts(count, seed)
+    print(f"{count} systems, {found['stable']} stable: {len(found['false'])} false, {found['undecided']} undecided")
+    return found["false"]
+
+
+def descriptions(count, seed):
+    """Similarity, order, scalings, repeated generators."""
+    found = campaigns.changed_verdicts(count, seed)
+    print(f"{count} systems in eight descriptions: {len(found)} changed verdicts {sorted({name for name, _ in found})}")
+    return found
+
+
+def cones(count, seed):
+    """Both readers of files on cones with many generators."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = campaigns.polyhedral_disagreements(count, seed, Path(folder) / "file.json")
+    print(f"{count} systems on polyhedral cones: {len(found)} disagreements {[item[2] for item in found[:3]]}")
+    return found
+
+
+def files(count, seed):
+    """Mutants of certificate files of every kind."""
+    with tempfile.TemporaryDirectory() as folder:
+        path, contents = Path(folder) / "file.json", []
+        for make in certified.CERTIFICATES.values():
+            make().save(path)
+            contents.append(json.loads(path.read_text()))
+        each = -(-count // len(contents))
+        found, accepted = campaigns.contradictions(contents, each, seed, path)
+    print(f"{each * len(contents)} changed files: {accepted} accepted, {len(found)} of them falsely")
+    return found
+
+
+def kernel(_, seed):
+    """Every comparison, sign and connective of the trusted kernel changed, the tests of the kernel run on each."""
+    path = Path(exact.__file__)
+    source, survivors, count = path.read_text(), [], 0
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder)
+        subprocess.run(
+            [
+                "cp",
+                "-r",
+                str(ROOT / "control_kpos"),
+                str(ROOT / "tests"),
+                str(ROOT / "conftest.py"),
+                str(ROOT / "pyproject.toml"),
+                folder,
+            ],
+            check=True,
+        )
+        target = copy / "control_kpos" / "certificates" / "exact.py"
+        for where, tree in tampering.source_mutants(source):
+            count += 1
+            target.write_text(tampering.ast.unparse(tampering.ast.fix_missing_locations(tree)))
+            command = [
+                sys.executable,
+                "-m",
+                "pytest",
+                "-x",
+                "-q",
+                "-p",
+                "no:cacheprovider",
+                "-p",
+                "no:xdist",
+                "tests/test_exact.py",
+            ]
+            try:
+                done = subprocess.run(command, cwd=copy, capture_output=True, timeout=300, check=False)
+                killed = done.returncode != 0
+            except subprocess.TimeoutExpired:
+                killed = True
+            if not killed:
+                survivors.append(where)
+                print(f"  survives: {where}", flush=True)
+    print(f"{count} changed operators in the kernel: {len(survivors)} not noticed by tests/test_exact.py")
+    return [where for where in survivors if not re.search("_CHUNK|_SMALL|EXACT_LIMIT", where)]
+
+
+def main():
+    """Run one part."""
+    parts = {part.__name__: part for part in (systems, descriptions, cones, files, kernel)}
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", choices=parts)
+    parser.add_argument("count", type=int, nargs="?", default=1000)
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    start = time.perf_counter()
+    found = parts[options.part](options.count, options.seed)
+    print(f"seed {options.seed}, {time.perf_counter() - start:.0f} s")
+    return int(bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,173 @@
+"""Certificate files with one thing changed, and source code with one operator changed."""
+
+import ast
+import copy
+import hashlib
+import json
+import random
+
+
+def redigested(content):
+    """The content with the digest that belongs to its data."""
+    text = json.dumps(content["data"], sort_keys=True, separators=(",", ":"))
+    return {**content, "digest": "sha256:" + hashlib.sha256(text.encode()).hexdigest()}
+
+
+def leaves(node, path=()):
+    """Paths to everything in JSON data that is not a list or an object."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from leaves(value, (*path, key))
+    elif isinstance(node, list):
+        for index, value in enumerate(node):
+            yield from leaves(value, (*path, index))
+    else:
+        yield path
+
+
+def at(content, path):
+    for key in path:
+        content = content[key]
+    return content
+
+
+def replaced(content, path, value):
+    """A copy with another value at a path, and the digest that belongs to it."""
+    out = copy.deepcopy(content)
+    at(out, path[:-1])[path[-1]] = value
+    return redigested(out)
+
+
+def is_number(value):
+    return not isinstance(value, bool) and (
+        isinstance(value, int) or (isinstance(value, str) and value[:1] in "-0123456789")
+    )
+
+
+NUMBERS = (
+    0,
+    1,
+    -1,
+    2,
+    -3,
+    "1/3",
+    "-0x1.8000000000000p+0",
+    "0x1.0000000000000p-60",
+    "-1/1000000",
+    "1000000000000000000",
+)
+THINGS = (
+    None,
+    True,
+    False,
+    [],
+    {},
+    "",
+    "PROVED",
+    "REFUTED",
+    "A",
+    "B",
+    [1],
+    {"array": [1]},
+    10**5 + 7,
+    "nan",
+    "1e9",
+    "0x",
+    -1,
+)
+
+
+def mutants(content, count, seed):
+    """Random changes of a file: numbers, other values, parts taken away or doubled."""
+    rng = random.Random(seed)
+    paths = [path for path in leaves(content) if path[0] in ("claim", "status", "data", "proof")]
+    numbers = [path for path in paths if is_number(at(content, path))]
+    for _ in range(count):
+        kind = rng.random()
+        if kind < 0.7 and numbers:
+            yield replaced(content, rng.choice(numbers), rng.choice(NUMBERS))
+        elif kind < 0.85:
+            yield replaced(content, rng.choice(paths), rng.choice(THINGS))
+        else:
+            path = rng.choice(paths)
+            out = copy.deepcopy(content)
+            part = at(out, path[: rng.randint(1, len(path))][:-1])
+            if isinstance(part, dict) and part:
+                del part[rng.choice(list(part))]
+            elif isinstance(part, list) and part:
+                index = rng.randrange(len(part))
+                part[index:index] = [] if rng.random() < 0.5 else [part[index]]
+                if rng.random() < 0.5:
+                    del part[index]
+            yield redigested(out) if "data" in out else out
+
+
+# -- source code
+
+COMPARISONS = {
+    ast.Lt: (ast.LtE, ast.Gt),
+    ast.LtE: (ast.Lt, ast.GtE),
+    ast.Gt: (ast.GtE, ast.Lt),
+    ast.GtE: (ast.Gt, ast.LtE),
+    ast.Eq: (ast.NotEq,),
+    ast.NotEq: (ast.Eq,),
+    ast.In: (ast.NotIn,),
+    ast.NotIn: (ast.In,),
+    ast.Is: (ast.IsNot,),
+    ast.IsNot: (ast.Is,),
+}
+OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add}
+
+
+def source_mutants(source, functions=None):
+    """Pairs of (where, syntax tree) with one comparison, sign, connective or negation changed.
+
+    With `functions`, only inside functions of these names.
+    """
+    tree = ast.parse(source)
+    for parent, name in places(tree):
+        if functions is not None and name not in functions:
+            continue
+        for node, change in changes(parent):
+            undo = change()
+            yield f"line {node.lineno}: {ast.unparse(parent)[:100]}", copy.deepcopy(tree)
+            undo()
+
+
+def places(tree, name=""):
+    for child in ast.iter_child_nodes(tree):
+        inside = child.name if isinstance(child, ast.FunctionDef) else name
+        yield child, inside
+        yield from places(child, inside)
+
+
+def changes(node):
+    """Changes of one node, each as a function that makes it and returns one that undoes it."""
+
+    def setter(owner, field, value):
+        def change():
+            old = getattr(owner, field)
+            setattr(owner, field, value)
+            return lambda: setattr(owner, field, old)
+
+        return change
+
+    if isinstance(node, ast.Compare):
+        for k, operator in enumerate(node.ops):
+            for other in COMPARISONS[type(operator)]:
+                yield node, setter(node, "ops", [*node.ops[:k], other(), *node.ops[k + 1 :]])
+    elif isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+        yield node, setter(node, "op", OPERATORS[type(node.op)]())
+    elif isinstance(node, ast.BoolOp):
+        yield node, setter(node, "op", ast.And() if isinstance(node.op, ast.Or) else ast.Or())
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        yield node, setter(node, "op", ast.UAdd())
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not):
+        yield node, setter(node, "operand", ast.UnaryOp(ast.Not(), node.operand))
+
+
+def compiled(tree, name):
+    """Names that a changed module defines."""
+    out = {"__name__": name}
+    exec(compile(ast.fix_missing_locations(tree), name, "exec"), out)  # noqa: S102
+    return out

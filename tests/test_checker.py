@@ -1,0 +1,277 @@
+"""The independent checker: against the package, on changed files, and with its own operators changed."""
+
+import ast
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import certified
+import pytest
+import tampering
+
+import control_kpos as kp
+from control_kpos.__main__ import main as command_line
+from control_kpos.certificates import checker
+from control_kpos.errors import CertificateFileError
+
+SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
+LIMIT = 10**5
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """The contents of a file of every kind, by name."""
+    folder, out = tmp_path_factory.mktemp("files"), {}
+    for name, make in certified.CERTIFICATES.items():
+        make().save(folder / "file.json")
+        out[name] = json.loads((folder / "file.json").read_text())
+    return out
+
+
+def outcome(names, content, limit=LIMIT):
+    """PROVED or REFUTED where the content proves it, WRONG where it does not, UNREADABLE."""
+    try:
+        names["verify"](content, limit)
+        return content["status"]
+    except names["Wrong"]:
+        return "WRONG"
+    except Exception:
+        return "UNREADABLE"
+
+
+# -- by hand: scalar systems on half-lines, with nothing between right and wrong
+
+HALF = {"cone": [[1, {"rays": [[1]], "w": [1], "Z": [[1]]}]]}
+
+
+def scalar(claim, status="PROVED", *, A=-2, B=1, C=1, D=0, v=1, q=-1, r=1, decay=0, W=None, discrete=False, **proof):
+    data = {name: {"matrix": [[x]]} for name, x in zip("ABCD", (A, B, C, D), strict=True)}
+    data |= {name: HALF for name in "XUY"} | {"discrete": discrete, "witness": None}
+    vectors = {name: None if x is None else {"array": [x]} for name, x in (("v", v), ("q", q), ("r", r))}
+    if W is not None:
+        data["W"] = {"matrix": [[W]]}
+        proof = {name.upper(): x for name, x in vectors.items()} | dict.fromkeys("pt") | proof
+    data |= vectors | {"decay_rate": {"double": decay}}
+    return {"claim": claim, "status": status, "data": data, "proof": proof}
+
+
+def direction(x, u, rate=0):
+    return {"x": {"array": [x]}, "u": {"array": [u]}, "rate": rate}
+
+
+def weights(p, t):
+    return {"p": {"array": [p]}, "t": {"array": [t]}}
+
+
+def slanted():
+    """v'x = 0 on a generator although (v'A - q'C) x < 0 on both."""
+    out = scalar("dissipative")
+    plane = {"cone": [[2, HALF["cone"][0][1]]]}
+    out["data"] |= {"X": plane, "A": {"matrix": [[-1, 0], [0, -1]]}, "B": {"matrix": [[0], [0]]}}
+    out["data"] |= {"C": {"matrix": [[0, 1]]}, "v": {"array": [1, 0]}, "q": {"array": [1]}}
+    return out
+
+
+BY_HAND = {
+    "stable": (scalar("stable", decay=2), "PROVED"),
+    "at a rate it does not have": (scalar("stable", decay="2.0000001"), "WRONG"),
+    "at a negative rate": (scalar("stable", decay=-1), "WRONG"),
+    "constant": (scalar("stable", A=0), "WRONG"),
+    "constant in discrete time": (scalar("stable", A=1, discrete=True), "WRONG"),
+    "stable in discrete time": (scalar("stable", A="1/2", discrete=True, decay="1/2"), "PROVED"),
+    "neither continuous nor discrete": (scalar("stable", discrete=2), "UNREADABLE"),
+    "v on the boundary": (slanted(), "WRONG"),
+    "supply used up": (scalar("dissipative"), "PROVED"),
+    "too little supply": (scalar("dissipative", r="0.999"), "WRONG"),
+    "feedthrough needs supply": (scalar("dissipative", D=1), "WRONG"),
+    "feedthrough has supply": (scalar("dissipative", D=1, r=2), "PROVED"),
+    "zero is no witness": (scalar("stable", "REFUTED", A=1, **direction(0, 0)), "WRONG"),
+    "a witness": (scalar("stable", "REFUTED", A=0, **direction(1, 0)), "REFUTED"),
+    "a witness with input": (scalar("stable", "REFUTED", **direction(1, 2)), "WRONG"),
+    "an input moves the state": (scalar("dissipative", "REFUTED", r=0, **direction(0, 1)), "REFUTED"),
+    "an input gives supply": (scalar("dissipative", "REFUTED", r="0.1", **direction(0, 1)), "WRONG"),
+    "an input costs supply": (scalar("dissipative", "REFUTED", B=0, r=-1, **direction(0, 1)), "REFUTED"),
+    "an input does nothing": (scalar("dissipative", "REFUTED", B=0, r=0, **direction(0, 1)), "WRONG"),
+    "no input, no state": (scalar("dissipative", "REFUTED", **direction(0, 0)), "WRONG"),
+    "input although r is free": (scalar("dissipative", "REFUTED", r=None, **direction(0, 1)), "WRONG"),
+    "grows in discrete time": (scalar("stable", "REFUTED", A=1, discrete=True, **direction(1, 0, 1)), "REFUTED"),
+    "shrinks in discrete time": (scalar("stable", "REFUTED", A="1/2", discrete=True, **direction(1, 0, 0)), "WRONG"),
+    "balanced nodes": (scalar("network", W=1), "PROVED"),
+    "nodes out of balance": (scalar("network", W=2), "WRONG"),
+    "contracting loop": (scalar("network", D="1/2", r="1.5", W="1/2", **weights(1, "1/2")), "PROVED"),
+    "loop of gain one": (scalar("network", D=1, r=2, W="1/2", **weights("1/2", 1)), "WRONG"),
+    "loop not examined": (scalar("network", D="1/2", r="1.5", W="1/2"), "UNREADABLE"),
+    "loop without weight": (scalar("network", D="1/2", r="1.5", W="1/2", **weights(-1, "-1/2")), "WRONG"),
+    "undecided": (scalar("stable", "UNDECIDED"), "WRONG"),
+    "without proof": (scalar("stable", omitted="too long"), "UNREADABLE"),
+    "another claim": (scalar("lovely"), "UNREADABLE"),
+}
+
+
+def with_cone(*counts):
+    out = scalar("positive")
+    n = sum(x for x in counts if isinstance(x, int))
+    out["data"] |= {
+        "X": {"cone": [[count, HALF["cone"][0][1]] for count in counts]},
+        "A": {"sparse": [], "shape": [n, n]},
+    }
+    return {**out, "data": {**out["data"], "B": None, "C": None, "D": None, "U": None, "Y": None}}
+
+
+SIZES = [  # cone, limit, outcome
+    (with_cone(3), 3, "PROVED"),
+    (with_cone(3), 2, "UNREADABLE"),
+    (with_cone(2, 2), 4, "PROVED"),
+    (with_cone(2, 2), 3, "UNREADABLE"),
+    (with_cone(3, 1), 3, "UNREADABLE"),
+    (with_cone(0), 3, "UNREADABLE"),
+    (with_cone(True), 3, "UNREADABLE"),
+    (with_cone(1, 0), 3, "UNREADABLE"),
+]
+
+
+@pytest.mark.parametrize("name", BY_HAND)
+def test_cases_by_hand(name):
+    content, expected = BY_HAND[name]
+    assert outcome(vars(checker), content) == expected
+
+
+def test_sizes_are_bounded():
+    assert [outcome(vars(checker), content, limit) for content, limit, _ in SIZES] == [case[2] for case in SIZES]
+
+
+# -- with the package
+
+
+@pytest.mark.parametrize("name", certified.CERTIFICATES)
+def test_package_and_checker_agree(name, tmp_path, capsys):
+    certificate = certified.CERTIFICATES[name]()
+    expected = "REFUTED" if "not" in name.split() or "unstable" in name or "wrong" in name else "PROVED"
+    assert certificate.status.name == expected
+    certificate.save(tmp_path / "file.json")
+    assert checker.main(tmp_path / "file.json") == (0 if certificate else 1)
+    assert capsys.readouterr().out.split()[0] == certificate.status.name
+    assert kp.load_certificate(tmp_path / "file.json").status is certificate.status
+    assert command_line(["check", str(tmp_path / "file.json")]) == (0 if certificate else 1)
+    assert "independent checker confirms" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("name", certified.FOR_THE_PACKAGE)
+def test_files_without_a_proof_say_so(name, tmp_path, capsys):
+    certified.FOR_THE_PACKAGE[name]().save(tmp_path / "file.json")
+    assert checker.main(tmp_path / "file.json") == 2
+    assert "leaves out its proof" in capsys.readouterr().out
+    command_line(["check", str(tmp_path / "file.json")])
+    assert "Not checked independently" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("number", range(len(certified.CERTIFICATES)))
+def test_changed_files_are_never_accepted_by_one_and_contradicted_by_the_other(number, files, tmp_path):
+    name = list(certified.CERTIFICATES)[number]
+    for content in tampering.mutants(files[name], 20, seed=number):
+        verdict = outcome(vars(checker), content)
+        (tmp_path / "file.json").write_text(json.dumps(content))
+        try:
+            package = kp.load_certificate(tmp_path / "file.json").status.name
+        except CertificateFileError:
+            package = None
+        if verdict in ("PROVED", "REFUTED") and package is not None:
+            assert package == verdict
+
+
+# -- the frame of a file
+
+
+def test_it_runs_alone(tmp_path):
+    copy = tmp_path / "alone.py"
+    copy.write_text(SOURCE)
+    certified.CERTIFICATES["stable"]().save(tmp_path / "file.json")
+    for arguments, status in ((["file.json"], 0), (["nothing.json"], 2), ([], 2)):
+        done = subprocess.run(
+            [sys.executable, "-I", "-S", str(copy), *arguments],
+            cwd=tmp_path,
+            capture_output=True,
+            check=False,
+            timeout=60,
+        )
+        assert done.returncode == status and not done.stderr
+
+
+def test_it_is_short_and_stands_alone():
+    assert SOURCE.count("\n") < 150
+    modules = {n.split(".")[0] for node in ast.walk(ast.parse(SOURCE)) for n in imported(node)}
+    assert modules <= sys.stdlib_module_names
+
+
+def imported(node):
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    return [("." * node.level) + (node.module or "")] if isinstance(node, ast.ImportFrom) else []
+
+
+def texts(content):
+    """Texts of a file that is in order, and what exit status they deserve."""
+    good = json.dumps(tampering.redigested({"format": "kpos-certificate/1", **content}))
+    yield good, 0
+    yield json.dumps({**json.loads(good), "format": "kpos-certificate/2"}), 2
+    yield json.dumps({**json.loads(good), "digest": "sha256:0"}), 1
+    yield good[:-1] + ', "claim": "stable"}', 2
+    yield good[:-1] + ', "note": 12345678901234567890}', 0
+    yield good[:-1] + ', "note": 123456789012345678901}', 2
+    yield good[:-1] + ', "note": 1.5}', 2
+    yield good[:-1] + ', "note": NaN}', 2
+    yield good[:-1], 2
+    yield "", 2
+    refuted = BY_HAND["a witness"][0]
+    yield json.dumps(tampering.redigested({"format": "kpos-certificate/1", **refuted})), 1
+    yield json.dumps(tampering.redigested({"format": "kpos-certificate/1", **BY_HAND["constant"][0]})), 1
+
+
+def test_frames(tmp_path, capsys):
+    for k, (text, status) in enumerate(texts(BY_HAND["stable"][0])):
+        (tmp_path / "file.json").write_text(text)
+        assert checker.main(tmp_path / "file.json") == status, k
+    assert capsys.readouterr().out
+
+
+# -- every comparison, sign, connective and negation of the checker matters
+
+# Changes that leave the meaning as it is.
+EQUIVALENT = {
+    # p'D <= t' with W Y in U and D U in Y makes t'W y nonnegative, so p'y = 0 is excluded by t'W y < p'y
+    "dot(t, mul(s.W, y)) < dot(p, y) >= 0",
+}
+
+
+def test_every_changed_operator_is_noticed(files, tmp_path, capsys):
+    battery = [(content, LIMIT) for content, _ in BY_HAND.values()] + [case[:2] for case in SIZES]
+    for k, content in enumerate(files.values()):
+        battery += [(content, LIMIT)] + [(mutant, LIMIT) for mutant in tampering.mutants(content, 40, k)]
+    expected = [outcome(vars(checker), *case) for case in battery]
+    frames = list(texts(BY_HAND["stable"][0]))
+    order, survivors, count = list(range(len(battery))), [], 0
+    for where, tree in tampering.source_mutants(SOURCE.split("if __name__")[0]):
+        count += 1
+        names = tampering.compiled(tree, "changed")
+        for place, k in enumerate(order):
+            if outcome(names, *battery[k]) != expected[k]:
+                order.insert(0, order.pop(place))
+                break
+        else:
+            if not notices_a_frame(names, frames, tmp_path / "file.json") and where.split(": ", 1)[1] not in EQUIVALENT:
+                survivors.append(where)
+    capsys.readouterr()
+    assert count > 100
+    assert not survivors
+
+
+def notices_a_frame(names, frames, path):
+    for text, status in frames:
+        path.write_text(text)
+        try:
+            if names["main"](path) != status:
+                return True
+        except Exception:
+            return True
+    return False
