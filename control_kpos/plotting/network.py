@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import control as ct
-import matplotlib.pyplot as plt
 import numpy as np
 import scipy.sparse as sp
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
@@ -271,9 +270,9 @@ def _draw_disc(ax: Any, radius: float) -> list[Any]:
     face = ax.add_patch(
         Rectangle((-edge, -edge), 2 * edge, 2 * edge, facecolor=SKY, alpha=0.3, zorder=0, label="proven free of poles")
     )
-    inside = ax.add_patch(plt.Circle((0, 0), radius, facecolor="white", edgecolor=BLUE, linewidth=1.8, zorder=1))
+    inside = ax.add_patch(Circle((0, 0), radius, facecolor="white", edgecolor=BLUE, linewidth=1.8, zorder=1))
     inside.set_label(f"certified bound {radius:.5g}")
-    circle = ax.add_patch(plt.Circle((0, 0), 1.0, fill=False, edgecolor="0.5", linestyle=":", zorder=2))
+    circle = ax.add_patch(Circle((0, 0), 1.0, fill=False, edgecolor="0.5", linestyle=":", zorder=2))
     ax.set(xlim=(-edge, edge), ylim=(-edge, edge))
     ax.set_aspect("equal", adjustable="box")
     return [face, inside, circle]
