@@ -120,6 +120,7 @@ def descend(
         None if no shift above the abscissa was found.
     """
     order = banded_order(model)
+    bold = 0.5 if order is None else 0.2  # a shift below the abscissa costs Krylov methods most
     scale = rate_scale(model)
     c, d = interior(model, dual=True), interior(model, dual=False)
     mu, below, best = start, -np.inf, None
@@ -147,7 +148,7 @@ def descend(
             return best
         c = mix(model, best.v, 1e-3 if jump > 1e-3 * abs(best.theta) else 1e-5, dual=True)
         d = mix(model, best.x, 1e-3 if jump > 1e-3 * abs(best.theta) else 1e-9, dual=False)
-        proposal = best.theta + max(min(0.5 * gap, 4 * jump), 0.8 * goal)
+        proposal = best.theta + max(min(bold * gap, 4 * jump), 0.8 * goal)
         if proposal <= below:
             proposal = 0.5 * (below + best.shift)
             if best.shift - below <= goal:
