@@ -29,6 +29,8 @@ from .rounding import maps_into, rounded_into
 _POSITIVE_HOLDS = ("zoh", "foh", "impulse")
 # States above which results are not checked for what rounding has done to them; it would take longer than they do.
 _MOST_ROUNDED = 300
+# States up to which fractions take over where the cones are too thin for that.
+_MOST_TRACKED = 16
 
 
 class ConeOperations(StateSpace):
@@ -76,7 +78,9 @@ class ConeOperations(StateSpace):
         except (TooLargeError, UndecidedError):
             return result  # cones that nobody can compute are no reason to refuse the operation
         if model is not None and model.matrices is None and not copied and result.nstates <= _MOST_ROUNDED:
-            _round_towards(result, model, operands)
+            done = _round_towards(result, model, operands)
+            if not done and result.nstates <= _MOST_TRACKED:
+                model = rule(*(s._model(True) for s in operands))
         return self._with_cones(result, model)
 
     def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, ExactMatrix], Model | None]) -> Any:
@@ -357,11 +361,11 @@ class ConeOperations(StateSpace):
         return self._adopt(result, moved, exactly=not exact.is_double)
 
 
-def _round_towards(result: StateSpace, model: Model, operands: Sequence[ConeOperations]) -> None:
-    """Undo what rounding has done to a result of positive operands, entries changing in their last digits."""
+def _round_towards(result: StateSpace, model: Model, operands: Sequence[ConeOperations]) -> bool:
+    """Undo what rounding has done to a result of positive operands; False if it takes more than last digits."""
     X, U, Y = model.X, model.U, model.Y
     if X.dim != result.nstates:
-        return
+        return True
     flow = not result.dt
     maps = [("A", X, X, flow), ("B", U, X, False), ("C", X, Y, False), ("D", U, Y, False)]
     missed = [
@@ -369,11 +373,13 @@ def _round_towards(result: StateSpace, model: Model, operands: Sequence[ConeOper
         for name, source, target, flow in maps
         if not maps_into(ExactMatrix(getattr(result, name)), source, target, flow=flow)
     ]
-    if missed and all(s.cone_positivity() for s in operands):
-        for name, source, target, flow in missed:
-            nearby = rounded_into(getattr(result, name), source, target, flow=flow)
-            if nearby is not None:
-                setattr(result, name, nearby)
+    if not missed or not all(s.cone_positivity() for s in operands):
+        return True
+    rounded = {name: rounded_into(getattr(result, name), *cones, flow=flow) for name, *cones, flow in missed}
+    for name, matrix in rounded.items():
+        if matrix is not None:
+            setattr(result, name, matrix)
+    return all(matrix is not None for matrix in rounded.values())
 
 
 def _is_finite(s: StateSpace) -> bool:

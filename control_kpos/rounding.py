@@ -18,8 +18,8 @@ from .arrays import ExactMatrix
 from .cones import Cone, Orthant
 from .positivity import inclusion_condition, invariance_condition
 
-# Sizes of epsilon tried, in units of the largest entry; the last is far above any rounding error.
-_STEPS = tuple(2.0**k for k in range(-54, -36, 2))
+# Sizes of epsilon tried, in units of the largest entry; thin cones need more than a rounding error.
+_STEPS = tuple(2.0**k for k in range(-54, -28, 2))
 
 
 def maps_into(M: ExactMatrix, source: Cone, target: Cone, *, flow: bool = False) -> bool:
@@ -52,7 +52,7 @@ def rounded_into(
     Returns
     -------
     ndarray, shape (m, n), or None
-        M itself if it will do; None if nothing within 1e-11 of its largest entry does.
+        M itself if it will do; None if nothing within 1e-9 of its largest entry does.
     """
     if maps_into(ExactMatrix(M), source, target, flow=flow):
         return M
