@@ -110,7 +110,7 @@ def test_bracket_encloses_the_rightmost_pole(seed):
     rng = np.random.default_rng(2000 + seed)
     done = 0
     for _ in range(40):
-        nodes, blocks, discrete = random_network(rng)
+        nodes, blocks, _ = random_network(rng)
         loop, poles, _ = truth(nodes, dense_coupling(nodes, blocks))
         if loop > 0.99:
             continue
