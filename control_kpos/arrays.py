@@ -252,7 +252,10 @@ def _exact_array(arr: NDArray[Any], name: str) -> ExactMatrix:
         out = np.empty(arr.shape, dtype=object)
         for i in np.ndindex(arr.shape):
             out[i] = _fraction(arr[i], name, i)
-        return ExactMatrix.from_fractions(out)
+        try:
+            return ExactMatrix.from_fractions(out)
+        except DataError:
+            raise DataError(f"{name} holds a number that does not fit into a double; rescale the data.") from None
     raise DataError(f"{name} holds {arr.dtype.name} data; give real numbers.")
 
 

@@ -335,6 +335,8 @@ def _supply(data: ArrayLike, name: str, size: int, what: str) -> NDArray[np.floa
 
 def _state_forms(p: System, v: ExactMatrix, q: ExactMatrix, rate: float = 0.0) -> BilinearForms:
     """(v'A + rate v' - q'C) x_i, with A - I for A in discrete time."""
+    if not np.isfinite(rate):
+        raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
     n = p.A.shape[0]
     rows, blocks = [v, -q], [p.A, p.C]
     for factor in ([-1.0] if p.discrete else []) + ([rate] if rate else []):

@@ -337,6 +337,8 @@ def exact_row(v: NDArray[np.float64], exact: tuple[Fraction, ...] | None = None)
 
 def drift_forms(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
     """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
+    if not np.isfinite(rate):
+        raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
     n = A.shape[0]
     blocks = [A]
     if discrete:

@@ -83,7 +83,7 @@ def changed_verdicts(count, seed):
         doubled = np.vstack([rays, 3 * rays[0], rays.sum(axis=0)])
         power = 2.0 ** rng.integers(-500, 501)
         far = 2.0 ** rng.integers(-250, 251, n)
-        tens = 10.0 ** float(rng.integers(-150, 151))
+        tens = Fraction(10) ** int(rng.integers(-150, 151))  # doubles would round the generators
         variants = {
             "": (M, np.eye(n)),
             "similarity": (T @ M @ S, rays),
@@ -91,7 +91,7 @@ def changed_verdicts(count, seed):
             "permutation": (M[np.ix_(order, order)], np.eye(n)),
             "scaled time": (M * power, np.eye(n)),
             "long and short generators": (T @ M @ S, rays * 2.0 ** rng.integers(-500, 501, (n, 1))),
-            "generators times 10^k": (T @ M @ S, rays * tens),
+            "generators times 10^k": (T @ M @ S, [[Fraction(int(x)) * tens for x in ray] for ray in rays]),
             "scaled states": (M * far[:, None] / far, np.eye(n)),
         }
         out += [
@@ -111,7 +111,7 @@ def contradictions(contents, count, seed, path):
         for changed in tampering.mutants(content, count, seed + k):
             try:
                 checker.verify(changed, 10**5)
-            except Exception:  # refused
+            except Exception:  # noqa: BLE001 - refused
                 continue
             accepted += 1
             path.write_text(json.dumps(changed))

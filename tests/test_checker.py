@@ -36,7 +36,7 @@ def outcome(names, content, limit=LIMIT):
         return content["status"]
     except names["Wrong"]:
         return "WRONG"
-    except Exception:
+    except Exception:  # noqa: BLE001 - whatever it raises
         return "UNREADABLE"
 
 
@@ -47,7 +47,7 @@ HALF = {"cone": [[1, {"rays": [[1]], "w": [1], "Z": [[1]]}]]}
 
 def scalar(claim, status="PROVED", *, A=-2, B=1, C=1, D=0, v=1, q=-1, r=1, decay=0, W=None, discrete=False, **proof):
     data = {name: {"matrix": [[x]]} for name, x in zip("ABCD", (A, B, C, D), strict=True)}
-    data |= {name: HALF for name in "XUY"} | {"discrete": discrete, "witness": None}
+    data |= dict.fromkeys("XUY", HALF) | {"discrete": discrete, "witness": None}
     vectors = {name: None if x is None else {"array": [x]} for name, x in (("v", v), ("q", q), ("r", r))}
     if W is not None:
         data["W"] = {"matrix": [[W]]}
@@ -272,6 +272,6 @@ def notices_a_frame(names, frames, path):
         try:
             if names["main"](path) != status:
                 return True
-        except Exception:
+        except Exception:  # noqa: BLE001 - whatever it raises
             return True
     return False

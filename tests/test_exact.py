@@ -125,3 +125,18 @@ def test_radius_of_sparse_rows_is_respected():
         signs = BilinearForms(left, middle, ExactMatrix(sp.eye_array(80, format="csr"))).signs()
         signs = signs.toarray() if sp.issparse(signs) else signs
         assert signs[0, 0] == -1 and signs[1, 79] == 1 and np.count_nonzero(signs) == 2
+
+
+def test_relative_sizes_are_free_of_scales_and_zero_for_zero():
+    left = ExactMatrix(np.array([[2.0, 0.0], [0.0, 0.0], [-1.0, 1.0]]))
+    right = ExactMatrix(np.array([[3.0, 0.0], [1.0, 1.0]]))
+    expected = [[1.0, 1.0], [0.0, 0.0], [-1.0, 0.0]]
+    assert BilinearForms(left, None, right).relative().tolist() == expected
+
+
+def test_data_that_are_not_finite_are_never_decided():
+    for value in (np.nan, np.inf):
+        forms = BilinearForms(
+            ExactMatrix(np.array([[value, 1.0]])), None, ExactMatrix(np.array([[1.0, 1.0], [0.0, 0.0]]))
+        )
+        assert forms.signs()[0, 0] == UNKNOWN

@@ -89,7 +89,7 @@ class NetworkCertificate(Certificate):
         model = self.model
         if self.v is None or self.r is None or self.q is None or self.sigma is None:
             raise DataError("v, r, q or sigma is missing.")
-        if not (self.decay_rate >= 0 and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
+        if not (0 <= self.decay_rate < np.inf and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
             raise DataError("decay_rate must not be negative, and sigma must hold one positive number per node.")
         v, r, q = flat(self.v, model, 0), flat(self.r, model, 1), flat(self.q, model, 2)
         out = positive_parts(model) + dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)

@@ -128,7 +128,7 @@ def evidence(
     cones = {name: product_cone(model, kind) for kind, name in enumerate(_KINDS)}
     out: dict[str, Any] = dict.fromkeys("VQRpt")
     if isinstance(witness, CouplingViolation):
-        (gj, _), (gk, _) = model.locate(witness.target), model.locate(witness.source)
+        gj, _ = model.locate(witness.target)
         normal = model.stacks[gj].U.exact_facets, witness.facet, model.offsets[1], witness.target
         return {**out, **_violation(model, "W", normal, cones["U"], _first_ray(model, 2, witness.source) + witness.ray)}
     if isinstance(witness, NodeViolation):
