@@ -284,14 +284,15 @@ def test_states_that_nothing_depends_on_are_projected_away():
     assert s.cone_positivity().B.fractions()[0, 0] == Fraction(1, 7)
 
 
-def test_useless_states_of_operands():
+def test_useless_states_of_operands(node):
+    s, idle = ConeStateSpace([[-1]], [[1]], [[1]], 0), ConeStateSpace([[0]], [[0]], [[1]], 0)
     ct.config.defaults["statesp.remove_useless_states"] = True
-    s = ConeStateSpace([[-1]], [[1]], [[1]], 0)
-    idle = ConeStateSpace(kp.ConeStateSpace([[-1]], [[0]], [[1]], 0), X=[[1]])
-    for result in (s + idle, s * idle, s.append(idle), s + 0 * s):
-        if isinstance(result, ConeStateSpace):
-            assert result.X.dim == result.nstates
-            assert result.is_cone_positive()
+    for result in (s + idle, s.append(idle), -idle, idle.sample(1)):
+        assert type(result) is ConeStateSpace
+        assert result.X.dim == result.nstates < 2
+        assert result.is_cone_positive()
+    assert type(node + idle) is ct.StateSpace  # which of the two cones belongs to the state that is left?
+    assert (node + idle).nstates == 2
 
 
 # -- copies
