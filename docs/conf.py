@@ -16,7 +16,6 @@ version = release = control_kpos.__version__
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "sphinx.ext.mathjax", "numpydoc"]
 exclude_patterns = ["_build"]
-suppress_warnings = ["toc.not_included"]  # pages may be reached by links alone
 templates_path = ["_templates"]
 html_theme = "furo"
 html_title = "control_kpos"
