@@ -15,7 +15,9 @@ Comparisons are written so that NaN and infinity count as undecided.  Nothing he
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, reduce
+from itertools import product
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,7 @@ UNKNOWN = 2
 EXACT_LIMIT = 3 * 10**8
 _CHUNK = 10**6
 _SMALL = 4096
+_SHORT = 16
 
 
 class BilinearForms:
@@ -305,7 +308,12 @@ def _column_length(m: ExactMatrix) -> int:
 
 
 def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.float64]:
-    """Euclidean norm rounded up, without the underflow of squares."""
+    """Bound on the Euclidean norm over trailing axes, at most the root of their size too large."""
+    sizes = values.shape[len(values.shape) - len(axes) :]
+    count = prod(sizes)
+    if 0 < count <= _SHORT:  # numpy reduces short axes slowly
+        entries = (np.abs(values[(..., *index)]) for index in product(*map(range, sizes)))
+        return reduce(np.maximum, entries) * (np.sqrt(count) * (1 + 1e-9)) + SMALLEST_NORMAL
     top = np.abs(values).max(axis=axes, keepdims=True, initial=0.0)
     scaled = np.divide(values, top, out=np.zeros_like(values), where=top > 0)
     total = np.sqrt(np.square(scaled).sum(axis=axes)) * (1 + 1e-9)
