@@ -140,3 +140,23 @@ def test_data_that_are_not_finite_are_never_decided():
             ExactMatrix(np.array([[value, 1.0]])), None, ExactMatrix(np.array([[1.0, 1.0], [0.0, 0.0]]))
         )
         assert forms.signs()[0, 0] == UNKNOWN
+
+
+def rounded_far(sign, scale):
+    """A 2 x 2 matrix, sign * scale in its corner, of which the doubles know little; exactly known through integers."""
+    value = np.array([[scale, 0.0], [0.0, 0.0]])
+    if sign > 0:
+        return ExactMatrix(value)
+    ints = np.array([[int(sign * scale * 2**20), 0], [0, 0]], dtype=object)
+    return ExactMatrix(value, np.abs(value) * 2.5, ints, 2**20)
+
+
+@pytest.mark.parametrize(
+    "signs", [(-1, 1, 1), (1, -1, 1), (1, 1, -1), (-1, -1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, -1)]
+)
+def test_radii_of_every_operand_count_at_every_scale(signs):
+    for scales in np.ndindex(3, 3, 3):
+        operands = [rounded_far(sign, 2.0 ** (20 * (k - 1))) for sign, k in zip(signs, scales, strict=True)]
+        assert BilinearForms(*operands).signs()[0, 0] == np.prod(signs)
+        if signs[1] > 0:
+            assert BilinearForms(operands[0], None, operands[2]).signs()[0, 0] == signs[0] * signs[2]

@@ -110,7 +110,7 @@ IMPROPER = {
 def test_improper_cones_are_refused_by_name(name):
     cone = kp.PolyhedralCone(IMPROPER[name])
     for use in (kp.state_positivity, kp.linear_lyapunov):
-        with pytest.raises(kp.NotProperConeError, match="X is not (pointed|solid)"):
+        with pytest.raises(kp.NotProperConeError, match=r"X is not (pointed|solid)"):
             use(GOOD, cone)
     with pytest.raises(kp.NotProperConeError):
         kp.ConeStateSpace(GOOD, [[1], [0]], [[1, 0]], [[0]], X=cone)
