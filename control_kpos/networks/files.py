@@ -70,9 +70,9 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         if not (sizes[index] == (X.dim, U.dim, Y.dim)).all():
             raise DataError("the sizes of the nodes are not those of their cones.")
         places = [offsets[index, kind][:, None] + np.arange(C.dim) for kind, C in enumerate((X, U, Y))]
-        blocks = [take_blocks(contents[name], places[i], places[j]) for name, (i, j) in _BLOCKS.items()]
+        a, b, c, d = (take_blocks(contents[name], places[i], places[j]) for name, (i, j) in _BLOCKS.items())
         own = tuple(str(names[j]) for j in index) if names else ()
-        stacks.append(NodeStack(*blocks, X, U, Y, contents["dt"], own))
+        stacks.append(NodeStack(a, b, c, d, X, U, Y, contents["dt"], own))
     model = NetworkModel(tuple(stacks), tuple(members), contents["W"], contents["dt"])
     alike = all(product_cone(model, kind) == contents[name] for kind, name in enumerate(_KINDS))
     if not alike or model.discrete is not contents["discrete"] or not _same_blocks(model, contents):
