@@ -271,7 +271,8 @@ def dissipativity_of(
             if cert is not None:
                 return cert
         else:
-            witness = SupplyViolation(*(np.array([float(t) for t in z]) for z in (x, u)), tuple(x), tuple(u))
+            nearest_x, nearest_u = (np.array([float(t) for t in z]) for z in (x, u))
+            witness = SupplyViolation(nearest_x, nearest_u, tuple(x), tuple(u))
             return DissipativityCertificate.settle(positivity=positivity, q=shown_q, r=given_r, witness=witness)
     return DissipativityCertificate.settle(positivity=positivity, q=shown_q, r=given_r)
 

@@ -278,3 +278,9 @@ def test_root_counts_agree_with_eigenvalues(seed, n):
     real = np.unique(np.round(values[np.abs(values.imag) < 1e-7].real, 4))
     if np.abs(values.imag)[np.abs(values.imag) > 0].min(initial=1.0) > 1e-4:
         assert real_roots_above(p, Fraction(bound)) == (real > bound).sum()
+
+
+def test_a_lyapunov_vector_is_not_claimed_where_it_is_not_proven():
+    found = find_cone([[-1.0, 0.5], [0.25, -2.0]])
+    forged = replace(found.certificate, by_facets=True, v=np.array([1.0, 1.0]))
+    assert not forged.check()

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Certificate, Condition
+from ..errors import DataError
 from .enclosure import Generators
 from .existence import layer, transposed
 
@@ -108,7 +109,9 @@ class ConeCertificate(Certificate):
             out.append(basis.combination("b = R q", [(eye, contains)], shares, everywhere))
         if within is not None:
             out.append(Condition("c'x >= 0", _forms(within, rays), ">="))
-        if self.v is not None and not self.by_facets:
+        if self.v is not None:
+            if self.by_facets:
+                raise DataError("a Lyapunov vector is proven on generators; by_facets has none.")
             out.append(Condition("v'x > 0", _forms(_row(self.v), rays), ">"))
             out += [self._decrease(s, self.v, rays) for s in range(self.matrices.shape[0])]
         return out
