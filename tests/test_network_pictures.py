@@ -105,3 +105,15 @@ def test_pictures_go_into_given_axes(net):
     assert kp.plot_network(net, axes[0], title="left").figure is figure
     assert kp.plot_poles(net, axes[1]).axes[0, 0] is axes[1]
     assert axes[0].get_title() == "left"
+
+
+def test_different_pictures_do_not_share_axes():
+    plt.close("all")
+    net = kp.feedback_interconnect([kp.examples.mass_spring_node()] * 4, kp.examples.ring(4))
+    poles, again, graph = kp.plot_poles(net), kp.plot_poles(net), kp.plot_network(net)
+    assert again.figure is poles.figure
+    assert graph.figure is not poles.figure
+    figure, ax = plt.subplots()
+    ax.semilogy([1.0, 2.0], [1e-9, 1.0])
+    assert kp.plot_network(net).figure is not figure
+    plt.close("all")

@@ -46,7 +46,7 @@ def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) 
     if not held.any():
         raise DataError("no decay rate of the curve is within reach; there is nothing to draw.")
     with control_style():
-        axes = choose_axes(ax, "rectilinear")
+        axes = choose_axes(ax, "rectilinear", "gain and rate")
         lines = axes.plot(curve.rates[held], curve.gains[held], "-", color=BLUE, label="smallest gain (linear program)")
         if np.isfinite(curve.largest_rate):
             lines.append(

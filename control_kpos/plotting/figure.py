@@ -1,7 +1,7 @@
 """What the figures have in common.
 
 They follow python-control: they draw into `ax` if it is given, else into the current figure if it has
-a single suitable axes, else into a new one, and return a `control.ControlPlot`.  Colours are from the
+a single axes with the same kind of picture, else into a new one, and return a `control.ControlPlot`.  Colours are from the
 Okabe-Ito palette and are never the only difference between two things, so that the figures stay
 readable for the colour-blind and in black and white.
 """
@@ -32,18 +32,32 @@ def control_style() -> Iterator[None]:
         yield
 
 
-def choose_axes(ax: Any, projection: str) -> Any:
-    """The axes given, the only one of the current figure if it suits, or a new one."""
+def choose_axes(ax: Any, projection: str, kind: str | None = None) -> Any:
+    """The axes given, the only one of the current figure if it suits, or a new one.
+
+    Pictures of a plane or of space (no `kind`) go over whatever is there on linear axes.  Others go over
+    their own kind only: poles over poles, never a graph over poles.
+    """
     if ax is not None:
         return ax
     figure = plt.gcf()
     present = figure.get_axes()
-    if len(present) == 1 and present[0].name == projection:
+    if len(present) == 1 and _suits(present[0], projection, kind):
+        present[0].set_gid(kind)
         return present[0]
     if present:
         figure = plt.figure()
     figure.set_layout_engine("tight")
-    return figure.add_subplot(projection=projection)
+    axes = figure.add_subplot(projection=projection)
+    axes.set_gid(kind)
+    return axes
+
+
+def _suits(axes: Any, projection: str, kind: str | None) -> bool:
+    linear = axes.get_xscale() == axes.get_yscale() == "linear"
+    return axes.name == projection and (
+        not axes.has_data() or (axes.get_gid() == kind and (kind is not None or linear))
+    )
 
 
 def legend_beside(ax: Any) -> Any:

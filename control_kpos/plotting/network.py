@@ -80,7 +80,7 @@ def plot_network(
     user_ax, n_nodes = ax, net.model.n_nodes
     lines = np.empty(3, dtype=object)
     with control_style():
-        ax = choose_axes(ax, "rectilinear")
+        ax = choose_axes(ax, "rectilinear", "network")
         if n_nodes > MOST_NODES:
             lines[:] = [_draw_pattern(ax, net.sparse_A), [], []]
             what = f"closed loop of {n_nodes} nodes, {net.sparse_A.nnz} entries"
@@ -135,7 +135,7 @@ def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title:
     poles = net.poles(min(count, net.nstates))
     lines = np.empty(2, dtype=object)
     with control_style():
-        ax = choose_axes(ax, "rectilinear")
+        ax = choose_axes(ax, "rectilinear", "poles")
         label = "poles" if len(poles) == net.nstates else f"{len(poles)} of {net.nstates} poles"
         lines[0] = ax.plot(poles.real, poles.imag, "x", color="black", markersize=5, label=label, zorder=3)
         lines[1] = _draw_disc(ax, upper) if net.model.discrete else _draw_half_plane(ax, upper, poles)
