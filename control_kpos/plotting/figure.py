@@ -1,9 +1,9 @@
 """What the figures have in common.
 
 They follow python-control: they draw into `ax` if it is given, else into the current figure if it has
-a single axes with the same kind of picture, else into a new one, and return a `control.ControlPlot`.  Colours are from the
-Okabe-Ito palette and are never the only difference between two things, so that the figures stay
-readable for the colour-blind and in black and white.
+a single axes with the same kind of picture, else into a new one, and return a `control.ControlPlot`.
+Colours are from the Okabe-Ito palette and are never the only difference between two things, so that
+the figures stay readable for the colour-blind and in black and white.
 """
 
 from __future__ import annotations
