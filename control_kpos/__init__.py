@@ -16,7 +16,6 @@ from .cones import product as product
 from .dissipativity import DissipativityCertificate as DissipativityCertificate
 from .dissipativity import SupplyViolation as SupplyViolation
 from .dissipativity import dissipativity as dissipativity
-from .dissipativity import induced_gain as induced_gain
 from .errors import CertificateFileError as CertificateFileError
 from .errors import ConeMismatchError as ConeMismatchError
 from .errors import DataError as DataError
@@ -28,6 +27,7 @@ from .errors import SolverError as SolverError
 from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
+from .gains import induced_gain as induced_gain
 from .positivity import PositivityCertificate as PositivityCertificate
 from .positivity import PositivityViolation as PositivityViolation
 from .positivity import cone_positivity as cone_positivity

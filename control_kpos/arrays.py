@@ -345,3 +345,8 @@ def require_shape(M: ExactMatrix, name: str, shape: tuple[int | None, ...], mean
         have = " x ".join(map(str, M.shape))
         raise ShapeError(f"{name} is {have}, but must be {want}{f' ({meaning})' if meaning else ''}.")
     return M
+
+
+def shown(x: NDArray[np.float64]) -> str:
+    """The first entries of a vector, for messages."""
+    return f"({', '.join(f'{v:.4g}' for v in x[:6])}{', ...' if len(x) > 6 else ''})"

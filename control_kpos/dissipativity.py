@@ -16,21 +16,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import ExactMatrix, concatenate, dense, exact_matrix, identity, require_shape
+from .arrays import ExactMatrix, concatenate, exact_matrix, identity, require_shape, shown
 from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
 from .certificates.proofs import Prover, drift, exact_vector, numbers
 from .certificates.proofs import product as exact_product
-from .certificates.result import Certificate, Condition, Status, all_hold
+from .certificates.result import Condition, Status, all_hold
 from .cones import Cone
-from .errors import DataError, KposError, UndecidedError
-from .positivity import PositivityCertificate, PositivityViolation, System, cone_positivity, split_contents
-from .stability import exact_row, lyapunov_on, transpose
+from .errors import DataError
+from .positivity import ClaimOnPositivity, PositivityCertificate, PositivityViolation, System, cone_positivity
+from .stability import exact_row, transpose
 from .storage import storage_candidates, supply_witness
 
 Rationals = tuple[Fraction, ...]
@@ -67,7 +67,7 @@ class SupplyViolation:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DissipativityCertificate(Certificate):
+class DissipativityCertificate(ClaimOnPositivity):
     """Proof that a system is positive and exponentially dissipative, or that one of them fails.
 
     Attributes
@@ -88,16 +88,11 @@ class DissipativityCertificate(Certificate):
     claim: ClassVar[str] = "dissipative"
     no_margin: ClassVar[frozenset[str]] = frozenset({_RATE, _INPUT})
 
-    positivity: PositivityCertificate
     q: NDArray[np.float64]
     r: NDArray[np.float64] | None = None
     v: NDArray[np.float64] | None = None
     decay_rate: float = float("nan")
     v_exact: Rationals | None = None
-
-    def parts(self) -> Sequence[Certificate]:
-        """The certificate of positivity."""
-        return (self.positivity,)
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities of Theorem 3."""
@@ -150,27 +145,11 @@ class DissipativityCertificate(Certificate):
         weights = {"wx": prover.vector(p.X, x), "wu": prover.vector(p.U, u), "wz": prover.vector(p.X, motion)}
         return {**out, "x": numbers(x), "u": numbers(u), "rate": int(p.discrete), **weights}
 
-    def contents(self) -> dict[str, Any]:
-        """The data of `positivity` and the fields."""
-        return {**self.positivity.contents(), **{k: x for k, x in self.data().items() if k != "positivity"}}
-
-    @classmethod
-    def restore(cls, contents: dict[str, Any]) -> DissipativityCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By field, those of the certificate of positivity among them.
-        """
-        positivity, own = split_contents(cls, contents)
-        return cls.settle(positivity=positivity, **own)
-
     def explain(self) -> str:
         """For which supply rate, at what rate, or why not."""
         if isinstance(self.witness, PositivityViolation):
             return f"Refuted: the system is not positive. {self.positivity.explain()}"
-        supply = f"q = {_short(self.q)}" + ("" if self.r is None else f", r = {_short(self.r)}")
+        supply = f"q = {shown(self.q)}" + ("" if self.r is None else f", r = {shown(self.r)}")
         if self:
             return (
                 f"Proved exponentially dissipative: V(x) = v'x grows no faster than the supply r'u + q'y, less "
@@ -388,109 +367,3 @@ def proven_rate(p: System, v: ExactMatrix, q: ExactMatrix) -> float:
             if Condition(_RATE, _state_forms(p, v, q, rate), "<=").verdict() is True:
                 return rate
     return 0.0
-
-
-def induced_gain(
-    A: ArrayLike | ExactMatrix | Any,
-    B: ArrayLike | ExactMatrix | Any,
-    C: ArrayLike | ExactMatrix | Any,
-    D: ArrayLike | ExactMatrix | Any,
-    X: Cone,
-    U: Cone,
-    Y: Cone,
-    *,
-    norm: Literal["L1", "Linf"] = "L1",
-    e: ArrayLike | None = None,
-    f: ArrayLike | None = None,
-    discrete: bool = False,
-) -> float:
-    """Induced gain of a positive system, from its DC gain G(0) = D - C A^{-1} B.
-
-    "L1": the largest f'y integrated over time per e'u integrated over time, max_i f'G(0)u_i / e'u_i over
-    the generators of U.  "Linf": with |u| = min{t : t e - u and t e + u in U} and |y| likewise with f, the
-    largest |y(t)| per largest |u(t)|, max_k h_k'G(0)e / h_k'f over the facets of Y.  For orthants and ones:
-    largest column sum and largest row sum of G(0).
-
-    Parameters
-    ----------
-    A, B, C, D : array_like, shapes (n, n), (n, m), (p, n), (p, m)
-    X, U, Y : Cone
-    norm : {"L1", "Linf"}
-    e : array_like, shape (m,), optional
-        Weight of the inputs: in int U* for "L1" (default: sum of the normalised facets of U), in int U for
-        "Linf" (default: sum of the normalised generators).
-    f : array_like, shape (p,), optional
-        Weight of the outputs, in int Y* or int Y.
-    discrete : bool
-        True for x[k+1] = A x[k] + B u[k], where G(1) = D + C (I - A)^{-1} B takes the place of G(0).
-
-    Returns
-    -------
-    float
-        inf if the system is not exponentially stable.  An infimum, computed in floating point; for a proof
-        of a bound g ask `dissipativity` for q = -f, r = g e with a slightly larger g.
-
-    Raises
-    ------
-    KposError
-        If the system is not positive: the formula does not hold then.
-    UndecidedError
-        If positivity or stability could not be decided.
-    DataError, ShapeError
-        Weights of the wrong size, or outside the interior they must lie in.
-
-    Examples
-    --------
-    >>> import control_kpos as kp
-    >>> R1 = kp.orthant(1)
-    >>> kp.induced_gain([[-2]], [[1]], [[1]], [[0]], R1, R1, R1)
-    0.5
-    """
-    return induced_gain_of(cone_positivity(A, B, C, D, X, U, Y, discrete=discrete), norm=norm, e=e, f=f)
-
-
-def induced_gain_of(
-    positivity: PositivityCertificate,
-    *,
-    norm: Literal["L1", "Linf"] = "L1",
-    e: ArrayLike | None = None,
-    f: ArrayLike | None = None,
-) -> float:
-    """The induced gain once positivity has been decided; see `induced_gain`."""
-    if norm not in ("L1", "Linf"):
-        raise DataError(f'norm is {norm!r}; give "L1" or "Linf".')
-    p = positivity.system()
-    if positivity.witness is not None:
-        raise KposError(f"the gain formula holds for positive systems only. {positivity.explain()}")
-    stable = lyapunov_on(positivity)
-    if stable.status is Status.REFUTED:
-        return float("inf")
-    if not stable:
-        raise UndecidedError(f"the gain is not known: {stable.explain()}")
-    homes = (p.U.dual, p.Y.dual) if norm == "L1" else (p.U, p.Y)
-    e_row, f_row = (_weight(w, name, home) for w, name, home in ((e, "e", homes[0]), (f, "f", homes[1])))
-    A = dense(p.A.values)
-    S = A - np.eye(len(A)) if p.discrete else A
-    with np.errstate(all="ignore"):
-        G = np.asarray(p.D.values) - np.asarray(p.C.values) @ np.linalg.solve(S, np.asarray(p.B.values))
-    if norm == "L1":
-        return float(np.max((f_row @ G) @ p.U.rays.T / (p.U.rays @ e_row)))
-    return float(np.max(p.Y.facets @ (G @ e_row) / (p.Y.facets @ f_row)))
-
-
-def _weight(weight: ArrayLike | None, name: str, home: Cone) -> NDArray[np.float64]:
-    if weight is None:
-        return np.asarray(home.interior_point, dtype=float)
-    row = require_shape(exact_matrix(weight, name), name, (1, home.dim)).values[0]
-    if not home.contains(row, strict=True):
-        signals = "inputs in U" if name == "e" else "outputs in Y"
-        raise DataError(
-            f"{name} = {_short(row)} does not weigh the {signals}: for L1 it must be positive on every generator of "
-            f"the cone (in the interior of the dual), for Linf it must lie in the interior of the cone; for instance "
-            f"{_short(np.asarray(home.interior_point))}."
-        )
-    return np.array(row)
-
-
-def _short(x: NDArray[np.float64]) -> str:
-    return f"({', '.join(f'{v:.4g}' for v in x[:6])}{', ...' if len(x) > 6 else ''})"

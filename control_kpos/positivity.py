@@ -14,12 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import ExactMatrix, exact_matrix, require_shape
+from .arrays import ExactMatrix, exact_matrix, require_shape, shown
 from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
 from .certificates.proofs import Prover, violation
@@ -59,8 +59,8 @@ class PositivityViolation:
 
     def __str__(self) -> str:
         return (
-            f"{self.condition} fails at facet {self.facet}, normal {_short(self.normal)}, and generator "
-            f"{self.ray}, {_short(self.generator)}: the product is {self.value:.3g} < 0"
+            f"{self.condition} fails at facet {self.facet}, normal {shown(self.normal)}, and generator "
+            f"{self.ray}, {shown(self.generator)}: the product is {self.value:.3g} < 0"
         )
 
 
@@ -301,13 +301,43 @@ def cone_positivity(
     return settle_positivity(A=A, X=X, discrete=bool(discrete), **data)
 
 
-def split_contents(cls: type[Certificate], contents: dict[str, Any]) -> tuple[PositivityCertificate, dict[str, Any]]:
-    """Contents of a file as the certificate of positivity and what `cls` adds to it."""
-    own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
-    system = {key: value for key, value in contents.items() if key not in own}
-    witness = contents.get("witness")
-    violation = witness if isinstance(witness, PositivityViolation) else None
-    return PositivityCertificate.settle(**system, witness=violation), own
+P = TypeVar("P", bound="ClaimOnPositivity")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ClaimOnPositivity(Certificate):
+    """A claim about a positive system, resting on the proof that it is positive.
+
+    Attributes
+    ----------
+    positivity : PositivityCertificate
+        The proof, with the data of the system.
+    """
+
+    positivity: PositivityCertificate
+
+    def parts(self) -> Sequence[Certificate]:
+        """The certificate of positivity."""
+        return (self.positivity,)
+
+    def contents(self) -> dict[str, Any]:
+        """The data of `positivity` and the fields."""
+        return {**self.positivity.contents(), **{k: x for k, x in self.data().items() if k != "positivity"}}
+
+    @classmethod
+    def restore(cls: type[P], contents: dict[str, Any]) -> P:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By field, those of the certificate of positivity among them.
+        """
+        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+        system = {key: value for key, value in contents.items() if key not in own}
+        witness = contents.get("witness")
+        violation = witness if isinstance(witness, PositivityViolation) else None
+        return cls.settle(positivity=PositivityCertificate.settle(**system, witness=violation), **own)
 
 
 def settle_positivity(**data: Any) -> PositivityCertificate:
@@ -376,8 +406,3 @@ def _sizes(name: str, n: int) -> str:
         "B": f"n = {n} rows, one column per dimension of U",
         "C": f"one row per dimension of Y, n = {n} columns",
     }.get(name, "one row per dimension of Y, one column per dimension of U")
-
-
-def _short(x: NDArray[np.float64]) -> str:
-    shown = ", ".join(f"{v:.4g}" for v in x[:6])
-    return f"({shown}{', ...' if len(x) > 6 else ''})"

@@ -24,11 +24,11 @@ from .arrays import ExactMatrix, concatenate, identity
 from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
 from .certificates.proofs import Prover, drift, exact_vector, numbers
-from .certificates.result import Certificate, Condition, Status, all_hold
+from .certificates.result import Condition, Status, all_hold
 from .cones import Cone
 from .errors import DataError
 from .perron import ScaledProblem, SingularMatrixError, decide_exactly
-from .positivity import PositivityCertificate, PositivityViolation, split_contents, state_positivity
+from .positivity import ClaimOnPositivity, PositivityCertificate, PositivityViolation, state_positivity
 
 _POSITIVE, _DECREASING, _RATE = "v'x > 0", "v'A x < 0", "v'A x + rate v'x <= 0"
 _SLOW, _SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
@@ -58,7 +58,7 @@ class InstabilityDirection:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LyapunovCertificate(Certificate):
+class LyapunovCertificate(ClaimOnPositivity):
     """Proof that X is invariant and x' = A x exponentially stable, or proof that one of them fails.
 
     Attributes
@@ -85,7 +85,6 @@ class LyapunovCertificate(Certificate):
     claim: ClassVar[str] = "stable"
     no_margin: ClassVar[frozenset[str]] = frozenset({_RATE, _SLOW, _SLOW_IN})
 
-    positivity: PositivityCertificate
     v: NDArray[np.float64] | None = None
     decay_rate: float = float("nan")
     v_exact: tuple[Fraction, ...] | None = None
@@ -107,10 +106,6 @@ class LyapunovCertificate(Certificate):
     def discrete(self) -> bool:
         """True for x[k+1] = A x[k]."""
         return self.positivity.discrete
-
-    def parts(self) -> Sequence[Certificate]:
-        """The certificate of invariance."""
-        return (self.positivity,)
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities on v, and on the slow direction if there is one."""
@@ -157,22 +152,6 @@ class LyapunovCertificate(Certificate):
         moved = drift(self.A, x, self.discrete)
         weights = {"wx": prover.vector(self.X, x), "wz": prover.vector(self.X, moved)}
         return {**out, "x": numbers(x), "rate": int(self.discrete), **weights}
-
-    def contents(self) -> dict[str, Any]:
-        """The data of `positivity` and the fields."""
-        return {**self.positivity.contents(), **{k: x for k, x in self.data().items() if k != "positivity"}}
-
-    @classmethod
-    def restore(cls, contents: dict[str, Any]) -> LyapunovCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By field, those of the certificate of positivity among them.
-        """
-        positivity, own = split_contents(cls, contents)
-        return cls.settle(positivity=positivity, **own)
 
     def explain(self) -> str:
         """What has been proven, and at what rate."""

@@ -24,8 +24,9 @@ from .arrays import ExactMatrix, dense, exact_matrix
 from .certificates.result import Status
 from .cones import Cone, Orthant
 from .connections import Model, nonnegative
-from .dissipativity import DissipativityCertificate, dissipativity, induced_gain
+from .dissipativity import DissipativityCertificate, dissipativity
 from .errors import ShapeError, UndecidedError
+from .gains import induced_gain
 from .operations import ConeOperations
 from .positivity import PositivityCertificate, cone_positivity
 from .stability import LyapunovCertificate, linear_lyapunov
@@ -247,7 +248,7 @@ class ConeStateSpace(ConeOperations):
         norm : {"L1", "Linf"}
         e : array_like, shape (ninputs,), optional
         f : array_like, shape (noutputs,), optional
-            Weights for general cones, see `control_kpos.dissipativity.induced_gain`.
+            Weights for general cones, see `control_kpos.gains.induced_gain`.
 
         Returns
         -------

@@ -35,7 +35,7 @@ FLOORS = {
     "numbers": {"errors", "arrays", "cards", "certificates.exact", "linear_programs", "rational_programs"},
     "cones": {"cones"},
     "verdicts": {"certificates"},
-    "theorems about matrices": {"positivity", "rounding", "perron", "stability", "storage", "dissipativity"},
+    "theorems about matrices": {"positivity", "rounding", "perron", "stability", "storage", "dissipativity", "gains"},
     "systems": {"connections", "operations", "system_data", "statespace"},
     "theorems about systems": {"networks", "synthesis", "conefinding", "intervals", "nonlinear"},
     "examples": {"examples"},
