@@ -262,6 +262,7 @@ def _exact_array(arr: NDArray[Any], name: str) -> ExactMatrix:
 def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
     where = f"{name}[{', '.join(map(str, index))}]" if index else name
     if isinstance(x, str):
+        x = str(x)  # numpy's own text type shows in messages
         if not _NUMBER.fullmatch(x.strip()):
             raise DataError(f'{where} is the text {x!r}; give a number, or text such as "1/3" or "-21.3".')
         try:
