@@ -93,6 +93,35 @@ def test_one_matrix(benchmark, size, n, discrete):
     assert rate == 1
 
 
+def ill_conditioned(rng, n, conditioning):
+    """Eigenvalue 1, the others at least 0.02 to 0.5 to the left of it, eigenvectors of the given condition number."""
+    left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
+    sizes = np.geomspace(1, 1 / conditioning, n)
+    if rng.random() < 0.5:
+        sizes = np.where(np.arange(n) < n - 1, 1, 1 / conditioning)
+    V = left * sizes @ right
+    gap = rng.choice([0.02, 0.1, 0.5])
+    modes = np.diag(np.concatenate([[1.0], 1 - gap - rng.random(n - 1)]))
+    for k in range(1, n - 1, 4):
+        turn = rng.random()
+        modes[k : k + 2, k : k + 2] = [[modes[k, k], -turn], [turn, modes[k, k]]]
+    return V @ modes @ np.linalg.inv(V)
+
+
+@pytest.mark.parametrize("conditioning", [1e5, 1e6, 1e7, 9e7])
+@pytest.mark.parametrize("n", [5, 12, 20, 30])
+def test_ill_conditioned_eigenvectors(benchmark, size, n, conditioning):
+    rng = np.random.default_rng(600 + n)
+    matrices = [ill_conditioned(rng, n, conditioning) for _ in range(size(20, 2))]
+
+    def ask(A):
+        found = find_cone(A)
+        return found, found.n_rays / found.fewest_rays
+
+    rate, median, _ = measure(benchmark, matrices, ask)
+    assert rate == 1 and median < 0.3
+
+
 @pytest.mark.parametrize("margin", [1e-3, 1e-2, 1e-1])
 @pytest.mark.parametrize("n", [3, 6, 9, 12])
 def test_with_inputs_and_outputs(benchmark, size, n, margin):

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from control_kpos import PolyhedralCone, Status, load_certificate, state_positivity
 from control_kpos.arrays import ExactMatrix
 from control_kpos.conefinding import ConeCertificate, find_cone
+from control_kpos.conefinding.enclosure import Generators
 from control_kpos.conefinding.polynomials import (
     characteristic_polynomial,
     imaginary_axis,
@@ -21,6 +22,7 @@ from control_kpos.conefinding.polynomials import (
     scale_roots,
     shift_roots,
 )
+from control_kpos.conefinding.single import eigenvalues
 from control_kpos.errors import DataError, ShapeError
 
 
@@ -244,6 +246,78 @@ def test_nearly_defective_matrices_are_never_flat_successes():
         A[3, 1] = size
         found = find_cone(A)
         assert found.conditioning <= 1e12 if found else found.status is Status.UNDECIDED
+
+
+def with_eigenvectors(seed: int, n: int, conditioning: float) -> np.ndarray:
+    """Eigenvalue 1 and others with real part below 0.9, eigenvectors of the given condition number."""
+    rng = np.random.default_rng(seed)
+    left, right = (np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2))
+    V = left * np.geomspace(1, 1 / conditioning, n) @ right
+    modes = np.diag(np.concatenate([[1.0], rng.uniform(-0.5, 0.7, n - 1)]))
+    for k in range(1, n - 1, 4):
+        turn = rng.uniform(0.1, 0.6)
+        modes[k : k + 2, k : k + 2] = [[0.1, -turn], [turn, 0.1]]
+    return V @ modes @ np.linalg.inv(V)
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("n", [5, 12, 20, 30])
+@pytest.mark.parametrize("conditioning", [1e5, 1e7, 8e7])
+def test_ill_conditioned_eigenvectors(n, conditioning, discrete):
+    # |A| is about the condition number: for the last one, rounding moves the eigenvalues in the third digit
+    found = find_cone(with_eigenvectors(n, n, conditioning), discrete=discrete)
+    assert found and found.conditioning > conditioning / 100 and found.certificate.check()
+    assert found.n_rays >= found.fewest_rays
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_facets_agree_on_ill_conditioned_eigenvectors(discrete):
+    A = with_eigenvectors(3, 5, 5e7)
+    found = find_cone(A, discrete=discrete)
+    assert not found.certificate.rays.is_double
+    assert PolyhedralCone(found.certificate.rays).is_proper
+    assert state_positivity(A, found.cone, discrete=discrete)
+    # The doubles next to the generators will not do: they are too far away.
+    rounded = replace(found.certificate, rays=ExactMatrix(found.certificate.rays.values))
+    assert not rounded.check()
+
+
+def test_eigenvalues_are_accurate_behind_ill_conditioned_eigenvectors():
+    A = with_eigenvectors(7, 8, 5e7)
+    values = eigenvalues(ExactMatrix(A))
+    rows = [[Fraction(x) for x in row] for row in A.tolist()]
+    trace = sum(rows[i][i] for i in range(8))
+    trace_of_square = sum(rows[i][j] * rows[j][i] for i in range(8) for j in range(8))
+    assert values.sum() == pytest.approx(float(trace), rel=1e-13)
+    assert (values**2).sum() == pytest.approx(float(trace_of_square), rel=1e-13)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.floats(0, 12), st.floats(-9, 0))
+def test_proven_bounds_hold_in_exact_arithmetic(seed, digits, smallest):
+    rng = np.random.default_rng(seed)
+    n = 3
+    turns = [np.linalg.qr(rng.standard_normal((n, n)))[0] for _ in range(2)]
+    R = turns[0] * np.geomspace(1, 10.0**-digits, n) @ turns[1]
+    Q = 10.0**smallest * rng.random((n, 2))
+    T = (R @ Q).T
+    basis = Generators(ExactMatrix(R.T.copy()), np.linalg.inv(R))
+    eye = ExactMatrix(np.eye(n))
+    bounds = basis.combination("T = R Q", [(eye, ExactMatrix(T))], ExactMatrix(Q), np.ones(Q.shape, dtype=bool))
+    for j in range(2):
+        column = [Fraction(x) for x in T[j].tolist()]
+        matrix = [[Fraction(x) for x in row] for row in R.tolist()]
+        for k in range(n):  # Gauss elimination
+            pivot = max(range(k, n), key=lambda i: abs(matrix[i][k]))
+            matrix[k], matrix[pivot] = matrix[pivot], matrix[k]
+            column[k], column[pivot] = column[pivot], column[k]
+            for i in range(n):
+                if i != k:
+                    factor = matrix[i][k] / matrix[k][k]
+                    matrix[i] = [x - factor * y for x, y in zip(matrix[i], matrix[k], strict=True)]
+                    column[i] -= factor * column[k]
+        for i in range(n):
+            assert bounds.lower[i, j] <= column[i] / matrix[i][i] or bounds.exact[i, j]
 
 
 # -- bad input

@@ -7,7 +7,8 @@ full row rank and
     Q* = Q + Y (I - D)^-1 E      solves      R Q* = T      exactly,
 
 with |Q* - Q|_ij <= |row i of Y|_1 |column j of E|_max / (1 - |D|).  Entries of Q above that are
-positive in Q*.  A column whose residual is exactly zero (decided in integers) needs only Q >= 0.
+positive in Q*.  Where that is not enough E is computed in integers: a column whose residual is exactly
+zero needs only Q >= 0.
 """
 
 from __future__ import annotations
@@ -17,9 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, concatenate
+from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, rounding_radius
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Condition
+from .products import as_doubles, summed_products
 
 Array = NDArray[np.float64]
 
@@ -148,18 +150,51 @@ class Generators:
             residual, error = residual + value, error + bound + (np.abs(residual) + np.abs(value)) * (4 * HALF_ULP)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             worst = (np.abs(residual) + error).max(axis=0, initial=0.0)
-            spread = np.abs(self.inverse).sum(axis=1) / (1 - self.defect.max(initial=0.0))
-            correction = np.outer(spread, worst) * (1 + 2.0**-30)
-            correction = correction if self.defect.max(initial=0.0) < 0.9 else np.full_like(correction, np.inf)
-            lower = np.where(required, Q - correction - np.abs(Q) * (4 * HALF_ULP), np.inf)
+        lower = np.where(required, self._reduced(Q, worst), np.inf)
         exact = np.zeros(Q.shape, dtype=bool)
         open_ = np.flatnonzero(((~(lower > 0)) & required).any(axis=0))
         good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
-        if good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT and good.size:
-            zero = _exactly_zero(targets, self.rays, multipliers, good)
-            exact[:, good[zero]] = True
+        if good.size and good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT:
+            vanishing, residual = self._exact_residual(targets, multipliers, good)
+            exact[:, good[vanishing]] = True
+            lower[:, good] = np.where(required[:, good], self._corrected(Q[:, good], residual), np.inf)
         lower = np.where(required, lower, 1.0)
         return Bounds.of(name, lower, _size(self.rays, Q, lower), exact)
+
+    def _reduced(self, Q: Array, worst: Array) -> Array:
+        """Lower bounds on Q* where no entry of column j of the residual is above worst[j]."""
+        defect = self.defect.max(initial=0.0)
+        if not defect < 0.9:
+            return np.full_like(Q, -np.inf)
+        with np.errstate(over="ignore", invalid="ignore"):
+            spread = np.abs(self.inverse).sum(axis=1) / (1 - defect)
+            return Q - np.outer(spread, worst) * (1 + 2.0**-30) - np.abs(Q) * (4 * HALF_ULP)
+
+    def _corrected(self, Q: Array, residual: ExactMatrix) -> Array:
+        """Lower bounds on Q* for a residual known to full precision: Q* = Q + Y E + Y D (I - D)^-1 E."""
+        defect = self.defect.max(initial=0.0)
+        if not defect < 0.9:
+            return np.full_like(Q, -np.inf)
+        step, error = enclosed_product(ExactMatrix(self.inverse), _transposed(residual))
+        with np.errstate(over="ignore", invalid="ignore"):
+            worst = (np.abs(residual.values) + residual.radius).max(axis=0, initial=0.0)
+            spread = np.abs(self.inverse).sum(axis=1) * defect / (1 - defect)
+            error = (error + np.outer(spread, worst)) * (1 + 2.0**-30)
+            return Q + step - error - (np.abs(Q) + np.abs(step)) * (8 * HALF_ULP)
+
+    def _exact_residual(
+        self, targets: list[tuple[ExactMatrix, ExactMatrix]], multipliers: ExactMatrix, columns: NDArray[np.intp]
+    ) -> tuple[NDArray[np.bool_], ExactMatrix]:
+        """Some columns of T - R Q from exact arithmetic: which of them vanish, and all correctly rounded."""
+        terms = [(M, _rows(x, columns)) for M, x in targets]
+        terms.append((-_transposed(self.rays), _rows(_transposed(multipliers), columns)))
+        integers, factor = summed_products(terms)
+        with np.errstate(over="ignore"):
+            rounded = as_doubles(integers, factor)
+            values = np.ldexp(rounded, self.exponent[:, None])
+            radius = np.ldexp(rounding_radius(rounded), self.exponent[:, None]) + SMALLEST_NORMAL
+            radius = np.where(integers == 0, 0.0, radius)
+        return (integers == 0).all(axis=0), ExactMatrix(values, radius)
 
 
 def _size(rays: ExactMatrix, Q: Array, lower: Array) -> Array:
@@ -168,18 +203,6 @@ def _size(rays: ExactMatrix, Q: Array, lower: Array) -> Array:
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         size = (length[:, None] * np.abs(Q)).sum(axis=0)[None, :] / length[:, None]
     return np.where(np.isfinite(size) & (size > 0), size, np.maximum(np.abs(lower), 1.0))
-
-
-def _exactly_zero(
-    targets: list[tuple[ExactMatrix, ExactMatrix]],
-    rays: ExactMatrix,
-    multipliers: ExactMatrix,
-    columns: NDArray[np.intp],
-) -> NDArray[np.bool_]:
-    """Which columns of T - R Q vanish, decided in exact arithmetic."""
-    left = concatenate([*(M for M, _ in targets), -_transposed(rays)], axis=-1)
-    right = concatenate([*(_rows(x, columns) for _, x in targets), _rows(_transposed(multipliers), columns)], axis=-1)
-    return (BilinearForms(left, None, right).signs() == 0).all(axis=0)
 
 
 def _transposed(m: ExactMatrix) -> ExactMatrix:

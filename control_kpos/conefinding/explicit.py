@@ -251,10 +251,12 @@ def _polygon_size(target: complex, total: float, discrete: bool) -> int | None:
         return size if size <= _LARGEST_POLYGON else None
     if abs(target) >= total:
         return None
-    sizes = np.arange(3, _LARGEST_POLYGON + 1)
-    step = 2 * np.pi / sizes
-    inside = abs(target) * np.cos(np.angle(target) % step - step / 2) <= total * np.cos(step / 2) * (1 + 1e-14)
-    return int(sizes[np.argmax(inside)]) if inside.any() else None
+    for sizes in (np.arange(3, 100), np.arange(100, _LARGEST_POLYGON + 1)):
+        step = 2 * np.pi / sizes
+        inside = abs(target) * np.cos(np.angle(target) % step - step / 2) <= total * np.cos(step / 2) * (1 + 1e-14)
+        if inside.any():
+            return int(sizes[np.argmax(inside)])
+    return None
 
 
 def _rates(

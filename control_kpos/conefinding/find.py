@@ -22,7 +22,7 @@ from .modes import dominant_index
 from .port_obstruction import port_obstruction
 from .reduction import select
 from .result import FoundCone
-from .single import as_stack, find_single
+from .single import as_stack, eigenvalues, find_single
 from .with_ports import find_with_ports
 
 
@@ -295,7 +295,7 @@ def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, few: str) -> Foun
 
 def lower_bound(A: ExactMatrix, *, discrete: bool) -> int:
     """Least number of rays (and of facets) of an invariant polyhedral cone, from the spectrum."""
-    values = np.linalg.eigvals(A.values).astype(complex)
+    values = eigenvalues(A)
     first = dominant_index(values, discrete=discrete)
     rest = values[np.arange(len(values)) != first]
     size = float(abs(values[first])) if discrete else float(values[first].real)

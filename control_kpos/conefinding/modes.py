@@ -81,6 +81,19 @@ def modes(A: NDArray[np.float64], *, discrete: bool = False) -> Modes | None:
     return Modes(float(values[first].real), right, left, np.array(others, dtype=complex), bases, conditioning)
 
 
+def eigenbasis(A: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Real and imaginary parts of the eigenvectors, columns of length about 1; shape (n, n)."""
+    values, vectors = np.linalg.eig(A)
+    columns = [
+        np.real(vectors[:, [i]]) / np.linalg.norm(np.real(vectors[:, i]))
+        if values[i].imag == 0
+        else _orthogonal_pair(vectors[:, i])
+        for i in range(len(values))
+        if values[i].imag >= 0
+    ]
+    return np.column_stack(columns)
+
+
 def _orthogonal_pair(v: NDArray[np.complex128]) -> NDArray[np.float64]:
     """[Re, -Im] of v turned in the complex plane until both parts are orthogonal: flattest ellipse axes."""
     v = v * np.exp(-0.5j * np.angle((v * v).sum()))

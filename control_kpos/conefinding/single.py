@@ -1,8 +1,9 @@
 """A proper polyhedral cone for one matrix: what to try, in which order.
 
 1. The modes of A and polygons, where eigenvectors are well conditioned (`explicit`).
-2. The same for a neighbouring matrix with distinct eigenvalues, where they are not.
-3. Exact rational modes, where A has several dominant eigenvalues (`rational_modes`).
+2. The same for a neighbouring matrix with better conditioned ones, where they are not.
+3. The same in coordinates close to the modes (`preconditioned`).
+4. Exact rational modes, where A has several dominant eigenvalues (`rational_modes`).
 Every candidate is put to the proof; the first one proven wins.
 """
 
@@ -18,14 +19,16 @@ from ..arrays import ExactMatrix
 from .certificate import ConeCertificate
 from .existence import layer
 from .explicit import Candidate, modal_cone
-from .modes import Modes, dominant_index, modes
+from .modes import Modes, dominant_index, eigenbasis, modes
 from .multipliers import multipliers
+from .preconditioned import modal_coordinates
+from .products import exact_product
 from .rational_modes import rational_cones
 
 # Beyond the first, a neighbouring matrix with better eigenvectors is tried before A's own; beyond the
-# second, A's own are given up.
+# second, A's own are of use in coordinates close to them only.
 _WELL_CONDITIONED = 1e4
-_ILL_CONDITIONED = 1e8
+_ILL_CONDITIONED = 3e5
 _SPREADS = (0.3, 0.5, 0.7, 0.15)
 
 
@@ -63,6 +66,15 @@ def balancing_units(size: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.exp2(exponent)
 
 
+def eigenvalues(A: ExactMatrix) -> NDArray[np.complex128]:
+    """Eigenvalues that are accurate as long as the condition number of the eigenvectors is below 1e12."""
+    matrix, units = balanced(A)
+    found = None
+    if not np.linalg.cond(eigenbasis(matrix)) < _WELL_CONDITIONED:
+        found = modal_coordinates(A, matrix, units)
+    return np.linalg.eigvals(A.values if found is None else found[1]).astype(np.complex128)
+
+
 def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[Candidate]:
     """Cones worth proving, the most economic first."""
     if m is not None and m.conditioning < _WELL_CONDITIONED:
@@ -72,7 +84,7 @@ def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_r
             return
     for part in _SPREADS:
         near = modes(spread(A, part, discrete=discrete), discrete=discrete)
-        if near is None or not near.conditioning < (m.conditioning if m is not None else np.inf):
+        if near is None or not near.conditioning < (0.1 * m.conditioning if m is not None else np.inf):
             continue
         found = modal_cone(near, discrete=discrete, max_rays=max_rays)
         if found is not None:
@@ -118,11 +130,17 @@ def find_single(
     matrix, units = balanced(A)
     m = modes(matrix, discrete=discrete)
     stack = as_stack([A])
+    well_conditioned = m is not None and m.conditioning < _WELL_CONDITIONED
     for candidate in candidates(matrix, m, discrete=discrete, max_rays=max_rays):
-        certificate = prove(stack, candidate, units, discrete=discrete)
+        programs = well_conditioned or candidate.P is None
+        certificate = prove(stack, candidate, units, discrete=discrete, programs=programs)
         if certificate:
             separators = None if candidate.separators is None else candidate.separators / units
             return certificate, separators, flatness(candidate.R)
+    if not well_conditioned:
+        for certificate, separators in _preconditioned(A, matrix, units, discrete=discrete, max_rays=max_rays):
+            if certificate and certificate.rays is not None:
+                return certificate, separators, flatness((certificate.rays.values / units).T)
     for rays, pointing in rational_cones(A, discrete=discrete):
         if max_rays is None or rays.shape[0] <= max_rays:
             certificate = _prove(stack, rays, pointing, np.linalg.pinv(rays.values.T), discrete=discrete)
@@ -131,8 +149,41 @@ def find_single(
     return ConeCertificate.settle(matrices=stack, discrete=discrete), None, np.inf
 
 
-def prove(stack: ExactMatrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool) -> ConeCertificate:
-    """Put a candidate in balanced coordinates to the proof."""
+def _preconditioned(
+    A: ExactMatrix,
+    matrix: NDArray[np.float64],
+    units: NDArray[np.float64],
+    *,
+    discrete: bool,
+    max_rays: int | None,
+) -> Iterator[tuple[ConeCertificate, NDArray[np.float64] | None]]:
+    """Certificates, proven or not, of cones found for V^-1 A V, with separators."""
+    found = modal_coordinates(A, matrix, units)
+    if found is None:
+        return
+    V, T = found
+    inverse = np.linalg.inv(V / units[:, None]) / units
+    for candidate in candidates(T, modes(T, discrete=discrete), discrete=discrete, max_rays=max_rays):
+        R = ExactMatrix(np.ascontiguousarray(candidate.R.T))
+        P = None if candidate.P is None else ExactMatrix(candidate.P)
+        P = P or multipliers(ExactMatrix(T), R, candidate.pointing, discrete=discrete)
+        if P is None:
+            continue
+        certificate = ConeCertificate.settle(
+            matrices=as_stack([A]),
+            discrete=discrete,
+            rays=exact_product(R, ExactMatrix(V)),
+            multipliers=as_stack([P]),
+            pointing=candidate.pointing @ inverse,
+            right_inverse=np.linalg.pinv(candidate.R) @ inverse,
+        )
+        yield certificate, None if candidate.separators is None else candidate.separators @ inverse
+
+
+def prove(
+    stack: ExactMatrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool, programs: bool
+) -> ConeCertificate:
+    """Put a candidate in balanced coordinates to the proof, with linear programs for P if its own will not do."""
     rays = ExactMatrix(np.ascontiguousarray(candidate.R.T * units))
     pointing = candidate.pointing / units
     inverse = np.linalg.pinv(candidate.R) / units
@@ -140,7 +191,7 @@ def prove(stack: ExactMatrix, candidate: Candidate, units: NDArray[np.float64], 
     certificate = ConeCertificate.settle(
         matrices=stack, discrete=discrete, rays=rays, multipliers=P, pointing=pointing, right_inverse=inverse
     )
-    if certificate:
+    if certificate or not programs:
         return certificate
     return _prove(stack, rays, pointing, inverse, discrete=discrete)
 
