@@ -1,0 +1,221 @@
+"""The proof of differential positivity: inequalities over interval matrices.
+
+h'J x >= 0 holds for all J with |J - C| <= R, entry by entry, if and only if h'C x - |h|'R |x| >= 0.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix
+from ..certificates.exact import BilinearForms
+from ..certificates.files import register_record
+from ..certificates.result import Certificate, Condition
+from ..cones import Cone
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class DifferentialViolation:
+    """A Jacobian that turns a displacement on the boundary outwards.
+
+    Attributes
+    ----------
+    centre, radius : ndarray, shape (n, n)
+        Encloses the Jacobian at `point`.
+    facet, ray : int
+        Row numbers in `facets` and `rays` of X.
+    value : float
+        h'J x < 0, in floating point.
+    point : ndarray, shape (n,), or None
+        Where; None for a Jacobian that was given as a matrix.
+    """
+
+    centre: Array
+    radius: Array
+    facet: int
+    ray: int
+    value: float
+    point: Array | None
+
+    def __str__(self) -> str:
+        where = "" if self.point is None else f" at x = ({', '.join(f'{x:.4g}' for x in self.point)})"
+        product = f"h'J x = {self.value:.3g} < 0"
+        return f"the Jacobian{where} turns generator {self.ray} out through facet {self.facet} ({product})"
+
+
+register_record(DifferentialViolation)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DifferentialCertificate(Certificate):
+    """Proof that a set of Jacobians is K-positive, or one that is not.
+
+    Attributes
+    ----------
+    centres : ExactMatrix, shape (M, n, n)
+        Jacobians, or midpoints of enclosures.
+    radii : ndarray, shape (M, n, n)
+        All J with |J - centre| <= radius for some piece are meant.
+    X : Cone
+    discrete : bool
+        x[k+1] = f(x[k]): J X inside X.
+    source : {"vertices", "enclosed", "sampled"}
+        "vertices": about the matrices given and their convex hull.  "enclosed": about every Jacobian on the
+        region, by interval arithmetic.  "sampled": seen at points only, which proves nothing about the
+        others; the status is never PROVED then.
+    v : ndarray, shape (n,), or None
+        Common Lyapunov vector: the flow contracts.
+    witness : DifferentialViolation or None
+    """
+
+    claim: ClassVar[str] = "differentially-positive"
+
+    centres: ExactMatrix
+    radii: Array
+    X: Cone
+    discrete: bool = False
+    source: str = "vertices"
+    v: Array | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+        out = [invariance(self, s) for s in range(self.centres.shape[0])]
+        if self.v is not None:
+            v = ExactMatrix(self.v[None, :])
+            out.append(Condition("v'x > 0", BilinearForms(v, None, _dense_rays(self.X)), ">"))
+            out += [self._decrease(s) for s in range(self.centres.shape[0])]
+        if self.source == "sampled":
+            one = ExactMatrix(np.ones((1, 1)))
+            out.append(Condition("all Jacobians on the region are known", BilinearForms(one, None, one), "<"))
+        return out
+
+    def _decrease(self, s: int) -> Condition:
+        v = ExactMatrix(np.asarray(self.v, dtype=float)[None, :])
+        A = _layer(self.centres, s)
+        if self.discrete:
+            A = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
+        return Condition(f"v'J{s} x < 0", _worst(v, A, self.radii[s], _dense_rays(self.X), 1), "<")
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the violation."""
+        w = self.witness
+        if not isinstance(w, DifferentialViolation) or w.centre.shape != self.centres.shape[1:]:
+            return None
+        if w.point is None and not any(
+            np.array_equal(w.centre, c) and not r.any() for c, r in zip(self.centres.values, self.radii, strict=True)
+        ):
+            return None
+        h, x = _one(_dense_facets(self.X), w.facet), _one(_dense_rays(self.X), w.ray)
+        out = [Condition("h'J x < 0", _worst(h, ExactMatrix(w.centre), w.radius, x, 1), "<")]
+        if not self.discrete:
+            out.append(Condition("h'x = 0", BilinearForms(h, None, x), "=="))
+        return out
+
+    @property
+    def is_strict(self) -> bool:
+        """True if all inequalities hold strictly: the order is strongly preserved."""
+        if not self and self.source != "sampled":
+            return False
+        conditions = [invariance(self, s) for s in range(self.centres.shape[0])]
+        return all(Condition(c.name, c.forms, ">", c.where).verdict() is True for c in conditions)
+
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+        if self.witness is not None:
+            return f"Not differentially positive on X: {self.witness}."
+        if self.source == "sampled":
+            good = sum(invariance(self, s).verdict() is True for s in range(self.centres.shape[0]))
+            return (
+                f"Not proven: {good} of {self.centres.shape[0]} sampled Jacobians are K-positive on X, up to the error "
+                "of finite differences, and nothing is known between them. Write the system with numpy functions and "
+                "arithmetic only, so that its Jacobian can be enclosed."
+            )
+        if not self:
+            return "Undecided: the enclosed Jacobians are too wide for this cone. Try a smaller region or more pieces."
+        order = (
+            "The flow is monotone in the order of X: solutions that start ordered stay ordered, while they remain "
+            "in the region."
+        )
+        if self.v is not None:
+            return (
+                f"Proved. {order} It contracts: v'd decreases along every displacement d in X, so solutions converge "
+                "to each other."
+            )
+        if self.is_strict:
+            return (
+                f"Proved. {order} It is strictly differentially positive: almost every bounded trajectory that stays "
+                "in the region converges to an equilibrium."
+            )
+        return f"Proved. {order}"
+
+
+def invariance(certificate: DifferentialCertificate, s: int) -> Condition:
+    """h'J x >= 0 for all J of piece s, on the facets that matter."""
+    where = None if certificate.discrete else np.asarray(certificate.X.incidence)
+    return Condition(f"h'J{s} x >= 0", extreme_products(certificate, s, -1), ">=", where)
+
+
+def extreme_products(certificate: DifferentialCertificate, s: int, side: int) -> BilinearForms:
+    """The largest (side 1) or smallest (side -1) h'J x over all J of piece s, for facets h and generators x."""
+    X = certificate.X
+    return _worst(_dense_facets(X), _layer(certificate.centres, s), certificate.radii[s], _dense_rays(X), side)
+
+
+def _worst(left: ExactMatrix, M: ExactMatrix, radius: Array, right: ExactMatrix, side: int) -> BilinearForms:
+    """l'M x + side |l|'radius |x|: the largest (side 1) or smallest (side -1) value over the interval matrix."""
+    if not radius.any():
+        return BilinearForms(left, M, right)
+    n = M.shape[0]
+    zero = np.zeros((n, n))
+    if M.is_double:
+        middle = ExactMatrix(np.block([[np.asarray(M.values), zero], [zero, side * radius]]))
+    else:
+        extra = ExactMatrix(side * radius).fractions()
+        blank = np.zeros((n, n), dtype=int).astype(object)
+        middle = ExactMatrix.from_fractions(np.block([[M.fractions(), blank], [blank, extra]]))
+    return BilinearForms(_with_sizes(left), middle, _with_sizes(right))
+
+
+def _layer(stack: ExactMatrix, s: int) -> ExactMatrix:
+    return ExactMatrix(
+        stack.values[s],
+        None if stack.radius is None else stack.radius[s],
+        None if stack.numerators is None else stack.numerators[s],
+        stack.denominator,
+    )
+
+
+def _with_sizes(rows: ExactMatrix) -> ExactMatrix:
+    """[x, |x|] for every row, exactly."""
+    if rows.is_double and rows.integer_rows is None:
+        return ExactMatrix(np.concatenate([rows.values, np.abs(rows.values)], axis=1))
+    integers = rows.rows_as_integers(np.arange(rows.shape[0]))
+    return ExactMatrix.from_fractions(np.concatenate([integers, np.abs(integers)], axis=1))
+
+
+def _dense_rays(X: Cone) -> ExactMatrix:
+    return _dense(X.exact_rays)
+
+
+def _dense_facets(X: Cone) -> ExactMatrix:
+    return _dense(X.exact_facets)
+
+
+def _dense(m: ExactMatrix) -> ExactMatrix:
+    if m.is_sparse:
+        return ExactMatrix(m.values.toarray())
+    if m.integer_rows is not None:
+        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
+    return m
+
+
+def _one(m: ExactMatrix, row: int) -> ExactMatrix:
+    numerators = None if m.numerators is None else m.numerators[[row]]
+    return ExactMatrix(m.values[[row]], None if m.radius is None else m.radius[[row]], numerators, m.denominator)
