@@ -108,7 +108,7 @@ def descend(
     start : float
         A first guess for a shift above the abscissa; raised until it is one.
     relative : float
-        Ends when shift - theta is below relative * |theta| / 4.
+        Ends when shift - theta is below 0.45 relative |theta|, which leaves as much for the proof from below.
     stop : callable, optional
         Ends early when it returns True.
     progress : callable, optional
@@ -143,7 +143,7 @@ def descend(
         if progress is not None:
             progress(f"step {step + 1}: spectral abscissa about {best.theta:.9g}, below {best.shift:.9g}")
         gap = best.shift - best.theta
-        goal = 0.25 * relative * abs(best.theta)
+        goal = 0.45 * relative * abs(best.theta)
         if gap <= goal or (stop is not None and stop(best)):
             return best
         c = mix(model, best.v, 1e-3 if jump > 1e-3 * abs(best.theta) else 1e-5, dual=True)
