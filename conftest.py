@@ -17,7 +17,13 @@ import control_kpos as kp
 
 # No deadline: the same example may take ten times longer on a loaded machine.  "thorough" is for
 # HYPOTHESIS_PROFILE=thorough, before a release.
-settings.register_profile("default", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+# With CI set the examples are the same in every run.
+settings.register_profile(
+    "default",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    derandomize="CI" in os.environ,
+)
 settings.register_profile("thorough", settings.get_profile("default"), max_examples=2000)
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "default"))
 
