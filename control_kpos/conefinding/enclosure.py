@@ -42,6 +42,7 @@ class Bounds(Condition):
         Entries known to be nonnegative in exact arithmetic, whatever `lower` says.
     """
 
+    # always set by `of`; a parent with defaults forces defaults here
     lower: Array = None  # type: ignore[assignment]
     size: Array = None  # type: ignore[assignment]
     exact: NDArray[np.bool_] | bool = False
