@@ -11,6 +11,7 @@ from control import StateSpace
 from ..cards import card
 from ..certificates.result import Status
 from ..errors import ShapeError, UndecidedError
+from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from .blocks import Index
 from .bracket import AbscissaCertificate, bracket
@@ -20,7 +21,6 @@ from .coupling import read_coupling
 from .edits import Overlay, check_timebase
 from .inherited import LocalCertificate, inherit
 from .model import NetworkModel, NodeStack, gather
-from .progress import Reporter, Target
 from .responses import NetworkResponses
 from .witnesses import NetworkInstability
 

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import exact_matrix, vector
 from ..errors import DataError, ShapeError, TooLargeError
+from ..progress import Reporter
 from .abscissa import descend
 from .blocks import Floats, Index
 from .model import READABLE
-from .progress import Reporter
 from .shell import NetworkShell
 from .simulate import delayed, respond, sample_times
 from .solvers import PortSystem

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from ..cones import Cone, product
 from ..errors import DataError, TooLargeError
+from ..progress import Target
 from .blocks import Index
 from .closedloop import ClosedLoop
 from .edits import Overlay
 from .model import READABLE, NetworkModel
-from .progress import Target
 
 # States above which dense matrices are refused (200 MB for A).
 DENSE_STATES = 5_000
