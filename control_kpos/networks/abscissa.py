@@ -119,14 +119,13 @@ def descend(
     Approach or None
         None if no shift above the abscissa was found.
     """
-    order = banded_order(model)
-    bold = 0.5 if order is None else 0.2  # a shift below the abscissa costs Krylov methods most
+    bold = 0.5 if banded_order(model) is None else 0.2  # a shift below the abscissa costs Krylov methods most
     scale = rate_scale(model)
     c, d = interior(model, dual=True), interior(model, dual=False)
     mu, below, best = start, -np.inf, None
     rise = scale * 2.0**-6
     for step in range(limit):
-        try_at = _solve_at(model, mu, order, c, d, best)
+        try_at = _solve_at(model, mu, c, d, best)
         if try_at is None:
             if best is None:  # no evidence that mu is too low: only that sweeps do not converge
                 mu, rise = mu + rise, 4 * rise
@@ -157,10 +156,8 @@ def descend(
     return best
 
 
-def _solve_at(
-    model: NetworkModel, mu: float, order: Index | None, c: Floats, d: Floats, best: Approach | None
-) -> Approach | None:
-    system = PortSystem(model, mu, order)
+def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approach | None) -> Approach | None:
+    system = PortSystem(model, mu)
     if not system.is_finite:
         return None
     guess_v = guess_x = None

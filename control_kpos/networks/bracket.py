@@ -19,6 +19,7 @@ from .abscissa import Progress, descend, slow_state
 from .blocks import Floats
 from .certificate import PerNode, dissipation, flat, per_node
 from .certify import growth_witness, loop_weights, provable_rate, supply_rates
+from .localised import localised_peak
 from .model import NetworkModel
 from .witnesses import NetworkInstability, below_abscissa
 
@@ -86,15 +87,11 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
     loop = loop_weights(model)
     if model.has_feedthrough and loop is None:
         return AbscissaCertificate.settle(model=model)
-    final = descend(model, 1.0 if model.discrete else 0.0, relative=relative, progress=progress)
-    if final is None:
+    sides = _both_sides(model, relative, progress)
+    if sides is None:
         return AbscissaCertificate.settle(model=model)
-    v, r, q = supply_rates(model, final.v)
+    (v, r, q), x, lower = sides
     upper = -provable_rate(model, v, q, discrete=False)
-    slow = slow_state(model, final, relative)
-    if slow is None:
-        return AbscissaCertificate.settle(model=model)
-    x, lower = slow
     return AbscissaCertificate.settle(
         model=model,
         lower=lower,
@@ -105,3 +102,16 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
         below=growth_witness(model, x, lower),
         loop_weights=loop,
     )
+
+
+def _both_sides(
+    model: NetworkModel, relative: float, progress: Progress | None
+) -> tuple[tuple[Floats, Floats, Floats], Floats, float] | None:
+    """Supply rates for the upper side; a state and its rate for the lower side."""
+    start = 1.0 if model.discrete else 0.0
+    peak = localised_peak(model, start, relative, progress)
+    if peak is not None:
+        return supply_rates(model, peak.v), peak.x, peak.rate
+    found = descend(model, start, relative=relative, progress=progress)
+    slow = None if found is None else slow_state(model, found, relative)
+    return None if found is None or slow is None else (supply_rates(model, found.v), *slow)

@@ -39,12 +39,10 @@ class Loop:
     model : NetworkModel
     G : list of ndarray, shapes (N, q, m)
         One stack of blocks per node stack.
-    ordering : ndarray, None or False
-        Result of `banded_order(model)`; False: to be found when needed.
     """
 
-    def __init__(self, model: NetworkModel, G: list[Floats], ordering: Index | bool | None = False) -> None:
-        self.model, self.G, self._ordering = model, G, ordering
+    def __init__(self, model: NetworkModel, G: list[Floats]) -> None:
+        self.model, self.G = model, G
         self.iterations = 0
         self.iteration_limit = _ITERATIONS
         self.sweeps_only = False
@@ -85,7 +83,7 @@ class Loop:
     @cached_property
     def factors(self) -> Any:
         """LU factors of I - T in a banded order, or None if the graph has none."""
-        order = banded_order(self.model) if self._ordering is False else self._ordering
+        order = banded_order(self.model)
         if order is None or not np.isfinite(self.T.data).all():
             return None
         size = self.T.shape[0]
@@ -173,12 +171,10 @@ class PortSystem:
     model : NetworkModel
     shift : float
         mu; 0 for stability in continuous time, 1 in discrete time.
-    ordering : ndarray, None or False
-        Result of `banded_order(model)`; False: to be found when needed.
     """
 
-    def __init__(self, model: NetworkModel, shift: float, ordering: Index | bool | None = False) -> None:
-        self.model, self.shift, self._ordering = model, float(shift), ordering
+    def __init__(self, model: NetworkModel, shift: float) -> None:
+        self.model, self.shift = model, float(shift)
         self.K = [inverse(self.shift * np.eye(s.sizes[0]) - s.A.values) for s in model.stacks]
 
     @cached_property
@@ -193,7 +189,7 @@ class PortSystem:
     def loop(self) -> Loop:
         """The port equations, with the transfer matrices G = D + C K B."""
         G = [s.D.values + multiply(s.C.values, kb) for kb, s in zip(self.KB, self.model.stacks, strict=True)]
-        return Loop(self.model, G, self._ordering)
+        return Loop(self.model, G)
 
     @cached_property
     def is_finite(self) -> bool:
@@ -267,18 +263,22 @@ def direct_loop(model: NetworkModel) -> Loop:
 
 
 def banded_order(model: NetworkModel) -> Index | None:
-    """An order of the inputs in which I - W G has a small envelope, or None.
+    """An order of the inputs in which I - W G has a small envelope, or None; found once for a model.
 
     Costs one breadth-first search over the coupling.
     """
+    if "_banded_order" not in model.__dict__:
+        model.__dict__["_banded_order"] = _find_banded_order(model)
+    return model.__dict__["_banded_order"]
+
+
+def _find_banded_order(model: NetworkModel) -> Index | None:
     size = model.totals[1]
-    listens = model.WT if model.is_ordered and model.stacks[0].sizes[1:] == (1, 1) else None
-    if listens is None:
-        feeds = model.blocks([np.ones((len(s), s.sizes[2], s.sizes[1])) for s in model.stacks], 2, 1)
-        pattern = sp.csr_array(abs(model.W)) @ feeds
-    else:
+    if model.is_ordered and model.stacks[0].sizes[1:] == (1, 1):
         pattern = model.W
-    pattern = sp.csr_array(pattern)
+    else:
+        feeds = model.blocks([np.ones((len(s), s.sizes[2], s.sizes[1])) for s in model.stacks], 2, 1)
+        pattern = sp.csr_array(abs(model.W) @ feeds)
     count, component = connected_components(pattern, directed=True, connection="strong")
     if count == size:  # no loops: any topological order is triangular
         return np.argsort(component, kind="stable")
