@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numbers
 import re
+import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -225,6 +226,8 @@ def exact_matrix(data: ArrayLike | ExactMatrix | Any, name: str, *, ndim: int = 
         arr = np.asarray(data)
     except (ValueError, TypeError):
         raise ShapeError(f"{name} is ragged: its rows differ in length; give rows of equal length.") from None
+    except Exception as error:  # noqa: BLE001  (conversion runs code of the object, which may raise anything)
+        raise DataError(f"{name} of type {type(data).__name__} is no array ({type(error).__name__}).") from None
     if arr.dtype.kind == "O" and any(isinstance(x, (list, tuple, np.ndarray)) for x in arr.ravel()):
         raise ShapeError(f"{name} is ragged: its rows differ in length; give rows of equal length.")
     if isinstance(data, (list, tuple)) and arr.dtype.kind in "US":
@@ -264,11 +267,11 @@ def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
     if isinstance(x, str):
         x = str(x)  # numpy's own text type shows in messages
         if not _NUMBER.fullmatch(x.strip()):
-            raise DataError(f'{where} is the text {x!r}; give a number, or text such as "1/3" or "-21.3".')
+            raise DataError(f'{where} is the text {reprlib.repr(x)}; give a number, or text such as "1/3" or "-21.3".')
         try:
             return Fraction(x.strip())
         except ZeroDivisionError:
-            raise DataError(f"{where} is {x!r}, which divides by zero.") from None
+            raise DataError(f"{where} is {reprlib.repr(x)}, which divides by zero.") from None
     if isinstance(x, (complex, np.complexfloating)):
         raise DataError(f"{where} is complex; control_kpos takes real numbers only.")
     if isinstance(x, numbers.Rational):
@@ -276,7 +279,7 @@ def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
     try:
         return Fraction(*x.as_integer_ratio())
     except (AttributeError, TypeError):
-        raise DataError(f"{where} is {x!r} of type {type(x).__name__}; give real numbers.") from None
+        raise DataError(f"{where} is {reprlib.repr(x)} of type {type(x).__name__}; give real numbers.") from None
     except (OverflowError, ValueError):
         raise DataError(f"{where} is {x!r}; every entry must be finite.") from None
 

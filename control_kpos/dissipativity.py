@@ -171,9 +171,9 @@ def dissipativity(
     B: ArrayLike | ExactMatrix | Any,
     C: ArrayLike | ExactMatrix | Any,
     D: ArrayLike | ExactMatrix | Any,
-    X: Cone,
-    U: Cone,
-    Y: Cone,
+    X: Cone | ArrayLike,
+    U: Cone | ArrayLike,
+    Y: Cone | ArrayLike,
     *,
     q: ArrayLike | None = None,
     r: ArrayLike | None = None,
@@ -184,7 +184,7 @@ def dissipativity(
     Parameters
     ----------
     A, B, C, D : array_like, shapes (n, n), (n, m), (p, n), (p, m)
-    X, U, Y : Cone
+    X, U, Y : Cone, or array_like of its generators
         Polyhedral proper cones in R^n, R^m, R^p.
     q : array_like, shape (p,), optional
         Output part of the supply rate.  None: q = -g f for the sum f of the normalised facets of Y, with

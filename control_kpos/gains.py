@@ -13,6 +13,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import choice
 from .arrays import ExactMatrix, dense, exact_matrix, require_shape, shown
 from .certificates.result import Status
 from .cones import Cone
@@ -26,9 +27,9 @@ def induced_gain(
     B: ArrayLike | ExactMatrix | Any,
     C: ArrayLike | ExactMatrix | Any,
     D: ArrayLike | ExactMatrix | Any,
-    X: Cone,
-    U: Cone,
-    Y: Cone,
+    X: Cone | ArrayLike,
+    U: Cone | ArrayLike,
+    Y: Cone | ArrayLike,
     *,
     norm: Literal["L1", "Linf"] = "L1",
     e: ArrayLike | None = None,
@@ -45,7 +46,7 @@ def induced_gain(
     Parameters
     ----------
     A, B, C, D : array_like, shapes (n, n), (n, m), (p, n), (p, m)
-    X, U, Y : Cone
+    X, U, Y : Cone, or array_like of its generators
     norm : {"L1", "Linf"}
     e : array_like, shape (m,), optional
         Weight of the inputs: in int U* for "L1" (default: sum of the normalised facets of U), in int U for
@@ -88,8 +89,7 @@ def induced_gain_of(
     f: ArrayLike | None = None,
 ) -> float:
     """The induced gain once positivity has been decided; see `induced_gain`."""
-    if norm not in ("L1", "Linf"):
-        raise DataError(f'norm is {norm!r}; give "L1" or "Linf".')
+    norm = choice(norm, "norm", ("L1", "Linf"))
     p = positivity.system()
     if positivity.witness is not None:
         raise KposError(f"the gain formula holds for positive systems only. {positivity.explain()}")
@@ -104,9 +104,13 @@ def induced_gain_of(
     S = A - np.eye(len(A)) if p.discrete else A
     with np.errstate(all="ignore"):
         G = np.asarray(p.D.values) - np.asarray(p.C.values) @ np.linalg.solve(S, np.asarray(p.B.values))
-    if norm == "L1":
-        return float(np.max((f_row @ G) @ p.U.rays.T / (p.U.rays @ e_row)))
-    return float(np.max(p.Y.facets @ (G @ e_row) / (p.Y.facets @ f_row)))
+        if norm == "L1":
+            gain = float(np.max((f_row @ G) @ p.U.rays.T / (p.U.rays @ e_row)))
+        else:
+            gain = float(np.max(p.Y.facets @ (G @ e_row) / (p.Y.facets @ f_row)))
+    if not np.isfinite(gain):
+        raise UndecidedError("the gain is beyond the range of doubles; rescale the weights e and f, or the data.")
+    return gain
 
 
 def _weight(weight: ArrayLike | None, name: str, home: Cone) -> NDArray[np.float64]:

@@ -19,12 +19,13 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import flag
 from .arrays import ExactMatrix, exact_matrix, require_shape, shown
 from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
 from .certificates.proofs import Prover, violation
 from .certificates.result import Certificate, Condition
-from .cones import Cone
+from .cones import Cone, as_cone
 from .errors import DataError
 
 _STATE, _INPUT, _OUTPUT, _DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
@@ -204,14 +205,16 @@ def _incident_entries(forms: BilinearForms, X: Cone) -> NDArray[np.bool_]:
     return ~np.isin(keys, slack_keys)
 
 
-def state_positivity(A: ArrayLike | ExactMatrix | Any, X: Cone, *, discrete: bool = False) -> PositivityCertificate:
+def state_positivity(
+    A: ArrayLike | ExactMatrix | Any, X: Cone | ArrayLike, *, discrete: bool = False
+) -> PositivityCertificate:
     """Decide whether x' = A x (or x[k+1] = A x[k]) keeps the cone X invariant.
 
     Parameters
     ----------
     A : array_like or sparse matrix, shape (n, n)
         Doubles, integers, fractions or decimal strings.
-    X : Cone
+    X : Cone, or array_like of its generators, shape (p, n)
         Polyhedral proper cone in R^n.
     discrete : bool
         True for x[k+1] = A x[k].
@@ -248,9 +251,9 @@ def cone_positivity(
     B: ArrayLike | ExactMatrix | Any | None,
     C: ArrayLike | ExactMatrix | Any | None,
     D: ArrayLike | ExactMatrix | Any | None,
-    X: Cone,
-    U: Cone | None = None,
-    Y: Cone | None = None,
+    X: Cone | ArrayLike,
+    U: Cone | ArrayLike | None = None,
+    Y: Cone | ArrayLike | None = None,
     *,
     discrete: bool = False,
 ) -> PositivityCertificate:
@@ -260,7 +263,7 @@ def cone_positivity(
     ----------
     A, B, C, D : array_like or sparse matrix, shapes (n, n), (n, m), (q, n), (q, m)
         B, C, D may be None; the inclusion that needs it is then not claimed.
-    X, U, Y : Cone
+    X, U, Y : Cone, or array_like of its generators
         Polyhedral proper cones in R^n, R^m, R^q.
     discrete : bool
         True for x[k+1] = A x[k] + B u[k].
@@ -284,6 +287,8 @@ def cone_positivity(
     >>> bool(cert), cert.margin
     (True, 0.0)
     """
+    X = as_cone(X, "X")
+    U, Y = (None if cone is None else as_cone(cone, name) for cone, name in ((U, "U"), (Y, "Y")))
     A = square_matrix(A, X)
     n = X.dim
     data: dict[str, Any] = {}
@@ -298,7 +303,7 @@ def cone_positivity(
         if cone is not None:
             cone.require_proper(name)
             data[name] = cone
-    return settle_positivity(A=A, X=X, discrete=bool(discrete), **data)
+    return settle_positivity(A=A, X=X, discrete=flag(discrete, "discrete"), **data)
 
 
 P = TypeVar("P", bound="ClaimOnPositivity")

@@ -20,6 +20,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import choice
 from .arrays import ExactMatrix, concatenate, identity
 from .certificates.encoding import register_record
 from .certificates.exact import BilinearForms
@@ -183,7 +184,11 @@ class LyapunovCertificate(ClaimOnPositivity):
 
 
 def linear_lyapunov(
-    A: ArrayLike | ExactMatrix | Any, X: Cone, *, discrete: bool = False, rate: Literal["max"] | None = None
+    A: ArrayLike | ExactMatrix | Any,
+    X: Cone | ArrayLike,
+    *,
+    discrete: bool = False,
+    rate: Literal["max"] | None = None,
 ) -> LyapunovCertificate:
     """Decide whether x' = A x is K-positive and exponentially stable on X: Theorem 2.
 
@@ -191,7 +196,7 @@ def linear_lyapunov(
     ----------
     A : array_like or sparse matrix, shape (n, n)
         Doubles, integers, fractions or decimal strings.
-    X : Cone
+    X : Cone, or array_like of its generators, shape (p, n)
         Polyhedral proper cone in R^n; may be a product of any number of cones.
     discrete : bool
         True for x[k+1] = A x[k].
@@ -225,8 +230,7 @@ def linear_lyapunov(
     >>> kp.linear_lyapunov([[1, 0], [0, -1]], kp.orthant(2)).status.name
     'REFUTED'
     """
-    if rate not in (None, "max"):
-        raise DataError(f'rate is {rate!r}; give "max", or None for any proven rate.')
+    rate = choice(rate, "rate", ("max", None))
     return lyapunov_on(state_positivity(A, X, discrete=discrete), rate=rate)
 
 

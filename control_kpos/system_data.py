@@ -11,7 +11,7 @@ from control.exception import ControlDimension
 from numpy.typing import ArrayLike, NDArray
 
 from .arrays import ExactMatrix, dense, exact_matrix
-from .cones import Cone, Orthant, PolyhedralCone
+from .cones import Cone, Orthant, as_cone
 from .connections import image, nonnegative, preimage
 from .errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TimebaseError
 
@@ -104,7 +104,7 @@ def read_cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, rem
     """The cone X, U or Y of a system with `size` states, inputs or outputs."""
     if given is None:
         return nonnegative(size)
-    cone = given if isinstance(given, Cone) else PolyhedralCone(given)
+    cone = as_cone(given, name)
     if removal is not None and cone.dim == removal.full != size:
         return nonnegative(size) if isinstance(cone, Orthant) else removal.cone(cone)
     if cone.dim != size:

@@ -32,7 +32,16 @@ TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MOD
 # from its own floor and from those below.  The trusted kernel is a room of its own: cones need its
 # signs, and certificates hold cones.
 FLOORS = {
-    "numbers": {"errors", "arrays", "cards", "certificates.exact", "linear_programs", "rational_programs", "progress"},
+    "numbers": {
+        "errors",
+        "arrays",
+        "arguments",
+        "cards",
+        "certificates.exact",
+        "linear_programs",
+        "rational_programs",
+        "progress",
+    },
     "cones": {"cones"},
     "verdicts": {"certificates"},
     "theorems about matrices": {"positivity", "rounding", "perron", "stability", "storage", "dissipativity", "gains"},

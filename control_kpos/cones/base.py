@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import flag
 from ..arrays import DENSE_LIMIT, ExactMatrix, dense, exact_matrix
 from ..cards import card, shown_rows
 from ..certificates.exact import UNKNOWN, BilinearForms
@@ -189,6 +190,7 @@ class Cone(ABC):
         >>> X.contains([[1, 0], [0, 1]])
         array([ True, False])
         """
+        strict = flag(strict, "strict")
         if isinstance(x, Cone):
             self._require_same_dimension(x)
             return bool(self._contains_rows(x.exact_rays, strict).all())

@@ -7,10 +7,13 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import DataError, ShapeError
+from ..arguments import choice, found, whole_number
+from ..errors import ShapeError, TooLargeError
 from .polyhedral import PolyhedralCone
 
 _GRID = 2**16
+# Entries of the generators; choosing them takes fifty times as many.
+_LARGEST = 400_000
 
 
 def lorentz(n: int, facets: int | None = None, kind: str = "inner") -> PolyhedralCone:
@@ -50,17 +53,19 @@ def lorentz(n: int, facets: int | None = None, kind: str = "inner") -> Polyhedra
     >>> kp.lorentz(3, facets=6, kind="outer").contains([1, 0.8, 0.5])
     True
     """
-    for name, value in (("n", n), ("facets", facets)):
-        if value is not None and (isinstance(value, bool) or not isinstance(value, (int, np.integer))):
-            raise DataError(f"{name} is {value!r}; give an integer.")
-    if n < 2:
-        raise ShapeError(f"n is {n}; the Lorentz cone needs at least 2 dimensions.")
-    least = 2 if n == 2 else n
-    count = (2 if n == 2 else 8 * (n - 2)) if facets is None else int(facets)
-    if count < least or (n == 2 and count != 2):
-        raise ShapeError(f"facets is {count}, but must be {'2 for n = 2' if n == 2 else f'at least n = {n}'}.")
-    if kind not in ("inner", "outer"):
-        raise DataError(f'kind is {kind!r}; give "inner" or "outer".')
+    n = whole_number(n, "n", least=2, outside=ShapeError)
+    count = (
+        (2 if n == 2 else 8 * (n - 2))
+        if facets is None
+        else whole_number(facets, "facets", least=n, outside=ShapeError)
+    )
+    if n == 2 and count != 2:
+        raise ShapeError(f"facets is {count}, but must be 2 for n = 2.")
+    if n * count > _LARGEST:
+        raise TooLargeError(
+            f"n = {found(n)} and facets = {found(count)} ask for more than {_LARGEST} numbers; take fewer facets."
+        )
+    kind = choice(kind, "kind", ("inner", "outer"))
     if n == 2:
         directions = np.array([[1.0], [-1.0]])
     elif n == 3:

@@ -8,10 +8,13 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..arguments import whole_number
 from ..arrays import ExactMatrix
-from ..errors import DataError, ShapeError, UndecidedError
+from ..errors import ShapeError, UndecidedError
 from .base import Cone
 from .rows import nonzero, select_rows, transpose
+
+_LARGEST = 2**40
 
 
 class Orthant(Cone):
@@ -33,11 +36,7 @@ class Orthant(Cone):
     _n: int
 
     def __init__(self, n: int) -> None:
-        if isinstance(n, bool) or not isinstance(n, (int, np.integer)):
-            raise DataError(f"n is {n!r}; the dimension of an orthant must be an integer.")
-        if n < 1:
-            raise ShapeError(f"n is {n}; the dimension of an orthant must be at least 1.")
-        vars(self).update(_n=int(n))
+        vars(self).update(_n=whole_number(n, "n", least=1, most=_LARGEST, outside=ShapeError))
 
     @property
     def dim(self) -> int:

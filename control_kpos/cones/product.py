@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..arguments import found, items
 from ..arrays import ExactMatrix, Integers
 from ..errors import DataError, ShapeError
 from .base import Cone
@@ -282,11 +283,11 @@ def product(factors: Iterable[Cone]) -> Cone:
     """
     runs: list[tuple[Cone, int]] = []
     position = 0
-    for _, group in groupby(factors, key=id):
+    for _, group in groupby(items(factors, "factors"), key=id):
         same = list(group)
         X: Any = same[0]
         if not isinstance(X, Cone):
-            raise DataError(f"factor {position} is of type {type(X).__name__}; give cones.")
+            raise DataError(f"factors[{position}] is {found(X)}; give cones.")
         position += len(same)
         parts = list(zip(X.factors, X.counts, strict=True)) if isinstance(X, ProductCone) else [(X, 1)]
         if len(parts) == 1:
@@ -296,7 +297,7 @@ def product(factors: Iterable[Cone]) -> Cone:
                 for factor, count in parts:
                     _append(runs, factor, count)
     if not runs:
-        raise ShapeError("the list of factors is empty; give at least one cone.")
+        raise ShapeError("factors is empty; give at least one cone.")
     if len(runs) == 1 and runs[0][1] == 1:
         return runs[0][0]
     return ProductCone([X for X, _ in runs], [c for _, c in runs])
