@@ -468,7 +468,7 @@ def test_bad_operands():
     with pytest.raises(kp.ShapeError, match="empty"):
         product([])
     for n in (2.0, "2", True, None):
-        with pytest.raises(kp.DataError, match="n is .* whole number"):
+        with pytest.raises(kp.DataError, match=r"n is .* whole number"):
             orthant(n)
     for n in (0, -1):
         with pytest.raises(kp.ShapeError, match="whole number, from 1"):
