@@ -10,11 +10,14 @@ modules prove it or throw it away, and "infeasible" is turned into a proof, or n
 
 from __future__ import annotations
 
+import os
+import queue
 import threading
+import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias, TypeVar
+from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 import highspy
 import numpy as np
@@ -79,6 +82,7 @@ def solve(
     bounds: tuple[ArrayLike, ArrayLike] = (0.0, np.inf),
     *,
     method: Literal["simplex", "ipm"] = "simplex",
+    presolve: bool = True,
     time_limit: float = np.inf,
 ) -> Solution:
     """Solve a linear program with HiGHS after scaling it by powers of two.
@@ -96,6 +100,9 @@ def solve(
     method : {"simplex", "ipm"}
         "ipm" is the interior point method without crossover: for large sparse problems whose
         solution need not be a vertex.
+    presolve : bool
+        False: leave out HiGHS's presolve, half of the time where a few hundred rows hold nothing to be simplified;
+        with presolve after all if the outcome is not "optimal".
     time_limit : float
         Seconds after which the outcome is "failed".  Kept also if the solver does not keep it.
 
@@ -121,14 +128,15 @@ def solve(
     """
     cost = np.asarray(c, dtype=float)
     n = cost.size
-    parts = [(A_ub, b_ub, -np.inf), (A_eq, b_eq, None)]
-    given = [(_rows(A, n), np.atleast_1d(np.asarray(b, dtype=float)), low) for A, b, low in parts if A is not None]
+    kinds = [(A_ub, b_ub, -np.inf), (A_eq, b_eq, None)]
+    given = [(_rows(A, n), np.atleast_1d(np.asarray(b, dtype=float)), low) for A, b, low in kinds if A is not None]
     for A, b, _ in given:
         if A.shape[0] != b.size or A.shape[1] != n:
             raise ShapeError(
                 f"a constraint matrix is {A.shape[0]} x {A.shape[1]}, but there are {n} variables and {b.size} bounds."
             )
-    matrix = sp.csr_array(sp.vstack([A for A, _, _ in given], format="csr")) if given else sp.csr_array((0, n))
+    parts = [A for A, _, _ in given] or [sp.csr_array((0, n))]
+    matrix = parts[0] if len(parts) == 1 else sp.csr_array(sp.vstack(parts, format="csr"))
     upper = np.concatenate([b for _, b, _ in given]) if given else np.empty(0)
     lower = (
         np.concatenate([b if low is None else np.full(b.size, low) for _, b, low in given]) if given else np.empty(0)
@@ -136,45 +144,91 @@ def solve(
     box = [np.broadcast_to(np.asarray(side, dtype=float), n) for side in bounds]
     if not all(np.isfinite(data).all() for data in (cost, matrix.data)) or np.isnan(upper).any():
         return failure("the program has entries that are not finite")
-    answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, time_limit), time_limit)
+    if any(np.isnan(side).any() for side in box):
+        return failure("the program has bounds that are not numbers")
+    answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, time_limit), time_limit)
     return answer if isinstance(answer, Solution) else failure(answer)
 
 
 def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
     """The result of `call`, or a sentence if it raised or did not return in time.
 
-    With a finite limit the call runs in a thread of its own, which is left behind when the limit
-    passes: solvers do not keep their own limits reliably.
+    With a finite limit the call runs in another thread, which is left behind when the limit passes: solvers do
+    not keep their own limits reliably.
     """
     outcome: list[T | str] = []
+    passed_on: list[BaseException] = []
 
     def run() -> None:
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                outcome.append(call())
-        except (KeyboardInterrupt, SolverError):
-            raise
+            outcome.append(call())
+        except (KeyboardInterrupt, SolverError) as error:
+            passed_on.append(error)
         except BaseException as error:  # noqa: BLE001  (a solver may raise anything, MemoryError and SystemExit included)
             outcome.append(f"the solver raised {type(error).__name__}: {error}")
 
-    if not np.isfinite(time_limit):
-        run()
-        return outcome[0]
-    worker = threading.Thread(target=run, daemon=True)
-    worker.start()
-    worker.join(max(time_limit, 0.0) + 0.5)
+    with warnings.catch_warnings():  # here, so that a call that hangs does not keep its filter
+        warnings.simplefilter("ignore")
+        if np.isfinite(time_limit):
+            _Worker.run_for(max(time_limit, 0.0) + 0.5, run)
+        else:
+            run()
+    for error in passed_on:
+        raise error
     return outcome[0] if outcome else f"the solver did not answer within {time_limit:g} s"
+
+
+class _Worker(threading.Thread):
+    """A thread that makes one call after another; one that is late is given up, and ends after its call.
+
+    Kept for the next call because HiGHS sets up memory of its own for every thread, as much work as a small program.
+    """
+
+    idle: ClassVar[list[_Worker]] = []
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self._calls: queue.SimpleQueue[tuple[Callable[[], None], threading.Event] | None] = queue.SimpleQueue()
+        self.start()
+
+    @classmethod
+    def run_for(cls, seconds: float, call: Callable[[], None]) -> None:
+        """Make the call, and return when it does or when the time has passed."""
+        try:
+            worker = cls.idle.pop()
+        except IndexError:
+            worker = cls()
+        done = threading.Event()
+        worker._calls.put((call, done))
+        try:
+            done.wait(min(seconds, threading.TIMEOUT_MAX))
+        finally:
+            if done.is_set():
+                cls.idle.append(worker)
+            else:
+                worker._calls.put(None)
+
+    def run(self) -> None:
+        while (task := self._calls.get()) is not None:
+            call, done = task
+            call()
+            done.set()
+            del task, call, done  # results do not outlive their caller
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_Worker.idle.clear)  # threads do not survive a fork
 
 
 def _rows(A: Any, n: int) -> sp.csr_array:
     if sp.issparse(A):
         return sp.csr_array(A, dtype=float)
-    return (
-        sp.csr_array(np.asarray(A, dtype=float).reshape(-1, n))
-        if np.ndim(A) < 2
-        else sp.csr_array(np.asarray(A, dtype=float))
-    )
+    dense = np.asarray(A, dtype=float)
+    if dense.ndim < 2:
+        dense = dense.reshape(-1, n)
+    held = dense != 0  # a third of the time of csr_array(dense), which goes through coordinates
+    indptr = np.concatenate([[0], np.cumsum(held.sum(axis=1))])
+    return sp.csr_array((dense[held], np.flatnonzero(held) % max(dense.shape[1], 1), indptr), shape=dense.shape)
 
 
 def _run_highs(
@@ -184,38 +238,53 @@ def _run_highs(
     upper: NDArray[np.float64],
     box: list[NDArray[np.float64]],
     method: str,
+    presolve: bool,
     time_limit: float,
 ) -> Solution:
+    begun = time.monotonic()
     rows, columns = balance(matrix)
     right = np.concatenate([np.ldexp(upper, rows), *(np.ldexp(side, -columns) for side in box)])
     size = -_exponent(right[np.isfinite(right)])
     objective = np.ldexp(cost, columns)
     price = -_exponent(objective)
-    scaled = np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices])
-
-    program = highspy.HighsLp()
-    program.num_col_, program.num_row_ = cost.size, lower.size
-    program.col_cost_ = np.ldexp(objective, price)
-    program.col_lower_, program.col_upper_ = (np.ldexp(side, size - columns) for side in box)
-    program.row_lower_, program.row_upper_ = np.ldexp(lower, rows + size), np.ldexp(upper, rows + size)
-    program.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    program.a_matrix_.start_, program.a_matrix_.index_ = matrix.indptr, matrix.indices
-    program.a_matrix_.value_ = scaled
 
     solver = highspy.Highs()
-    solver.setOptionValue("output_flag", False)
-    solver.setOptionValue("threads", 1)
+    options: dict[str, Any] = {"output_flag": False, "threads": 1, "presolve": "choose" if presolve else "off"}
     if method == "simplex":
-        for kind in ("primal", "dual"):
-            solver.setOptionValue(f"{kind}_feasibility_tolerance", _TOLERANCE)
+        options |= {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
     if method == "ipm":
-        solver.setOptionValue("solver", "ipm")
-        solver.setOptionValue("run_crossover", "off")
+        options |= {"solver": "ipm", "run_crossover": "off"}
     if np.isfinite(time_limit):
-        solver.setOptionValue("time_limit", float(max(time_limit, 1e-3)))
-    if solver.passModel(program) == highspy.HighsStatus.kError:
+        options["time_limit"] = float(max(time_limit, 1e-3))
+    for name, value in options.items():
+        solver.setOptionValue(name, value)
+    # as arrays: an HighsLp copies its vectors number by number through Python
+    passed = solver.passModel(
+        cost.size,
+        lower.size,
+        matrix.nnz,
+        int(highspy.MatrixFormat.kRowwise),
+        int(highspy.ObjSense.kMinimize),
+        0.0,
+        np.ldexp(objective, price),
+        np.ldexp(box[0], size - columns),
+        np.ldexp(box[1], size - columns),
+        np.ldexp(lower, rows + size),
+        np.ldexp(upper, rows + size),
+        matrix.indptr.astype(np.int32),
+        matrix.indices.astype(np.int32),
+        np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices]),
+        np.zeros(cost.size, dtype=np.int32),
+    )
+    if passed == highspy.HighsStatus.kError:
         return failure("HiGHS refused the program")
-    solver.run()
+    if solver.run() == highspy.HighsStatus.kError:
+        # one pool of threads serves the whole process, and another caller of HiGHS has chosen its size
+        solver.setOptionValue("threads", 0)
+        solver.run()
+    if not presolve and solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        left = time_limit - (time.monotonic() - begun)
+        return _run_highs(cost, matrix, lower, upper, box, method, True, left)
     outcome = _OUTCOMES.get(solver.getModelStatus(), "failed")
     if outcome == "infeasible" and not lower.size:
         outcome = "unbounded"

@@ -1,6 +1,10 @@
 """HiGHS behind one function: scaling, outcomes, and solvers that misbehave."""
 
+import os
+import subprocess
+import sys
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -101,3 +105,44 @@ def test_a_solver_that_fails_gives_no_point(monkeypatch):
     monkeypatch.setattr(linear_programs, "_run_highs", lambda *_: 1 / 0)
     solution = solve([1.0], [[1.0]], [1.0])
     assert solution.outcome == "failed" and "ZeroDivisionError" in solution.message and solution.x.size == 0
+
+
+def test_calls_after_a_hang_are_not_disturbed():
+    late = []
+    assert "did not answer" in guarded(lambda: late.append(time.sleep(1.5)), 0.01)
+    assert [guarded(lambda k=k: k, 5.0) for k in range(3)] == [0, 1, 2]
+
+
+def test_an_interrupt_in_another_thread_passes_through():
+    with pytest.raises(KeyboardInterrupt):
+        guarded(raising(KeyboardInterrupt()), 5.0)
+    assert guarded(lambda: 1, 5.0) == 1
+
+
+def test_a_call_that_hangs_leaves_warnings_alone():
+    guarded(lambda: time.sleep(1), 0.01)
+    with pytest.warns(UserWarning, match="heard"):
+        warnings.warn("heard", stacklevel=1)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
+def test_a_forked_process_has_threads_of_its_own():
+    assert solve([1.0], [[-1.0]], [-2.0], time_limit=5.0).value == 2.0
+    code = "import os, sys; from control_kpos.linear_programs import guarded; guarded(int, 5.0); child = os.fork()\n"
+    code += "if child == 0: os._exit(guarded(lambda: 7, 5.0) != 7)\nsys.exit(os.waitpid(child, 0)[1])"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_presolve_changes_no_outcome(seed):
+    c, A, b = random_program(seed)
+    for right in (b, b - 5.0):
+        plain, direct = (solve(c, A, right, bounds=(-2.0, 2.0), presolve=choice) for choice in (True, False))
+        assert plain.outcome == direct.outcome
+        assert plain.value == pytest.approx(direct.value, abs=1e-6, nan_ok=True)
+
+
+def test_other_callers_of_highs_in_the_same_process_do_no_harm():
+    code = "import highspy; from control_kpos.linear_programs import solve; h = highspy.Highs(); "
+    code += "h.setOptionValue('output_flag', False); h.addVar(0.0, 1.0); h.run(); assert solve([1.0], [[-1.0]], [-2.0])"
+    assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .inequalities import feedback_inequalities, gain_from_columns, gain_rows, split
@@ -146,26 +145,25 @@ class SimplicialProgram:
             return None
         box = _WIDE * np.abs(self.drift[:, :n]).max() / max(np.abs(self.drift[:, n:]).max(initial=0.0), 1e-300)
         shift = (1.0 if self.plant.discrete else 0.0) - rate
-        rows = sp.csr_array(np.concatenate([-self.closed[:, n:], self.bounds[:, n:]]))
+        rows = np.concatenate([-self.closed[:, n:], self.bounds[:, n:]])
         limits = np.concatenate([self.closed[:, :n].sum(axis=1), -self.bounds[:, :n].sum(axis=1)])
         v = np.ones(n)
         for _ in range(_POLICIES):
-            answer = self.lp(v @ self.drift[:, n:], rows, limits, bounds=(-box, box))
+            answer = self.lp(v @ self.drift[:, n:], rows, limits, bounds=(-box, box), presolve=False)
             if not answer:
                 return None
             z = np.zeros((len(free), n))
             z[np.arange(len(free)), free] = answer.x
             M = self.drift[:, :n] + self.drift[:, n:] @ z - shift * np.eye(n)
             with np.errstate(all="ignore"):
-                rightmost = np.linalg.eigvals(M).real.max()
-                inner = rightmost + 0.1 * abs(rightmost) if rightmost >= 0 else 0.0
-                shifted = M - inner * np.eye(n)
                 try:
-                    xi, v = -np.linalg.solve(shifted, np.ones(n)), -np.linalg.solve(shifted.T, np.ones(n))
+                    xi = -np.linalg.solve(M, np.ones(n))
+                    if (xi > 0).all():  # M is Metzler up to rounding, so this says that it is stable
+                        return np.asarray(np.concatenate([xi, answer.x * xi[free]]), dtype=float)
+                    rightmost = np.linalg.eigvals(M).real.max()
+                    v = -np.linalg.solve((M - 1.1 * max(rightmost, 0.0) * np.eye(n)).T, np.ones(n))
                 except np.linalg.LinAlgError:
                     return None
-            if rightmost < 0 and (xi > 0).all():
-                return np.asarray(np.concatenate([xi, answer.x * xi[free]]), dtype=float)
             if not (np.isfinite(v).all() and (v > 0).all()):
                 return None
             v = v / v.max()
