@@ -164,9 +164,12 @@ class BilinearForms:
             nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
             nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
             inner, outer = self._lengths
-            data = dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr
-            underflow = 4 * SMALLEST_NORMAL * ((inner + 1) * np.sqrt(outer) * nr + outer + 1)
-            return self._relative_error() * (nl * nm * nr) + 1.01 * data + underflow
+            # the second term covers products that underflow on the way
+            bound = (self._relative_error() * nl * nm + 4 * SMALLEST_NORMAL * (inner + 1) * np.sqrt(outer)) * nr
+            bound = bound + 4 * SMALLEST_NORMAL * (outer + 1)
+            if any(m.radius is not None for m in self._operands):
+                bound = bound + 1.01 * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
+            return bound
 
     def _entry_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| entry by entry."""
