@@ -50,15 +50,24 @@ class Loop:
     @cached_property
     def T(self) -> sp.csr_array:
         """W G, inputs to inputs."""
-        W, G = self.model.W, self.G
-        if len(G) == 1 and G[0].shape[1:] == (1, 1) and self.model.is_ordered:
-            return sp.csr_array((W.data * G[0].ravel()[W.indices], W.indices, W.indptr), shape=W.shape)
-        return sp.csr_array(W @ self.model.blocks(G, 2, 1))
+        W = self.model.W
+        if self._is_scalar:
+            return sp.csr_array((W.data * self.G[0].ravel()[W.indices], W.indices, W.indptr), shape=W.shape)
+        return sp.csr_array(W @ self.model.blocks(self.G, 2, 1))
 
     @cached_property
     def TT(self) -> sp.csr_array:
         """T'."""
+        W = self.model.WT
+        if self._is_scalar:  # transposing a large sparse matrix costs more than several products with it
+            scales = np.repeat(self.G[0].ravel(), np.diff(W.indptr))
+            return sp.csr_array((W.data * scales, W.indices, W.indptr), shape=W.shape)
         return sp.csr_array(self.T.T)
+
+    @property
+    def _is_scalar(self) -> bool:
+        """True if every G_j is a number and the nodes stand in their order."""
+        return len(self.G) == 1 and self.G[0].shape[1:] == (1, 1) and self.model.is_ordered
 
     def solve(
         self, b: Floats, transposed: bool, tolerance: float = 1e-9, guess: Floats | None = None, near: bool = False
