@@ -19,14 +19,19 @@ from control import StateSpace
 from numpy.typing import ArrayLike
 
 from . import connections
-from .arrays import ExactMatrix, exact_matrix, require_shape
+from .arguments import choice, flag, found, real_number, whole_number
+from .arrays import ExactMatrix, dense, exact_matrix, require_shape
 from .connections import Model
 from .errors import DataError, KposError, ShapeError, TimebaseError, TooLargeError, UndecidedError
 from .positivity import PositivityCertificate
 from .rounding import maps_into, rounded_into
+from .system_data import read_operand, refusing, require_names
 
 # Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
 _POSITIVE_HOLDS = ("zoh", "foh", "impulse")
+_METHODS = (*_POSITIVE_HOLDS, "gbt", "bilinear", "tustin", "euler", "forward_diff", "backward_diff")
+# python-control multiplies one by one, in a recursion.
+_LARGEST_POWER = 200
 # States above which results are not checked for what rounding has done to them; it would take longer than they do.
 _MOST_ROUNDED = 300
 # States up to which fractions take over where the cones are too thin for that.
@@ -90,8 +95,10 @@ class ConeOperations(StateSpace):
         gain = _gain(factor)
         return result if gain is None else self._adopt(result, lambda s: rule(s, gain), exactly=not gain.is_double)
 
-    def _require_timebase(self, other: Any) -> None:
-        if isinstance(other, (StateSpace, ct.TransferFunction)):
+    def _require_operand(self, other: Any) -> None:
+        if isinstance(other, (numbers.Number, np.ndarray)):
+            read_operand(other)
+        elif isinstance(other, (StateSpace, ct.TransferFunction)):
             try:
                 ct.common_timebase(self.dt, other.dt)
             except ValueError:
@@ -116,7 +123,7 @@ class ConeOperations(StateSpace):
         return self._adopt(super().__neg__(), connections.negate, copied=True)
 
     def __add__(self, other: Any) -> Any:
-        self._require_timebase(other)
+        self._require_operand(other)
         with self._sizes_in_errors(other):
             result = super().__add__(other)
         if isinstance(other, ConeOperations):
@@ -135,7 +142,7 @@ class ConeOperations(StateSpace):
         return super().__radd__(other)
 
     def __mul__(self, other: Any) -> Any:
-        self._require_timebase(other)
+        self._require_operand(other)
         with self._sizes_in_errors(other):
             result = super().__mul__(other)
         if isinstance(other, ConeOperations):
@@ -151,6 +158,10 @@ class ConeOperations(StateSpace):
         return self._scaled(result, other, connections.output_gain)
 
     def __pow__(self, other: Any) -> Any:
+        if isinstance(other, (int, np.integer)) and abs(other) > _LARGEST_POWER:
+            raise TooLargeError(
+                f"the power is {found(other)}; python-control multiplies {_LARGEST_POWER} times at most."
+            )
         result = super().__pow__(other)  # products of ours, except for powers 0 and -1
         return self._adopt(result, connections.unit, copied=True) if type(other) is int and other == 0 else result
 
@@ -168,7 +179,8 @@ class ConeOperations(StateSpace):
         StateSpace
             With cones if `other` has them.
         """
-        self._require_timebase(other)
+        read_operand(other)
+        self._require_operand(other)
         dt = self.dt
         try:
             with self._sizes_in_errors(other):
@@ -201,12 +213,11 @@ class ConeOperations(StateSpace):
         >>> isinstance(s.feedback(s), kp.ConeStateSpace)  # -Y2 does not lie in U1
         False
         """
-        self._require_timebase(other)
-        with self._sizes_in_errors(other):
-            result = super().feedback(other, sign)
-        if not isinstance(sign, numbers.Real):
-            return result
-        k, D1 = float(sign), self._direct()
+        read_operand(other)
+        self._require_operand(other)
+        k, D1 = real_number(sign, "sign"), self._direct()
+        with refusing("other"), self._sizes_in_errors(other):
+            result = super().feedback(other, k)
         if isinstance(other, ConeOperations):
             D2 = other._direct()
             return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, D1, D2, k), other)
@@ -229,8 +240,13 @@ class ConeOperations(StateSpace):
         StateSpace
             With cones under the conditions of `feedback` for the signals that are closed.
         """
-        self._require_timebase(other)
-        with self._sizes_in_errors(other):
+        read_operand(other)
+        self._require_operand(other)
+        nu, ny = whole_number(nu, "nu", least=-1), whole_number(ny, "ny", least=-1)
+        for name, count, size in (("nu", nu, self.ninputs), ("ny", ny, self.noutputs)):
+            if count > size:
+                raise ShapeError(f"{name} is {count}, but the system has {size} {'in' if name == 'nu' else 'out'}puts.")
+        with refusing("other"), self._sizes_in_errors(other):
             result = super().lft(other, nu, ny)
         if not isinstance(other, ConeOperations):
             return result
@@ -276,8 +292,12 @@ class ConeOperations(StateSpace):
         >>> type(s.sample(0.1, method="tustin")).__name__
         'StateSpace'
         """
-        result = super().sample(Ts, method, *args, **kwargs)
-        if method not in _POSITIVE_HOLDS or not Ts > 0 or not _is_finite(result):
+        Ts = real_number(Ts, "Ts", positive=True)
+        method = choice(method, "method", _METHODS)
+        require_names(kwargs)
+        with refusing("Ts or method"):
+            result = super().sample(Ts, method, *args, **kwargs)
+        if method not in _POSITIVE_HOLDS or not _is_finite(result):
             return result
         model = self._model(tracked=False)
         _round_towards(result, model, [self])
@@ -296,7 +316,9 @@ class ConeOperations(StateSpace):
         -------
         StateSpace
         """
-        result = super().linearize(x0, *args, **kwargs)
+        require_names(kwargs)
+        with refusing("x0 or u0"):
+            result = super().linearize(x0, *args, **kwargs)
         if result.nstates == self.nstates:
             result.A, result.B, result.C, result.D = (m.copy() for m in (self.A, self.B, self.C, self.D))
         return self._adopt(result, lambda s: s, copied=True)
@@ -346,9 +368,12 @@ class ConeOperations(StateSpace):
         """
         n = self.nstates
         exact = require_shape(exact_matrix(T, "T"), "T", (n, n), "the number of states")
+        timescale, inverse = real_number(timescale, "timescale"), flag(inverse, "inverse")
+        if not timescale:
+            raise DataError("timescale is 0; give a number that is not 0.")
         singular = DataError("T is singular; a change of coordinates must be invertible.")
         try:
-            result = ct.similarity_transform(self, exact.values, timescale, inverse)
+            result = ct.similarity_transform(self, dense(exact.values), timescale, inverse)
         except np.linalg.LinAlgError:
             raise singular from None
 

@@ -25,12 +25,21 @@ from .certificates.result import Status
 from .cones import Cone, Orthant
 from .connections import Model, nonnegative
 from .dissipativity import DissipativityCertificate, dissipativity
-from .errors import ShapeError, UndecidedError
+from .errors import DataError, KposError, ShapeError, UndecidedError
 from .gains import induced_gain
 from .operations import ConeOperations
 from .positivity import PositivityCertificate, cone_positivity
 from .stability import LyapunovCertificate, linear_lyapunov
-from .system_data import Removal, SystemSizeError, read_cone, read_matrix, require_timebase, size_of
+from .system_data import (
+    KindError,
+    Removal,
+    SystemSizeError,
+    read_cone,
+    read_matrix,
+    require_names,
+    require_timebase,
+    size_of,
+)
 
 _MATRICES = ("A", "B", "C", "D")
 # As numpy summarises larger arrays, a cone with more numbers is described rather than listed.
@@ -119,13 +128,20 @@ class ConeStateSpace(ConeOperations):
             )
             exact = source._exact() if isinstance(source, ConeStateSpace) else {}
         elif source is not None:
-            raise TypeError(
-                "the one-argument constructor can only take in a StateSpace object; "
+            raise KindError(
+                "sys: the one-argument constructor can only take in a StateSpace object; "
                 f"received {type(source)}. Convert transfer functions with control.ss first."
             )
+        elif len(args) == 1:
+            raise KindError("sys is None; give a StateSpace, or A, B, C and D.")
+        require_names(names)
         try:
             super().__init__(*args, **names)
-        except ControlDimension as error:
+        except (ControlDimension, ValueError) as error:
+            if isinstance(error, KposError):
+                raise
+            if not isinstance(error, ControlDimension) and "reshape" not in str(error):
+                raise DataError(str(error)) from None
             sizes = ", ".join(f"{n} {size_of(a)}" for n, a in zip(_MATRICES, args)) if len(args) > 1 else ""  # noqa: B905
             raise SystemSizeError(
                 f"{error}. A must be n x n, B n x m, C q x n and D q x m{f'; here {sizes}' if sizes else ''}."

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from control import InputOutputSystem
 from control.exception import ControlDimension
 from numpy.typing import ArrayLike, NDArray
 
+from .arguments import found, whole_number
 from .arrays import ExactMatrix, dense, exact_matrix
 from .cones import Cone, Orthant, as_cone
 from .connections import image, nonnegative, preimage
-from .errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TimebaseError
+from .errors import ConeMismatchError, DataError, KposError, NotProperConeError, ShapeError, TimebaseError
+
+# Names for more signals than this would take gigabytes.
+_MOST_SIGNALS = 10**7
 
 
-class ComplexDataError(DataError, TypeError):
-    """Complex data: a TypeError as well, which is what python-control raises for them."""
+class KindError(DataError, TypeError):
+    """Data of the wrong kind, complex ones included: a TypeError as well, which is what python-control raises."""
 
 
 class SystemSizeError(ShapeError, ControlDimension):
@@ -68,7 +75,7 @@ def read_matrix(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
             raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")
         if array is not None:
             if array.dtype.kind == "c":
-                raise ComplexDataError(f"{name} is complex; each entry must be a real number, not 'complex'.")
+                raise KindError(f"{name} is complex; each entry must be a real number, not 'complex'.")
             if _fits_doubles(array) and not np.ma.is_masked(data):
                 return (array if array.ndim else data), None
             ndim = array.ndim
@@ -79,17 +86,57 @@ def read_matrix(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
 
 def require_timebase(dt: Any) -> None:
     """Refuse what is no timebase; python-control lets NaN and inf through."""
-    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf)):
+    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt <= np.finfo(float).max)):
         raise TimebaseError(
-            f"invalid timebase, dt = {dt}: give 0 for continuous time, a sampling time or True for discrete, or None."
+            f"invalid timebase, dt = {found(dt)}: give 0 for continuous time, a sampling time or True for discrete time, "
+            "or None."
         )
+
+
+def require_names(names: Mapping[str, Any]) -> None:
+    """Refuse names of systems and signals that are no text; counts beyond any use included."""
+    name = names.get("name")
+    if not (name is None or isinstance(name, str)):
+        raise KindError(f"name is {found(name)}; give text.")
+    for what in ("inputs", "outputs", "states", "input", "output", "state"):
+        given = names.get(what)
+        if given is None or isinstance(given, str):
+            continue
+        if isinstance(given, (int, np.integer)):
+            whole_number(int(given), what, most=_MOST_SIGNALS)
+        elif not (isinstance(given, (list, tuple)) and all(isinstance(label, str) for label in given)):
+            raise KindError(f"{what} is {found(given)}; give a number, or a list of names.")
+
+
+def read_operand(other: Any, name: str = "other") -> None:
+    """Refuse what is no system and no finite real matrix."""
+    if isinstance(other, InputOutputSystem):
+        return
+    if other is None or isinstance(other, (str, bytes)):
+        raise KindError(f"{name} is {found(other)}; give a system, a number or a matrix.")
+    try:
+        exact_matrix(other, name)
+    except KposError as error:
+        raise KindError(str(error)) from None
+
+
+@contextmanager
+def refusing(names: str) -> Iterator[None]:
+    """Refusals of python-control as errors that name the arguments."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except KposError:
+        raise
+    except (TypeError, ValueError, ArithmeticError, AttributeError, LookupError, OSError) as error:
+        raise KindError(f"{names}: {error}") from None
 
 
 def _as_array(data: Any) -> NDArray[Any] | None:
     try:
         return np.asarray(data)
-    except (ValueError, TypeError):
-        return None  # ragged
+    except Exception:  # noqa: BLE001  (ragged; or the object's own conversion, which may raise anything)
+        return None
 
 
 def _fits_doubles(array: NDArray[Any]) -> bool:

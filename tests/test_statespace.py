@@ -122,7 +122,7 @@ def test_sparse_matrices_are_read():
         ({"dt": -1}, kp.TimebaseError, "dt = -1"),
         ({"dt": np.nan}, kp.TimebaseError, "dt = nan"),
         ({"dt": np.inf}, kp.TimebaseError, "dt = inf"),
-        ({"dt": "fast"}, kp.TimebaseError, "dt = fast"),
+        ({"dt": "fast"}, kp.TimebaseError, "dt = 'fast'"),
         ({"X": kp.orthant(3)}, kp.ConeMismatchError, "X is a cone in 3 dimensions, but the system has 2 states"),
         ({"U": kp.orthant(2)}, kp.ConeMismatchError, "U .*1 inputs"),
         ({"Y": [[1, 0], [0, 1]]}, kp.ConeMismatchError, "Y .*1 outputs"),
