@@ -87,3 +87,12 @@ def test_agrees_with_the_descent_alone():
     alone = descend(net.model, 0.0)
     assert peak is not None and alone is not None
     assert abs(peak.rate - alone.theta) <= 1.5e-6 * abs(alone.theta)
+
+
+def test_width_of_a_grid():
+    """Its eigenvector falls off slowly, so that cutting it costs more than on a ring."""
+    line = sp.diags_array([np.ones(59), np.ones(59)], offsets=[-1, 1])
+    grid = sp.kron(line, sp.eye_array(60)) + sp.kron(sp.eye_array(60), line)
+    net = network(3600, 0.5 * sp.csr_array(grid), 2)
+    lower, upper = net.spectral_abscissa()
+    assert 0 <= upper - lower <= 1e-6 * abs(upper)

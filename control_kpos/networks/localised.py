@@ -21,7 +21,7 @@ from .model import NetworkModel
 from .solvers import PortSystem
 
 # Smaller networks are better served by `descend` alone.
-LEAST_NODES = 20_000
+LEAST_NODES = 50_000
 _TRIES = 3
 
 
