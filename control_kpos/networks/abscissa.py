@@ -254,10 +254,10 @@ def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[F
             model, here, place = part, nearer, core[model.owners(0)]
             x = here.x / np.abs(here.x).max()
     unit = relative * max(abs(found.theta), 1e-300)
-    for x, shares in _sharper(model, here, x):
+    for state, shares in _sharper(model, here, x):
         for share in shares:
             rate = here.theta - share * unit
-            kept = growing_part(model, x, rate)
+            kept = growing_part(model, state, rate)
             if kept is not None:
                 if place is not None:
                     whole = np.zeros(len(place))
