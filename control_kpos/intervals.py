@@ -330,13 +330,14 @@ def jacobian_pieces(
     n: int,
     decided: Callable[[Array, Array], bool],
     most: int,
+    late: Callable[[], bool] = lambda: False,
 ) -> Iterator[tuple[Array, Array]]:
-    """Enclosures on at most `most` boxes that cover `whole`, cut in two where `decided` says no."""
+    """Enclosures on at most `most` boxes that cover `whole`, cut in two where `decided` says no, until it is late."""
     waiting, produced = [(whole, 0)], 0
     while waiting:
         box, depth = waiting.pop()
         wide = box[:, 1] - box[:, 0]
-        final = produced + len(waiting) + 1 >= most or not wide.any()
+        final = produced + len(waiting) + 1 >= most or not wide.any() or late()
         try:
             centre, radius = enclosed_jacobian(function, box, n)
         except UnboundedError as error:

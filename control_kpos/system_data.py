@@ -88,8 +88,8 @@ def require_timebase(dt: Any) -> None:
     """Refuse what is no timebase; python-control lets NaN and inf through."""
     if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt <= np.finfo(float).max)):
         raise TimebaseError(
-            f"invalid timebase, dt = {found(dt)}: give 0 for continuous time, a sampling time or True for discrete time, "
-            "or None."
+            f"invalid timebase, dt = {found(dt)}: give 0 for continuous time, a sampling time or True for discrete "
+            "time, or None."
         )
 
 

@@ -13,6 +13,7 @@ all displacements d in X: the flow contracts.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -20,9 +21,10 @@ import numpy as np
 from control import NonlinearIOSystem, StateSpace
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import ExactMatrix, exact_matrix
+from ..arguments import flag, items, seconds, whole_number
+from ..arrays import ExactMatrix, dense, exact_matrix
 from ..certificates.result import Status
-from ..cones import Cone
+from ..cones import Cone, as_cone
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..intervals import (
     UnboundedError,
@@ -42,12 +44,13 @@ _SAMPLES = 200
 
 def differential_positivity(
     jacobians: Any,
-    X: Cone,
+    X: Cone | ArrayLike,
     region: ArrayLike | None = None,
     *,
     inputs: ArrayLike | None = None,
     discrete: bool | None = None,
     pieces: int = 256,
+    time_limit: float = 60.0,
 ) -> DifferentialCertificate:
     """Decide whether a nonlinear system keeps the cone X of displacements.
 
@@ -55,7 +58,7 @@ def differential_positivity(
     ----------
     jacobians : NonlinearIOSystem, StateSpace, matrix or sequence of matrices
         A system, with `region`; or the vertices of a set of Jacobians, each (n, n).
-    X : Cone
+    X : Cone, or array_like of its generators, shape (p, n)
         Polyhedral and proper, in R^n.
     region : array_like, shape (n, 2), optional
         Box of states: lower and upper bound of each.
@@ -65,6 +68,8 @@ def differential_positivity(
         For matrices: x[k+1] = f(x[k]).  Systems know.
     pieces : int
         Largest number of boxes the region may be cut into to tighten the enclosure.
+    time_limit : float
+        Seconds after which no box is cut any more.
 
     Returns
     -------
@@ -88,30 +93,41 @@ def differential_positivity(
     >>> cert.status.name, cert.source
     ('PROVED', 'enclosed')
     """
+    X = as_cone(X, "X")
     X.require_proper("X")
+    timed = None if discrete is None else flag(discrete, "discrete")
+    pieces, end = whole_number(pieces, "pieces", least=1), time.monotonic() + seconds(time_limit)
     if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
-        return _of_system(jacobians, X, region, inputs, pieces)
-    timed = discrete
+        return _of_system(jacobians, X, region, inputs, pieces, lambda: time.monotonic() > end)
     if isinstance(jacobians, StateSpace):
         timed = jacobians.dt is not None and (jacobians.dt is True or jacobians.dt != 0)
         jacobians = [jacobians.A]
+    elif region is not None or inputs is not None:
+        raise DataError(f"{'region' if region is not None else 'inputs'} is for a system, not for matrices.")
     stack = _vertices(jacobians, X)
     return _settled(stack, np.zeros(stack.shape), X, bool(timed), "vertices", None)
 
 
 def _vertices(data: Any, X: Cone) -> ExactMatrix:
-    items = [data] if np.ndim(data) == 2 else list(data)
-    if not items:
+    given = [data] if _is_matrix(data) else items(data, "jacobians")
+    if not given:
         raise ShapeError("jacobians is empty; give at least one matrix.")
-    read = [exact_matrix(item, f"jacobians[{s}]") for s, item in enumerate(items)]
+    read = [exact_matrix(item, f"jacobians[{s}]") for s, item in enumerate(given)]
     for s, matrix in enumerate(read):
         if matrix.shape != (X.dim, X.dim):
             raise ConeMismatchError(
                 f"jacobians[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but X has dimension {X.dim}."
             )
     if all(m.is_double for m in read):
-        return ExactMatrix(np.array([np.asarray(m.values) for m in read]))
+        return ExactMatrix(np.array([dense(m.values) for m in read]))
     return ExactMatrix.from_fractions(np.array([m.fractions() for m in read], dtype=object))
+
+
+def _is_matrix(data: Any) -> bool:
+    try:
+        return np.ndim(data) == 2
+    except Exception:  # noqa: BLE001  (ragged; or the object's own conversion, which may raise anything)
+        return False
 
 
 def _settled(
@@ -147,11 +163,16 @@ def _violation(certificate: DifferentialCertificate, points: Array | None) -> Di
 
 
 def _of_system(
-    sys: NonlinearIOSystem, X: Cone, region: ArrayLike | None, inputs: ArrayLike | None, pieces: int
+    sys: NonlinearIOSystem,
+    X: Cone,
+    region: ArrayLike | None,
+    inputs: ArrayLike | None,
+    pieces: int,
+    late: Callable[[], bool],
 ) -> DifferentialCertificate:
     n = int(sys.nstates or 0)
     if X.dim != n:
-        raise ConeMismatchError(f"the system has {n} states, but X has dimension {X.dim}.")
+        raise ConeMismatchError(f"jacobians: the system has {n} states, but X has dimension {X.dim}.")
     if region is None:
         raise DataError("region is missing: give the lower and upper bound of each state, shape (n, 2).")
     box, held = _box(region, n, "region"), _box(inputs, int(sys.ninputs or 0), "inputs")
@@ -164,7 +185,7 @@ def _of_system(
         return invariance(piece, 0).verdict() is True
 
     try:
-        found = list(jacobian_pieces(function, whole, n, decided, pieces))
+        found = list(jacobian_pieces(function, whole, n, decided, pieces, late))
     except UnsupportedError:
         return _sampled(sys, X, box, held, discrete)
     centres, radii = np.array([c for c, _ in found]), np.array([r for _, r in found])
