@@ -2,79 +2,11 @@
 
 import numpy as np
 import pytest
+from random_networks import dense_coupling, poles_by_dense_algebra, random_network
 
 import control_kpos as kp
 from control_kpos.certificates.result import Status
 from control_kpos.networks import NetworkInstability
-
-
-def random_cone(rng, n):
-    """A proper cone with interior (1, 0, ..., 0), simplicial or not."""
-    if n == 1:
-        return kp.orthant(1) if rng.random() < 0.5 else kp.PolyhedralCone([[-1.0]])
-    if rng.random() < 0.3:
-        return kp.orthant(n)
-    count = n + (int(rng.integers(0, 3)) if n > 2 else 0)
-    corners = np.vstack([np.eye(n - 1), -np.ones((1, n - 1))])
-    points = np.vstack([corners, rng.normal(size=(count - n, n - 1))])
-    rays = np.hstack([np.ones((len(points), 1)), points])
-    return kp.PolyhedralCone(np.round(rays * 64) / 64)
-
-
-def inside(rng, cone):
-    return rng.uniform(0.1, 1.0, size=cone.n_rays) @ cone.rays
-
-
-def positive_map(rng, source, target, terms=2):
-    """sum of y h' with y in the interior of the target and h in that of the source's dual."""
-    return sum(np.outer(inside(rng, target), inside(rng, source.dual)) for _ in range(terms))
-
-
-def random_node(rng, *, discrete, feedthrough, damping):
-    n, m, q = int(rng.integers(1, 4)), int(rng.integers(1, 3)), int(rng.integers(1, 3))
-    X, U, Y = random_cone(rng, n), random_cone(rng, m), random_cone(rng, q)
-    inner = positive_map(rng, X, X)
-    radius = np.abs(np.linalg.eigvals(inner)).max()
-    A = inner / radius * damping if discrete else inner / radius - (1.0 + damping) * np.eye(n)
-    B, C = positive_map(rng, U, X), positive_map(rng, X, Y)
-    D = 0.3 * positive_map(rng, U, Y) if feedthrough else np.zeros((q, m))
-    scale = 1 / (np.linalg.norm(C) * np.linalg.norm(B))
-    return kp.ConeStateSpace(A, B * scale, C, D * scale, discrete, X=X, U=U, Y=Y)
-
-
-def random_network(rng):
-    discrete, feedthrough = bool(rng.random() < 0.4), bool(rng.random() < 0.4)
-    count = int(rng.integers(1, 6))
-    nodes = []
-    for _ in range(count):
-        if nodes and rng.random() < 0.3:
-            nodes.append(nodes[int(rng.integers(len(nodes)))])
-        else:
-            nodes.append(random_node(rng, discrete=discrete, feedthrough=feedthrough, damping=rng.uniform(0.2, 0.9)))
-    strength = 10 ** rng.uniform(-1.5, 1.0)
-    blocks = [[strength * positive_map(rng, b.Y, a.U, 1) if rng.random() < 0.5 else None for b in nodes] for a in nodes]
-    return nodes, blocks, discrete
-
-
-def dense_coupling(nodes, blocks):
-    rows = [
-        np.hstack([np.zeros((a.ninputs, b.noutputs)) if w is None else w for w, b in zip(row, nodes, strict=True)])
-        for row, a in zip(blocks, nodes, strict=True)
-    ]
-    return np.vstack(rows)
-
-
-def truth(nodes, W):
-    """Gain of the algebraic loop, and the abscissa (radius) of the closed loop, by dense linear algebra."""
-    A, B, C, D = (
-        np.block(
-            [[m if i == k else np.zeros((m.shape[0], n.shape[1])) for k, n in enumerate(ms)] for i, m in enumerate(ms)]
-        )
-        for ms in ([s.A for s in nodes], [s.B for s in nodes], [s.C for s in nodes], [s.D for s in nodes])
-    )
-    loop = np.abs(np.linalg.eigvals(W @ D)).max()
-    closed = A + B @ np.linalg.solve(np.eye(len(W)) - W @ D, W @ C)
-    return loop, np.linalg.eigvals(closed), closed
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -84,7 +16,7 @@ def test_verdict_is_the_eigenvalues(seed):
     for _ in range(150):
         nodes, blocks, discrete = random_network(rng)
         W = dense_coupling(nodes, blocks)
-        loop, poles, closed = truth(nodes, W)
+        loop, poles, closed = poles_by_dense_algebra(nodes, W)
         edge = np.abs(poles).max() - 1 if discrete else poles.real.max()
         if abs(edge) < 1e-9 or abs(loop - 1) < 1e-6:
             continue
@@ -111,7 +43,7 @@ def test_bracket_encloses_the_rightmost_pole(seed):
     done = 0
     for _ in range(40):
         nodes, blocks, _ = random_network(rng)
-        loop, poles, _ = truth(nodes, dense_coupling(nodes, blocks))
+        loop, poles, _ = poles_by_dense_algebra(nodes, dense_coupling(nodes, blocks))
         if loop > 0.99:
             continue
         lower, upper = kp.feedback_interconnect(nodes, blocks).spectral_abscissa()

@@ -33,10 +33,13 @@ from .model import NetworkModel
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
+    Exact,
+    LoopWeights,
     NetworkInstability,
     NodeNotDissipative,
     NodeViolation,
     NoWeights,
+    exact_vectors,
     positive_parts,
     refute,
 )
@@ -70,7 +73,10 @@ class NetworkCertificate(Certificate):
         Proven: V(x(t)) <= exp(-decay_rate * t) V(x(0)), per unit of time; in discrete time
         V(x[k]) <= (1 - decay_rate)^k V(x[0]).
     loop_weights : tuple of two ndarrays, shapes (sum q_k,), (sum m_j,), or None
-        With feedthrough: p and t with p'D u <= t'u and t'W y < p'y, so that the algebraic loop contracts.
+        With feedthrough: p and t with p'D u <= t'u and t'W y < p'y, so that the algebraic loop contracts;
+        tuples of Fraction where doubles do not suffice.
+    exact : tuple of three tuples of Fraction, or None
+        v, r and q in the order of nodes where doubles do not suffice; those above are their rounding.
     witness : CouplingViolation, NodeViolation, NetworkInstability, AlgebraicLoop, NodeNotDissipative or NoWeights
         What breaks the network, for REFUTED.
     """
@@ -83,7 +89,8 @@ class NetworkCertificate(Certificate):
     q: PerNode | None = None
     sigma: NDArray[np.float64] | None = None
     decay_rate: float = 0.0
-    loop_weights: tuple[Floats, Floats] | None = None
+    loop_weights: LoopWeights = None
+    exact: Exact = None
 
     def conditions(self) -> Sequence[Condition]:
         model = self.model
@@ -91,7 +98,7 @@ class NetworkCertificate(Certificate):
             raise DataError("v, r, q or sigma is missing.")
         if not (0 <= self.decay_rate < np.inf and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
             raise DataError("decay_rate must not be negative, and sigma must hold one positive number per node.")
-        v, r, q = flat(self.v, model, 0), flat(self.r, model, 1), flat(self.q, model, 2)
+        v, r, q = exact_vectors([flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))], self.exact)
         out = positive_parts(model) + dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
         out.append(on.balance(model, q, r, self.sigma))
         if model.has_feedthrough:
@@ -134,7 +141,8 @@ class NetworkCertificate(Certificate):
         """Weights for positivity and the coupling, and the vectors of Theorem 4; or the normal that is crossed."""
         model, vectors = self.model, {}
         if self.v is not None and self.q is not None and self.r is not None:
-            vectors = {"V": flat(self.v, model, 0), "Q": flat(self.q, model, 2), "R": flat(self.r, model, 1)}
+            parts = [flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))]
+            vectors = dict(zip("VRQ", exact_vectors(parts, self.exact), strict=True))
         return files.evidence(model, self.witness, vectors, self.loop_weights, self.sigma)
 
     @cached_property
@@ -157,13 +165,15 @@ class NetworkCertificate(Certificate):
                 value = np.einsum("jn,kn->jk", vs[g], s.X.rays)
                 rate[index] = (-forms.values[:, 0] / value).min(axis=1)
                 gross = max(gross, float((forms.magnitudes[:, 0] / value).max()))
+        if self.exact is not None:  # what is left of the slack after rounding means nothing
+            rate = np.maximum(rate, 0.0)
         return rate / gross if gross > 0 else rate
 
     @property
     def margin(self) -> float:  # type: ignore[override]
         """The smallest of the node margins; for REFUTED minus the smallest margin of the witness."""
         if self.witness is not None:
-            return -abs(min((c.margin for c in self._own_conditions), default=0.0))
+            return 0.0 - abs(min((c.margin for c in self._own_conditions), default=0.0))
         return float(np.nanmin(self.node_margins)) if self else 0.0
 
     def explain(self) -> str:

@@ -24,11 +24,18 @@ from .abscissa import Approach, Progress, descend, growing_part, interior, is_in
 from .blocks import Floats, Index, exact_take
 from .certificate import NetworkCertificate, per_node
 from .model import NetworkModel
+from .rational import certify_exactly
 from .solvers import PortSystem, direct_loop
-from .witnesses import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation, below_abscissa
+from .witnesses import (
+    AlgebraicLoop,
+    CouplingViolation,
+    LoopWeights,
+    NetworkInstability,
+    NodeViolation,
+    below_abscissa,
+)
 
 Data: TypeAlias = "tuple[Floats, Floats, Floats]"
-Loop: TypeAlias = "tuple[Floats, Floats] | None"
 
 
 def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
@@ -65,12 +72,13 @@ def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCer
     if found is not None:
         return found
     if model.has_feedthrough and loop is None:
-        witness = algebraic_witness(model)
-        return NetworkCertificate.settle(model=model, witness=witness)
-    return unstable(model, least, loop, progress)
+        found = NetworkCertificate.settle(model=model, witness=algebraic_witness(model))
+    else:
+        found = unstable(model, least, loop, progress)
+    return found if found.status is not Status.UNDECIDED else certify_exactly(model, loop)
 
 
-def settle(model: NetworkModel, data: Data, loop: Loop) -> NetworkCertificate:
+def settle(model: NetworkModel, data: Data, loop: LoopWeights) -> NetworkCertificate:
     """The certificate for v, r, q with the decay rate they prove and sigma = 1."""
     v, r, q = data
     rate = provable_rate(model, v, q, discrete=model.discrete)
@@ -217,7 +225,7 @@ def _coupling_witness(
     return CouplingViolation(j, k, place[1], place[2], value)
 
 
-def loop_weights(model: NetworkModel) -> Loop:
+def loop_weights(model: NetworkModel) -> LoopWeights:
     """p and t that prove rho(W D) < 1, or None (also if there is no feedthrough)."""
     if not model.has_feedthrough:
         return None
@@ -308,7 +316,7 @@ def growth_witness(model: NetworkModel, x: Floats, rate: float) -> NetworkInstab
     return NetworkInstability(x, u, y, rate)
 
 
-def unstable(model: NetworkModel, least: float, loop: Loop, progress: Progress | None) -> NetworkCertificate:
+def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Progress | None) -> NetworkCertificate:
     """The certificate refuted by a growing direction, or UNDECIDED."""
 
     def attempt(a: Approach) -> NetworkInstability | None:

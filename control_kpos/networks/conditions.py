@@ -19,6 +19,7 @@ from ..certificates.result import Condition
 from ..cones import Cone, Orthant
 from ..cones.rows import dense_rows
 from ..errors import UndecidedError
+from ..stability import transpose
 from .blocks import Floats, Index, block_diagonal, exact_block, exact_take, is_zero, nonzero_blocks, take_blocks
 from .model import NetworkModel, NodeStack
 
@@ -32,6 +33,8 @@ LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W 
 
 # Stacks are proven this many nodes at a time, so that the numbers stay in the caches.
 _CHUNK = 2**15
+# Entries up to which generators that are not doubles are written out.
+_EXACT_ENTRIES = 10**6
 
 
 class StackedForms(BilinearForms):
@@ -73,6 +76,11 @@ def stacked(left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -
 def titled(name: str, model: NetworkModel, g: int) -> str:
     """The condition's name, with the stack it is about if there are several."""
     return name if len(model.stacks) == 1 else f"{name} [stack {g}]"
+
+
+def exact(vectors: Any) -> ExactMatrix:
+    """An array of doubles or fractions as exact data."""
+    return ExactMatrix.from_fractions(vectors) if vectors.dtype == object else ExactMatrix(vectors)
 
 
 def rays(cone: Cone) -> ExactMatrix:
@@ -143,7 +151,7 @@ def coupling(model: NetworkModel) -> list[Condition]:
 def storage(model: NetworkModel, g: int, v: Floats) -> Condition:
     """v_j'x > 0 on the generators of X_j; v of shape (N, n)."""
     s = model.stacks[g]
-    return Condition(titled(STORAGE, model, g), stacked(ExactMatrix(v[:, None, :]), None, rays(s.X)), ">")
+    return Condition(titled(STORAGE, model, g), stacked(exact(v[:, None, :]), None, rays(s.X)), ">")
 
 
 def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bool) -> BilinearForms:
@@ -159,7 +167,7 @@ def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bo
     if np.any(q):
         left.append(-q)
         middle.append(s.C)
-    row = ExactMatrix(np.concatenate(left, axis=1)[:, None, :])
+    row = exact(np.concatenate(left, axis=1)[:, None, :])
     return stacked(row, exact_block(middle, axis=-2), rays(s.X))
 
 
@@ -178,35 +186,48 @@ def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: s
     if not is_zero(s.D):
         left.append(-q)
         middle.append(s.D)
-    row = ExactMatrix(np.concatenate(left, axis=1)[:, None, :])
+    row = exact(np.concatenate(left, axis=1)[:, None, :])
     return Condition(titled(name, model, g), stacked(row, exact_block(middle, axis=-2), rays(s.U)), "<=")
 
 
 def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
     """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
     s = model.stacks[g]
-    row = ExactMatrix(np.concatenate([p, t], axis=1)[:, None, :])
+    row = exact(np.concatenate([p, t], axis=1)[:, None, :])
     middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[1])[None])], axis=-2)
     return Condition(titled(LOOP_DIRECT, model, g), stacked(row, middle, rays(s.U)), "<=")
 
 
 def output_generators(model: NetworkModel) -> ExactMatrix:
     """Generators of the product of the Y_k as sparse rows of length sum q_k."""
-    if all(isinstance(s.Y, Orthant) for s in model.stacks):
-        return ExactMatrix(sp.eye_array(model.totals[2], format="csr"))
-    parts, index_parts = [], []
-    exact = all(rays(s.Y).is_double for s in model.stacks)
-    if not exact:
-        raise UndecidedError("the output cones have generators that are not doubles; give them as integers or doubles.")
-    count = 0
-    for s, places in zip(model.stacks, model.places, strict=True):
-        R = rays(s.Y).values
-        rows = count + np.arange(len(s) * len(R)).reshape(len(s), len(R))
-        index_parts.append((np.broadcast_to(R, (len(s), *R.shape)), rows, places[2]))
-        count += rows.size
-        parts.append(R)
+    return _rows_of_product(model, [(s.Y, rays(s.Y)) for s in model.stacks], 2)
 
-    return ExactMatrix(block_diagonal(index_parts, (count, model.totals[2])))
+
+def input_facets(model: NetworkModel) -> ExactMatrix:
+    """Facet normals of the product of the U_j as sparse rows."""
+    return _rows_of_product(model, [(s.U, facets(s.U)) for s in model.stacks], 1)
+
+
+def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, ExactMatrix]], kind: int) -> ExactMatrix:
+    """Generators or facets of all nodes as rows over all inputs (kind 1) or outputs (kind 2)."""
+    size = model.totals[kind]
+    if all(isinstance(cone, Orthant) for cone, _ in cones):
+        return ExactMatrix(sp.eye_array(size, format="csr"))
+    parts, count = [], 0
+    for (_, R), s, places in zip(cones, model.stacks, model.places, strict=True):
+        rows = count + np.arange(len(s) * R.shape[0]).reshape(len(s), R.shape[0])
+        parts.append((np.broadcast_to(R.values, (len(s), *R.shape)), rows, places[kind]))
+        count += rows.size
+    if all(R.is_double for _, R in cones):
+        return ExactMatrix(block_diagonal(parts, (count, size)))
+    if count * size > _EXACT_ENTRIES:
+        raise UndecidedError(
+            "large networks need cones with generators and facets that are doubles; give them with integer generators."
+        )
+    out = np.zeros((count, size), dtype=object)
+    for (_, R), (_, rows, columns) in zip(cones, parts, strict=True):
+        out[rows[:, :, None], columns[:, None, :]] = R.rows_as_integers(np.arange(R.shape[0]))
+    return ExactMatrix.from_fractions(out)
 
 
 def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> BilinearForms:
@@ -219,7 +240,7 @@ def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | Non
             middle = ExactMatrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
         else:
             middle = exact_block([ExactMatrix(np.eye(Q)), _dense(model.coupling)], axis=-2)
-        return BilinearForms(ExactMatrix(left), middle, generators)
+        return BilinearForms(exact(left), middle, generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
     weights = np.concatenate([sigma[model.owners(2)], sigma[model.owners(1)]])[None, :]
     diagonal = ExactMatrix(sp.csr_array(sp.diags_array(left[0])))
@@ -263,13 +284,12 @@ def balance(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> 
     return Condition(BALANCE, balance_forms(model, q, r, sigma), "<=")
 
 
-def loop_gain(model: NetworkModel, p: Floats, t: Floats) -> Iterator[Condition]:
-    """p and t prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
+def loop_gain(model: NetworkModel, p: Any, t: Any) -> Iterator[Condition]:
+    """p and t, arrays or tuples of Fraction, prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
+    p, t = np.asarray(p), np.asarray(t)
     for g, (p_g, t_g) in enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True)):
         s = model.stacks[g]
-        yield Condition(
-            titled(LOOP_WEIGHT, model, g), BilinearForms(ExactMatrix(p_g[:, None, :]), None, rays(s.Y)), ">"
-        )
+        yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(exact(p_g[:, None, :]), None, rays(s.Y)), ">")
         yield loop_direct(model, g, p_g, t_g)
     yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
 
@@ -278,20 +298,20 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
     """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y."""
     xs, us, ys = model.split(x, 0), model.split(u, 1), model.split(y, 2)
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
-        yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, ExactMatrix(x_g[:, None, :])), ">=")
+        yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, exact(x_g[:, None, :])), ">=")
         row = [x_g, u_g]
         middle = [s.A, s.B]
         if rate:
             row.append(x_g)
             middle.append(ExactMatrix(-rate * np.eye(s.sizes[0])[None]))
-        right = ExactMatrix(np.concatenate(row, axis=1)[:, None, :])
+        right = exact(np.concatenate(row, axis=1)[:, None, :])
         yield Condition(
             titled("h'(A x + B u - rate x) >= 0", model, g),
             stacked(facets(s.X), exact_block(middle, -1), right),
             ">=",
         )
         if s.sizes[2]:
-            right = ExactMatrix(np.concatenate([x_g, u_g, y_g], axis=1)[:, None, :])
+            right = exact(np.concatenate([x_g, u_g, y_g], axis=1)[:, None, :])
             middle = exact_block([s.C, s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
             yield Condition(titled("h'(C x + D u - y) >= 0", model, g), stacked(facets(s.Y), middle, right), ">=")
     yield received(model, u, y)
@@ -299,7 +319,7 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
 
 def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
     """h'(W y - u) >= 0 for every facet h of every U_j."""
-    right = ExactMatrix(np.concatenate([y, u])[None, :])
+    right = exact(np.concatenate([y, u])[None, :])
     if model.coupling.is_double:
         middle = ExactMatrix(
             sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr"))
@@ -307,27 +327,4 @@ def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
     else:
         middle = exact_block([_dense(model.coupling), ExactMatrix(-np.eye(model.totals[1]))], axis=-1)
     left = input_facets(model)
-    return Condition("h'(W y - u) >= 0", BilinearForms(right, _transposed(middle), left), ">=")
-
-
-def _transposed(m: ExactMatrix) -> ExactMatrix:
-    if m.is_sparse:
-        return ExactMatrix(sp.csr_array(m.values.T))
-    numerators = None if m.numerators is None else m.numerators.T
-    return ExactMatrix(m.values.T, None if m.radius is None else m.radius.T, numerators, m.denominator)
-
-
-def input_facets(model: NetworkModel) -> ExactMatrix:
-    """Facet normals of the product of the U_j as sparse rows."""
-    if all(isinstance(s.U, Orthant) for s in model.stacks):
-        return ExactMatrix(sp.eye_array(model.totals[1], format="csr"))
-
-    parts, count = [], 0
-    for s, places in zip(model.stacks, model.places, strict=True):
-        H = facets(s.U)
-        if not H.is_double:
-            raise UndecidedError("the input cones have facets that are not doubles; give them with integer generators.")
-        rows = count + np.arange(len(s) * len(H.values)).reshape(len(s), len(H.values))
-        parts.append((np.broadcast_to(H.values, (len(s), *H.shape)), rows, places[1]))
-        count += rows.size
-    return ExactMatrix(block_diagonal(parts, (count, model.totals[1])))
+    return Condition("h'(W y - u) >= 0", BilinearForms(right, transpose(middle), left), ">=")

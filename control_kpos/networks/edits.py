@@ -77,7 +77,8 @@ class Overlay:
     @classmethod
     def of(cls, certificate: NetworkCertificate) -> Overlay:
         """Nothing changed yet."""
-        sound = certificate.status is Status.PROVED and bool(np.all(certificate.sigma == 1))
+        plain = certificate.exact is None and bool(np.all(certificate.sigma == 1))
+        sound = certificate.status is Status.PROVED and plain
         return cls(certificate, count=certificate.model.n_nodes, decay_rate=certificate.decay_rate, covered=sound)
 
     @property

@@ -149,9 +149,9 @@ def evidence(
     for name, target, M, source in (("N", X, B, U), ("L", Y, C, X), ("K", Y, D, U), ("M", U, model.coupling, Y)):
         out[name] = prover.inclusion(target, M, source)
     if loop is not None:
-        out["p"], out["t"] = (proofs.numbers(proofs.exact_vector(part)) for part in loop)
+        out["p"], out["t"] = (proofs.numbers(_fractions(part)) for part in loop)
     if isinstance(witness, NetworkInstability):
-        x, u, y = (proofs.exact_vector(part) for part in (witness.x, witness.u, witness.y))
+        x, u, y = map(_fractions, witness.vectors)
         moved = proofs.product(A, x) + proofs.product(B, u) - Fraction(witness.rate) * x
         spare = proofs.product(C, x) + proofs.product(D, u) - y
         out["wx"], out["wz"] = prover.vector(X, x), prover.vector(X, moved)
@@ -160,10 +160,15 @@ def evidence(
         out["rate"] = proofs.numbers(np.array([Fraction(witness.rate)], dtype=object))["array"][0]
         return out
     if vectors and sigma is not None:
-        for (name, vector), kind in zip(vectors.items(), (0, 2, 1), strict=True):
+        for (name, vector), kind in zip(vectors.items(), (0, 1, 2), strict=True):
             weight = proofs.exact_vector(np.asarray(sigma)[model.owners(kind)])
-            out[name] = proofs.numbers(weight * proofs.exact_vector(vector))
+            out[name] = proofs.numbers(weight * _fractions(vector))
     return out
+
+
+def _fractions(values: Any) -> Any:
+    """Doubles or fractions as fractions."""
+    return np.array([Fraction(value) for value in values], dtype=object)
 
 
 def _first_ray(model: NetworkModel, kind: int, node: int) -> int:

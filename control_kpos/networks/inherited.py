@@ -30,6 +30,7 @@ def inherit(certificate: NetworkCertificate, model: NetworkModel) -> NetworkCert
         sigma=certificate.sigma,
         decay_rate=certificate.decay_rate,
         loop_weights=certificate.loop_weights,
+        exact=certificate.exact,
     )
     return draft if draft.status is Status.PROVED else None
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -27,6 +27,9 @@ from ..statespace import ConeStateSpace
 from .blocks import Floats, Index, block_diagonal, exact_stack, is_zero
 from .nodes import NodeStack as NodeStack
 from .nodes import Timebase as Timebase
+
+# Doubles, or fractions.
+Number = TypeVar("Number", bound=np.generic)
 
 # Signals of networks with at most this many nodes carry names.
 READABLE = 10_000
@@ -98,17 +101,17 @@ class NetworkModel:
         """True if one stack holds all nodes in their order."""
         return len(self.stacks) == 1 and bool((self.members[0] == np.arange(self.n_nodes)).all())
 
-    def split(self, vector: Floats, kind: int) -> list[Floats]:
+    def split(self, vector: NDArray[Number], kind: int) -> list[NDArray[Number]]:
         """A vector of states (kind 0), inputs (1) or outputs (2) as arrays (N, size), one per stack."""
         if self.is_ordered:
             return [vector.reshape(self.n_nodes, -1)]
         return [vector[p[kind]] for p in self.places]
 
-    def join(self, parts: Sequence[Floats], kind: int) -> Floats:
+    def join(self, parts: Sequence[NDArray[Number]], kind: int) -> NDArray[Number]:
         """Inverse of `split`."""
         if self.is_ordered:
             return parts[0].reshape(-1)
-        out = np.zeros(self.totals[kind])
+        out: Any = np.zeros(self.totals[kind], dtype=parts[0].dtype)
         for part, p in zip(parts, self.places, strict=True):
             out[p[kind]] = part
         return out

@@ -142,7 +142,7 @@ class OutWeightCertificate(Certificate):
 
     def _carry(self, model: NetworkModel, kinds: Any) -> NetworkCertificate | None:
         local = self.local
-        if not self or local.v is None or local.r is None or local.q is None:
+        if not self or local.v is None or local.r is None or local.q is None or local.exact is not None:
             return None
 
         def spread(value: Any, kind: int) -> Floats:
@@ -155,6 +155,8 @@ class OutWeightCertificate(Certificate):
 
         loop = None
         if model.has_feedthrough and local.loop_weights is not None:
+            if isinstance(local.loop_weights[0], tuple):
+                return None
             loop = spread(local.loop_weights[0], 2), spread(local.loop_weights[1], 1)
         draft = NetworkCertificate.settle(
             model=model,

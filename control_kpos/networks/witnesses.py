@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from fractions import Fraction
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,10 +14,39 @@ from ..certificates.exact import BilinearForms
 from ..certificates.files import register_record
 from ..certificates.result import Condition, Status
 from ..dissipativity import DissipativityCertificate, SupplyViolation
+from ..errors import DataError
 from ..positivity import PositivityCertificate, PositivityViolation, take_rows
 from . import conditions as on
 from .blocks import Floats, exact_block, exact_take, take_blocks
 from .model import NetworkModel
+
+Exact: TypeAlias = "tuple[tuple[Fraction, ...], ...] | None"
+LoopWeights: TypeAlias = "tuple[Any, Any] | None"
+
+
+def exact_vectors(rounded: Sequence[Any], exact: Exact) -> list[Any]:
+    """Vectors of doubles, or the fractions that they are the rounding of.
+
+    Raises
+    ------
+    DataError
+        The doubles are not the rounding of the fractions.
+    """
+    if exact is None:
+        return list(rounded)
+    out = []
+    for values, fractions in zip(rounded, exact, strict=True):
+        if [float(value) for value in fractions] != np.asarray(values).tolist():
+            raise DataError("an exact vector does not round to the doubles beside it.")
+        out.append(np.array(fractions, dtype=object))
+    return out
+
+
+def with_exact(vectors: Sequence[Any]) -> tuple[list[Floats], Exact]:
+    """The inverse: doubles, and the fractions if they differ from them."""
+    rounded = [np.array([float(value) for value in part]) for part in vectors]
+    same = all(Fraction(a) == b for r, part in zip(rounded, vectors, strict=True) for a, b in zip(r, part, strict=True))
+    return rounded, None if same else tuple(tuple(map(Fraction, part)) for part in vectors)
 
 
 @register_record
@@ -98,12 +129,21 @@ class NetworkInstability:
         State, and lower bounds in the orders of U and Y on the inputs and outputs that belong to it.
     rate : float
         0 or more in continuous time, 1 or more in discrete time.
+    exact : tuple of three tuples of Fraction, or None
+        x, u and y where doubles do not suffice; those above are their rounding.
     """
 
     x: Floats
     u: Floats
     y: Floats
     rate: float = 0.0
+    exact: Exact = None
+
+    @property
+    def vectors(self) -> tuple[Any, Any, Any]:
+        """x, u and y as the proof takes them, doubles or fractions."""
+        x, u, y = exact_vectors((self.x, self.u, self.y), self.exact)
+        return x, u, y
 
     def __str__(self) -> str:
         alive = int(np.count_nonzero(self.x))
@@ -124,11 +164,20 @@ class AlgebraicLoop:
         u is a lower bound on W y in the order of U.
     nodes : ndarray of int
         The nodes in the loop.
+    exact : tuple of two tuples of Fraction, or None
+        y and u where doubles do not suffice; those above are their rounding.
     """
 
     y: Floats
     u: Floats
     nodes: Any
+    exact: Exact = None
+
+    @property
+    def vectors(self) -> tuple[Any, Any]:
+        """y and u as the proof takes them, doubles or fractions."""
+        y, u = exact_vectors((self.y, self.u), self.exact)
+        return y, u
 
     def __str__(self) -> str:
         return f"the feedthrough terms D close an algebraic loop of gain 1 or more through {list_nodes(self.nodes)}"
@@ -168,7 +217,7 @@ def node_positivity(model: NetworkModel, node: int) -> PositivityCertificate:
     return PositivityCertificate.settle(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
 
 
-def refute(model: NetworkModel, w: Any, loop: tuple[Floats, Floats] | None) -> list[Condition] | None:
+def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | None:
     """The inequalities that prove a witness, or None if it makes no sense."""
     if isinstance(w, CouplingViolation):
         return _coupling(model, w)
@@ -185,22 +234,23 @@ def refute(model: NetworkModel, w: Any, loop: tuple[Floats, Floats] | None) -> l
     if isinstance(w, AlgebraicLoop):
         if not np.any(w.y):
             return None
+        all_y, all_u = w.vectors
         out = positive_parts(model)
-        for g, (y, u) in enumerate(zip(model.split(w.y, 2), model.split(w.u, 1), strict=True)):
+        for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
             s = model.stacks[g]
             out.append(
                 Condition(
                     on.titled("h'y >= 0", model, g),
-                    BilinearForms(on.facets(s.Y), None, ExactMatrix(y[:, None, :])),
+                    BilinearForms(on.facets(s.Y), None, on.exact(y[:, None, :])),
                     ">=",
                 )
             )
-            row = ExactMatrix(np.concatenate([u, y], axis=1)[:, None, :])
+            row = on.exact(np.concatenate([u, y], axis=1)[:, None, :])
             middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
             out.append(
                 Condition(on.titled("h'(D u - y) >= 0", model, g), BilinearForms(on.facets(s.Y), middle, row), ">=")
             )
-        return [*out, on.received(model, w.u, w.y)]
+        return [*out, on.received(model, all_u, all_y)]
     return None
 
 
@@ -209,7 +259,7 @@ def positive_parts(model: NetworkModel) -> list[Condition]:
     return [c for g in range(len(model.stacks)) for c in on.positivity(model, g)] + on.coupling(model)
 
 
-def growth(model: NetworkModel, w: NetworkInstability, loop: tuple[Floats, Floats] | None) -> list[Condition] | None:
+def growth(model: NetworkModel, w: NetworkInstability, loop: LoopWeights) -> list[Condition] | None:
     """A_cl x - rate x in X with a rate that excludes stability, for a positive network."""
     least = 1.0 if model.discrete else 0.0
     if not np.any(w.x) or not w.rate >= least:
@@ -217,16 +267,14 @@ def growth(model: NetworkModel, w: NetworkInstability, loop: tuple[Floats, Float
     return below_abscissa(model, w, loop)
 
 
-def below_abscissa(
-    model: NetworkModel, w: NetworkInstability, loop: tuple[Floats, Floats] | None
-) -> list[Condition] | None:
+def below_abscissa(model: NetworkModel, w: NetworkInstability, loop: LoopWeights) -> list[Condition] | None:
     """A_cl x - rate x in X for a positive network: its spectral abscissa is at least the rate."""
     out = positive_parts(model)
     if model.has_feedthrough:
         if loop is None:
             return None
         out += on.loop_gain(model, *loop)
-    return out + list(on.motion(model, w.x, w.u, w.y, w.rate))
+    return out + list(on.motion(model, *w.vectors, w.rate))
 
 
 def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition]:

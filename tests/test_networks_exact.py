@@ -1,0 +1,183 @@
+"""Networks on the margin of stability and a unit in the last place beside it: never undecided, never wrong."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from random_networks import is_stable, marginal_network
+
+import control_kpos as kp
+from control_kpos.certificates import independent
+from control_kpos.certificates.result import Status
+from control_kpos.networks import AlgebraicLoop, NetworkInstability
+from control_kpos.networks.exact import EXACT_SIZE
+from control_kpos.networks.lifting import solve_by_lifting
+from control_kpos.rational_programs import solve_exactly
+
+ONES, TINY = np.ones((3, 3), dtype=object), Fraction(1, 10**30) * np.eye(3, dtype=int)
+PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
+
+
+def verdicts(seeds):
+    for seed in seeds:
+        made = marginal_network(np.random.default_rng(seed))
+        if made is None:
+            continue
+        nodes, W, discrete = made
+        try:
+            net = kp.feedback_interconnect(nodes, W)
+        except kp.DataError:  # ill-posed within rounding
+            continue
+        yield seed, nodes, W, discrete, net
+
+
+@pytest.mark.parametrize("start", range(0, 900, 150))
+def test_verdict_is_that_of_the_closed_loop_in_fractions(start):
+    seen = dict.fromkeys(Status, 0)
+    for seed, nodes, W, discrete, net in verdicts(range(start, start + 150)):
+        certificate = net.certificate
+        seen[certificate.status] += 1
+        assert certificate.status is (Status.PROVED if is_stable(nodes, W, discrete) else Status.REFUTED), seed
+        assert certificate.check(), seed
+        assert np.isfinite(certificate.margin) and not str(certificate.margin).startswith("-0.0e"), seed
+    assert seen[Status.PROVED] > 20 and seen[Status.REFUTED] > 60
+
+
+def test_files_and_the_independent_checker_read_exact_certificates(tmp_path):
+    kinds = set()
+    for seed, _, _, _, net in verdicts(range(2000, 2150)):
+        certificate = net.certificate
+        exact = certificate.exact is not None or getattr(certificate.witness, "exact", None) is not None
+        kind = (certificate.status, type(certificate.witness), exact)
+        if kind in kinds:
+            continue
+        kinds.add(kind)
+        certificate.save(tmp_path / "net.json")
+        again = kp.load_certificate(tmp_path / "net.json")
+        assert again.status is certificate.status and again.check(), seed
+        if not isinstance(certificate.witness, AlgebraicLoop):
+            assert independent.verdict(tmp_path / "net.json").status == certificate.status.name, seed
+    assert {(s, exact) for s, _, exact in kinds} >= {
+        (Status.PROVED, True),
+        (Status.PROVED, False),
+        (Status.REFUTED, True),
+        (Status.REFUTED, False),
+    }
+
+
+def lag(rate, D=0):
+    return kp.ConeStateSpace([[-rate]], [[1.0]], [[1.0]], [[D]])
+
+
+def ring(n, weight):
+    return sp.csr_array((np.full(n, weight), (np.arange(n), (np.arange(n) + 1) % n)), shape=(n, n))
+
+
+def masses(n):
+    return kp.stack(np.tile([[0, 1], [-22.0, -13]], (n, 1, 1)), [[0], [1]], [[1, 0]], X=PAPER)
+
+
+def test_a_loop_of_gain_one_and_the_doubles_beside_it():
+    for n in (2, 60):
+        for weight, status in (
+            (22.0, Status.REFUTED),
+            (np.nextafter(22.0, 0), Status.PROVED),
+            (np.nextafter(22.0, 23), Status.REFUTED),
+        ):
+            certificate = kp.feedback_interconnect(masses(n), ring(n, weight)).certificate
+            assert certificate.status is status and certificate.check()
+    x = kp.feedback_interconnect([lag(1)] * 2, [[0, 3.0], ["1/3", 0]]).certificate.witness
+    assert isinstance(x, NetworkInstability) and x.x[0] == 3 * x.x[1]
+
+
+def test_thirds_need_fractions():
+    stable = kp.feedback_interconnect([lag(3)] * 3, ONES - TINY)
+    assert stable.certificate.status is Status.PROVED and stable.certificate.exact is not None
+    assert stable.with_links(0.5 * np.eye(3)).certificate.status is Status.PROVED
+    assert stable.without_node(0).certificate.status is Status.PROVED
+    unstable = kp.feedback_interconnect([lag(3)] * 3, ONES + TINY)
+    assert unstable.certificate.status is Status.REFUTED and unstable.certificate.check()
+
+
+def test_changed_exact_data_fail_their_check():
+    W = ONES - TINY
+    good = kp.feedback_interconnect([lag(3)] * 3, W).certificate
+    tilted = tuple(value + Fraction(k, 10**25) for k, value in enumerate(good.exact[0]))
+    assert good.check() and not replace(good, exact=None).check()
+    assert not replace(good, exact=(tilted, *good.exact[1:])).check()
+    assert not replace(good, v=good.v * 2).check()
+    assert not replace(good, exact=good.exact[:2]).check()
+    nodes = [lag(3), lag(7)]
+    bad = kp.feedback_interconnect(nodes, [["0", "21/10"], ["10", "0"]]).certificate
+    assert bad.status is Status.REFUTED and bad.check()
+    shifted = replace(
+        bad.witness, exact=tuple(tuple(Fraction(v) - Fraction(1, 10**30) for v in part) for part in bad.witness.vectors)
+    )
+    assert not replace(bad, witness=shifted).check()
+
+
+def test_feedthrough_next_to_gain_one():
+    below = 1 - 2.0**-40
+    for gain, kind in ((below, type(None)), (1 + 2.0**-40, AlgebraicLoop)):
+        certificate = kp.feedback_interconnect([lag(4.0**40, D=gain), lag(4.0**40, D=1.0)], ring(2, 1.0)).certificate
+        assert isinstance(certificate.witness, kind) and certificate.status is not Status.UNDECIDED
+        assert certificate.check()
+
+
+def test_one_way_chains_of_marginal_parts():
+    rng = np.random.default_rng(3)
+    pairs = [lag(r) for _ in range(8) for r in (1.0, 4.0)]
+    W = np.kron(np.eye(8), [[0, 2.0], [2.0, 0]]) + np.kron(np.tril(rng.integers(0, 9, (8, 8)), -1), np.ones((2, 2)))
+    assert kp.feedback_interconnect(pairs, W).certificate.status is Status.REFUTED
+    slower = kp.feedback_interconnect(pairs, W - 2.0**-50 * np.kron(np.eye(8), [[0, 1], [1, 0]]))
+    assert slower.certificate.status is Status.PROVED and slower.certificate.check()
+    faster = W.copy()
+    faster[6, 7] += 2.0**-50  # one part of eight
+    certificate = kp.feedback_interconnect(pairs, faster).certificate
+    assert certificate.status is Status.REFUTED and certificate.check()
+
+
+def test_cones_whose_generators_are_not_doubles():
+    U = kp.PolyhedralCone([["1/3", "1"], ["1", "-1/7"]])
+    Y = kp.PolyhedralCone([["1", "1/3", "0"], ["0", "1", "1/7"], ["1/9", "0", "1"], ["1", "1", "-1/11"]])
+    C, B = Y.interior_point[:, None], U.dual.interior_point[None]
+    block = np.outer(U.interior_point, Y.dual.interior_point)
+    gain = float((B @ block @ C).item())
+    for rate, status in ((1.01 * gain, Status.PROVED), (0.99 * gain, Status.REFUTED)):
+        node = kp.ConeStateSpace([[-rate]], B, C, np.zeros((3, 2)), U=U, Y=Y)
+        certificate = kp.feedback_interconnect([node] * 2, [[None, block], [block, None]]).certificate
+        assert certificate.status is status and certificate.check()
+
+
+def test_large_marginal_networks_stay_undecided_and_say_so():
+    n = EXACT_SIZE // 3 + 1
+    certificate = kp.feedback_interconnect(masses(n), ring(n, np.nextafter(22.0, 0))).certificate
+    assert certificate.status is Status.UNDECIDED and "edge of stability" in certificate.explain()
+
+
+# -- exact solutions
+
+
+@pytest.mark.parametrize(("size", "digits"), [(1, 5), (7, 3), (20, 60), (45, 200)])
+def test_lifting_is_elimination(size, digits):
+    rng = np.random.default_rng(size)
+    M = np.array(
+        [[int(rng.integers(-9, 10)) * int(2 ** rng.integers(0, digits)) for _ in range(size)] for _ in range(size)],
+        dtype=object,
+    )
+    M[np.arange(size), np.arange(size)] += 10 * 2**digits * size
+    b = np.array([int(t) for t in rng.integers(-5, 6, size)], dtype=object)
+    numerators, denominator = solve_by_lifting(M, b)
+    assert denominator > 0 and (M @ numerators == denominator * b).all()
+    other, common = solve_exactly(M, b[:, None])
+    assert (other[:, 0] * denominator == numerators * common).all()
+
+
+def test_lifting_gives_up_on_singular_matrices():
+    assert solve_by_lifting(np.array([[1, 2], [2, 4]], dtype=object), np.array([1, 1], dtype=object)) is None
+    # singular modulo the first prime only
+    p = 33554393
+    M = np.array([[p, 1], [0, 1]], dtype=object)
+    assert solve_by_lifting(M, np.array([2, 1], dtype=object))[0].tolist() == [1, p]
