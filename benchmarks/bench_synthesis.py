@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 import control_kpos as kp
 from control_kpos import linear_programs
-from control_kpos.synthesis.backend import backend
+from control_kpos.synthesis.backend import Programs
 from control_kpos.synthesis.plant import column_freedom, read_plant
 from control_kpos.synthesis.simplicial import SimplicialProgram
 
@@ -51,7 +51,7 @@ def test_one_shot_overhead(contest, monkeypatch):
     def overhead():
         inside[0] = 0.0
         begin = time.perf_counter()
-        program = SimplicialProgram(problem, column_freedom(problem), backend(None, 60))
+        program = SimplicialProgram(problem, column_freedom(problem), Programs(None, 60))
         F, _ = program.read(program.start(0.1))
         spent = time.perf_counter() - begin - inside[0]
         assert F.shape == (5, 10)
@@ -104,7 +104,7 @@ def test_against_quadratic(contest, size, n, who, at_most):
     problem = read_plant(kp.ConeStateSpace(sys_, X=rays), None)
 
     def ours():
-        program = SimplicialProgram(problem, column_freedom(problem), backend(None, 60))
+        program = SimplicialProgram(problem, column_freedom(problem), Programs(None, 60))
         point = program.by_columns(0.0)
         return program.read(program.start(0.0) if point is None else point)[0]
 

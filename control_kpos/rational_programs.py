@@ -11,6 +11,7 @@ Bland's rule.  Either answer is checked before it is returned, by `is_solution` 
 
 from __future__ import annotations
 
+import time
 from fractions import Fraction
 from math import gcd, lcm
 from typing import Any
@@ -27,9 +28,12 @@ Rationals = NDArray[np.object_]
 
 # Work after which exact arithmetic gives up, in multiplications of 64-bit words: some ten seconds.
 WORK_LIMIT = 4 * 10**8
+_WORK_PER_SECOND = WORK_LIMIT / 10
 
 
-def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tuple[Rationals | None, Rationals | None]:
+def exact_feasibility(
+    M: Any, b: Any, *, work_limit: float = WORK_LIMIT, time_limit: float = np.inf
+) -> tuple[Rationals | None, Rationals | None]:
     """Decide M x = b, x >= 0 exactly.
 
     Parameters
@@ -38,6 +42,8 @@ def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tupl
     b : likewise, shape (m,)
     work_limit : float
         Estimated multiplications of machine words after which to give up.
+    time_limit : float
+        Seconds after which to give up, HiGHS included.
 
     Returns
     -------
@@ -51,7 +57,7 @@ def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tupl
     ShapeError
         If M and b do not fit.
     TooLargeError
-        If the estimated work exceeds the limit.
+        If the estimated work exceeds the limit, or the time has passed.
 
     Notes
     -----
@@ -66,6 +72,7 @@ def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tupl
     >>> exact_feasibility([[1, 1]], [-1])
     (None, array([Fraction(1, 1)], dtype=object))
     """
+    begun = time.monotonic()
     matrix, right = _integers(M, b)
     m, n = matrix.shape
     factors = np.array([_common_factor(matrix[i], right[i]) for i in range(m)], dtype=object)
@@ -73,10 +80,10 @@ def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tupl
     reduced = (matrix * signs[:, None]) // factors[:, None] if m else matrix
     target = (right * signs) // factors if m else right
     phase_one = np.concatenate([reduced, np.eye(m, dtype=int).astype(object)], axis=1)
-    rows, basis = _proposal(reduced, target)
+    rows, basis = _proposal(reduced, target, time_limit)
     # the artificial variables cost what they cost HiGHS, which saw scaled rows
     cost = np.array([0] * n + [1 << int(r) for r in rows - rows.min(initial=0)], dtype=object)
-    x, y = _simplex(phase_one, target, cost, n, basis, work_limit)
+    x, y = _simplex(phase_one, target, cost, n, basis, work_limit, begun + time_limit)
     if y is not None:
         y = primitive_fractions(y * signs / factors)
     if (x is not None and is_solution(matrix, right, x)) or (y is not None and is_farkas(matrix, right, y)):
@@ -157,7 +164,9 @@ def _common_factor(row: Integers, value: Any) -> int:
     return gcd(*(int(v) for v in row), int(value)) or 1
 
 
-def _proposal(matrix: Integers, right: Integers) -> tuple[NDArray[np.int32], NDArray[np.intp] | None]:
+def _proposal(
+    matrix: Integers, right: Integers, time_limit: float
+) -> tuple[NDArray[np.int32], NDArray[np.intp] | None]:
     """Exponents of row scales, and the basis of the scaled phase-one program that HiGHS calls optimal."""
     m, n = matrix.shape
     mantissa, exponent = _frexp(matrix)
@@ -166,7 +175,8 @@ def _proposal(matrix: Integers, right: Integers) -> tuple[NDArray[np.int32], NDA
     size, power = _frexp(right)
     power = power + rows
     goal = np.ldexp(size, np.maximum(power - power[size != 0].max(initial=-1100), -1000))
-    answer = solve(np.concatenate([np.zeros(n), np.ones(m)]), A_eq=np.hstack([values, np.eye(m)]), b_eq=goal)
+    cost = np.concatenate([np.zeros(n), np.ones(m)])
+    answer = solve(cost, A_eq=np.hstack([values, np.eye(m)]), b_eq=goal, time_limit=time_limit)
     if not answer or answer.basic is None:
         return rows, None
     # a basic row stands for its artificial variable
@@ -183,7 +193,13 @@ def _frexp(values: Integers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
 
 
 def _simplex(
-    matrix: Integers, right: Integers, cost: Integers, n: int, proposal: NDArray[np.intp] | None, work_limit: float
+    matrix: Integers,
+    right: Integers,
+    cost: Integers,
+    n: int,
+    proposal: NDArray[np.intp] | None,
+    work_limit: float,
+    deadline: float,
 ) -> tuple[Rationals | None, Rationals | None]:
     """Phase one from a basis, in integers; each step factorises the basis afresh.
 
@@ -197,7 +213,7 @@ def _simplex(
     basis = np.arange(n, n + m) if proposal is None else proposal
     while True:
         spent += step
-        if spent > work_limit:
+        if spent > work_limit or (deadline - time.monotonic()) * _WORK_PER_SECOND < step:
             raise TooLargeError(f"exact feasibility of a {m} x {n} system with {bits}-bit numbers takes too long.")
         inside = solve_exactly(matrix[:, basis], right[:, None])
         if inside is None or (inside[0] < 0).any():

@@ -47,7 +47,7 @@ WRONG = {
 def test_a_lying_solver_changes_no_answer(seed, lie, monkeypatch):
     M, b = system(seed)
     truth = exact_feasibility(M, b)[0] is not None
-    monkeypatch.setattr(rational_programs, "solve", lambda c, A_eq, b_eq: WRONG[lie](len(b_eq), len(c)))
+    monkeypatch.setattr(rational_programs, "solve", lambda c, A_eq, b_eq, **_: WRONG[lie](len(b_eq), len(c)))
     x, y = exact_feasibility(M, b)
     assert (x is not None) == truth
     assert is_solution(M, b, x) if truth else is_farkas(M, b, y)

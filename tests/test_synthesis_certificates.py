@@ -48,6 +48,12 @@ def test_rates_just_below_the_limit_are_reached_and_just_above_refuted(n, m):
     assert seen == 10
 
 
+def test_refusals_on_cones_whose_exact_facets_exceed_doubles():
+    A, B, rays, _ = planted.simplicial(np.random.default_rng(0), 20, 5)
+    d = kp.state_feedback(ct.ss(A, B, np.eye(20), 0), X=rays, gain_bound=1e-3)
+    assert d.status is kp.Status.REFUTED and d.check()
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_refuted_means_that_no_gain_on_a_grid_works(seed):
     rng = np.random.default_rng(seed)

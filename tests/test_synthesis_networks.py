@@ -147,6 +147,19 @@ def test_rounding_of_large_networks_is_stated():
     assert d and any("rounding" in note or "last place" in note for note in d.notes)
 
 
+def test_progress_of_a_network_design():
+    lines = []
+    stack, W, _ = random_network(20)
+    assert kp.network_feedback(stack, W, gain_bound=15, rate=0.1, progress=lines.append)
+    assert any("20 nodes: linear program 1" in line for line in lines) and "proof" in lines[-1]
+
+    def interrupt(line):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        kp.network_feedback(stack, W, progress=interrupt)
+
+
 # -- failures
 
 

@@ -8,7 +8,7 @@ import pytest
 
 import control_kpos as kp
 from control_kpos.synthesis.alternation import GainProgram
-from control_kpos.synthesis.backend import backend
+from control_kpos.synthesis.backend import Programs
 from control_kpos.synthesis.obstruction import Multipliers
 from control_kpos.synthesis.plant import read_plant
 
@@ -299,12 +299,30 @@ def test_gain_against_rate(plant):
     assert (np.diff(kp.gain_rate_tradeoff(plant, X=[[0, 1], [1, -1]]).gains) >= -1e-6).all()
 
 
+@pytest.mark.parametrize(
+    ("design", "said"),
+    [
+        (lambda plant, **k: kp.state_feedback(plant, X=PAPER, method="alternation", **k), "vector 2 of 6"),
+        (lambda plant, **k: kp.state_feedback(plant, X=kp.orthant(2), **k), "exact arithmetic"),
+        (lambda plant, **k: kp.state_feedback(plant, X=PAPER, objective=lambda F: F[0, 1] ** 2, **k), "step 1"),
+        (lambda plant, **k: kp.output_feedback(ct.ss([[-3, 1], [2, 1]], [[0], [1]], [[0, 1]], 0), **k), "vector 1"),
+        (lambda plant, **k: kp.observer_gain(plant, X=PAPER, **k), "linear program 1"),
+        (lambda plant, **k: kp.scale_free_feedback(kp.ConeStateSpace(plant, X=PAPER), **k), "linear program 1"),
+        (lambda plant, **k: kp.gain_rate_tradeoff(plant, [1.0, 1.5], X=PAPER, certify=True, **k), "design 2 of 2"),
+    ],
+)
+def test_progress_is_told(plant, design, said):
+    lines = []
+    design(plant, progress=lines.append)
+    assert any(said in line for line in lines)
+
+
 def test_alternation_is_never_worse_than_its_start():
     rng = np.random.default_rng(2)
     for _ in range(5):
         A, B, X, _ = planted.polyhedral(rng, 3, 1, 3)
         plant = read_plant(kp.ConeStateSpace(ct.ss(A, B, np.eye(3), 0), X=X), None)
-        program = GainProgram(plant, backend(None, 60))
+        program = GainProgram(plant, Programs(None, 60))
         start = program.fastest(program.facet_sum(), 10.0)
         end = program.speed_up(program.facet_sum(), 10.0)
         assert end.rate >= start.rate

@@ -6,6 +6,7 @@ from the exact data and an F of few digits, and every demand is proven about tha
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -206,6 +207,7 @@ def accept(
     rate: float = 0.0,
     x: Floats | None = None,
     gain: float = np.inf,
+    deadline: float = np.inf,
 ) -> Accepted | None:
     """The first rounding of F for which every demand is proven, or None.
 
@@ -219,6 +221,8 @@ def accept(
         Candidate for the common vector of several vertices.
     gain : float
         Roundings whose max |F x_k| exceeds this are passed over.
+    deadline : float
+        On the clock of `time.monotonic`; a proof that has begun by then is finished.
     """
     F = np.asarray(F, dtype=float)
     shape = (plant.m, plant.n if plant.C is None else plant.C.shape[0])
@@ -228,6 +232,8 @@ def accept(
         F = np.where(plant.pattern, F, 0.0)
     wanted = _slack(plant, F)
     for candidate in roundings(F):
+        if time.monotonic() > deadline:
+            return None
         full = candidate if plant.C is None else candidate @ np.asarray(plant.C.values)
         with np.errstate(all="ignore"):
             slack = _slack(plant, candidate)

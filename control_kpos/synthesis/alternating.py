@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..certificates.result import Status
-from ..linear_programs import solve
 from .acceptance import Accepted, accept
 from .alternation import GainProgram, Iterate
+from .backend import Programs
 from .invariance import no_invariance
 from .modes import controllability_notes
 from .one_shot import GAIN_SLACK, LARGEST_RATE, SMALLEST_GAIN, exact_design, succeed, without_feedback
 from .plant import Floats, Plant
-from .ratio import Solver
 from .result import DesignResult, Nearest
 from .simplicial import gain_of
 
@@ -29,7 +28,9 @@ _STARTS, _MANY_STARTS = 6, 12
 _MAX_RATE_SHARE = 0.999
 
 
-def design_by_alternation(plant: Plant, rate: float | str, lp: Solver, hints: tuple[Floats, ...] = ()) -> DesignResult:
+def design_by_alternation(
+    plant: Plant, rate: float | str, lp: Programs, hints: tuple[Floats, ...] = ()
+) -> DesignResult:
     """Alternate from several vectors inside X*.
 
     Parameters
@@ -45,23 +46,24 @@ def design_by_alternation(plant: Plant, rate: float | str, lp: Solver, hints: tu
         return trivial
     program = GainProgram(plant, lp)
     if program.any_invariant() is False:
-        proof = no_invariance(plant)
+        proof = no_invariance(plant, lp.deadline)
         if proof is not None:
             notes = tuple(controllability_notes(plant))
             return DesignResult(
                 Status.REFUTED, certificate=proof, message="invariance alone is impossible.", notes=notes
             )
     if rate == "max":
-        return _fastest(plant, program, hints)
-    return _any_rate(plant, program, float(rate), hints)
+        return _fastest(plant, program, lp, hints)
+    return _any_rate(plant, program, lp, float(rate), hints)
 
 
-def _any_rate(plant: Plant, program: GainProgram, rate: float, hints: tuple[Floats, ...]) -> DesignResult:
+def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hints: tuple[Floats, ...]) -> DesignResult:
     goal = rate + program.strict
     ceiling = 2 * rate + plant.scale
     best: tuple[Accepted, float] | None = None
     fastest = -np.inf
     for number, v in enumerate(program.starts(_STARTS, hints)):
+        lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}")
         found = program.speed_up(v, ceiling, goal)
         if found is None:
             continue
@@ -69,7 +71,7 @@ def _any_rate(plant: Plant, program: GainProgram, rate: float, hints: tuple[Floa
         if found.rate <= goal:
             continue
         for gain in _candidates(program, found, rate, goal):
-            accepted = accept(plant, gain, rate=rate, x=_inside(plant, gain))
+            accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain), deadline=lp.deadline)
             if accepted is not None:
                 size = _size(plant, accepted.F)
                 if best is None or size < best[1]:
@@ -79,7 +81,7 @@ def _any_rate(plant: Plant, program: GainProgram, rate: float, hints: tuple[Floa
             break
     if best is not None:
         return succeed(plant, best[0], SMALLEST_GAIN, best[1], best[1])
-    proof = _unstructured_refutation(plant, rate)
+    proof = _unstructured_refutation(plant, rate, lp)
     if proof is not None:
         return proof
     nearest = Nearest(decay_rate=float(fastest)) if rate > 0 and 0 < fastest < np.inf else None
@@ -92,11 +94,11 @@ def _any_rate(plant: Plant, program: GainProgram, rate: float, hints: tuple[Floa
     )
 
 
-def _unstructured_refutation(plant: Plant, rate: float) -> DesignResult | None:
+def _unstructured_refutation(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
     """On a simplicial cone: a proof that not even an unrestricted F = (all of F, all states) does it."""
     if not plant.X.is_simplicial:
         return None
-    result = exact_design(replace(plant, pattern=None, C=None), rate)
+    result = exact_design(replace(plant, pattern=None, C=None), rate, lp)
     return None if result.status is not Status.REFUTED else replace(result, notes=tuple(controllability_notes(plant)))
 
 
@@ -115,10 +117,11 @@ def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) 
         yield iterate.gain
 
 
-def _fastest(plant: Plant, program: GainProgram, hints: tuple[Floats, ...]) -> DesignResult:
+def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floats, ...]) -> DesignResult:
     ceiling = 1e5 * plant.scale
     best: Iterate | None = None
-    for v in program.starts(_MANY_STARTS, hints):
+    for number, v in enumerate(program.starts(_MANY_STARTS, hints)):
+        lp.stage(f"vector {number + 1} of {_MANY_STARTS + len(hints)}")
         found = program.speed_up(v, ceiling)
         if found is not None and (best is None or found.rate > best.rate):
             best = found
@@ -130,7 +133,7 @@ def _fastest(plant: Plant, program: GainProgram, hints: tuple[Floats, ...]) -> D
                 message="the alternation gave up: it found no gain that is invariant and stable.",
                 notes=tuple(controllability_notes(plant)),
             )
-            if (proof := _unstructured_refutation(plant, 0.0)) is None
+            if (proof := _unstructured_refutation(plant, 0.0, lp)) is None
             else proof
         )
     if best.rate >= ceiling * (1 - 1e-6):
@@ -141,21 +144,21 @@ def _fastest(plant: Plant, program: GainProgram, hints: tuple[Floats, ...]) -> D
             message="nothing limits the decay rate; give gain_bound, or the rate you need.",
         )
     for share in (_MAX_RATE_SHARE, 0.99, 0.9):
-        result = _any_rate(plant, program, best.rate * share, (best.v,))
+        result = _any_rate(plant, program, lp, best.rate * share, (best.v,))
         if result:
             return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=best.rate)
     return result
 
 
-def _inside(plant: Plant, gain: Floats) -> Floats | None:
+def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
     """A vector inside X that every vertex may map inwards: a candidate for the common vector."""
     if len(plant.A) == 1:
         return None
     full = gain if plant.C is None else gain @ np.asarray(plant.C.values)
-    return common_vector(plant, [A + B @ full for A, B in plant.pairs])
+    return common_vector(plant, lp, [A + B @ full for A, B in plant.pairs])
 
 
-def common_vector(plant: Plant, loops: list[Any]) -> Floats | None:
+def common_vector(plant: Plant, lp: Programs, loops: list[Any]) -> Floats | None:
     """x inside X with A_s x inside -X for every closed loop, in floating point, or None."""
     heights = (plant.facets @ plant.rays.T).max(axis=1)
     H = plant.facets / heights[:, None]
@@ -167,7 +170,7 @@ def common_vector(plant: Plant, loops: list[Any]) -> Floats | None:
     cost = np.append(np.zeros(len(plant.rays)), -1.0)
     low = np.append(np.zeros(len(plant.rays)), 0.0)
     high = np.append(np.ones(len(plant.rays)), np.inf)
-    answer = solve(cost, block, np.zeros(len(block)), bounds=(low, high))
+    answer = lp(cost, block, np.zeros(len(block)), bounds=(low, high))
     return inside @ answer.x[:-1] if answer and answer.x[-1] > 0 else None
 
 

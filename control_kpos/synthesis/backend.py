@@ -20,8 +20,10 @@ from ..linear_programs import Solution, failure, guarded, solve
 SolverChoice = str | Callable[..., Any] | None
 
 
-def backend(solver: SolverChoice, time_limit: float) -> Callable[..., Solution]:
-    """A function with the signature of `control_kpos.linear_programs.solve` that keeps one deadline.
+class Programs:
+    """The linear programs of one design: one solver, one deadline for all of them, and a line about each.
+
+    An instance is called like `control_kpos.linear_programs.solve`.
 
     Parameters
     ----------
@@ -30,54 +32,69 @@ def backend(solver: SolverChoice, time_limit: float) -> Callable[..., Solution]:
         that returns x or a `Solution`.
     time_limit : float
         Seconds for all programs together.
+    report : callable, optional
+        Told what is being done, line by line.
+
+    Attributes
+    ----------
+    deadline : float
+        On the clock of `time.monotonic`.
 
     Raises
     ------
     SolverError
         If cvxpy is missing or does not know the solver, or it is not installed.
     """
-    deadline = time.monotonic() + time_limit
-    if isinstance(solver, str):
-        name = installed(solver)
-        call = lambda *data: _through_cvxpy(name, *data)  # noqa: E731
-    elif solver is None:
 
-        def direct(
-            c: Any,
-            A_ub: Any = None,
-            b_ub: Any = None,
-            A_eq: Any = None,
-            b_eq: Any = None,
-            bounds: Any = (0.0, np.inf),
-            **more: Any,
-        ) -> Solution:
-            left = deadline - time.monotonic()
-            if left <= 0:
-                return failure("the time limit has passed")
-            return solve(c, A_ub, b_ub, A_eq, b_eq, bounds, time_limit=left, **more)
+    def __init__(self, solver: SolverChoice, time_limit: float, report: Callable[[str], None] | None = None) -> None:
+        if isinstance(solver, str):
+            name = installed(solver)
+            self._call: Callable[..., Any] | None = lambda *data: _through_cvxpy(name, *data)
+        elif solver is None or callable(solver):
+            self._call = solver
+        else:
+            raise SolverError(f"solver is {solver!r}; give the name of a solver, a callable, or None for HiGHS.")
+        self.deadline = time.monotonic() + time_limit
+        self._report, self._stage, self._count = report, "", 0
 
-        return direct
-    elif callable(solver):
-        call = solver
-    else:
-        raise SolverError(f"solver is {solver!r}; give the name of a solver, a callable, or None for HiGHS.")
+    @property
+    def left(self) -> float:
+        """Seconds until the deadline; not positive after it."""
+        return self.deadline - time.monotonic()
 
-    def other(
+    def on_highs(self, most: float = np.inf) -> Programs:
+        """The same with HiGHS, whatever the solver, and for `most` seconds."""
+        return Programs(None, min(self.left, most), self._report)
+
+    def stage(self, name: str) -> None:
+        """Say what is being done now; lines about programs start with it."""
+        self._stage = name
+        if self._report is not None:
+            self._report(name)
+
+    def __call__(
+        self,
         c: Any,
         A_ub: Any = None,
         b_ub: Any = None,
         A_eq: Any = None,
         b_eq: Any = None,
         bounds: Any = (0.0, np.inf),
-        **_: Any,
+        **options: Any,
     ) -> Solution:
-        left = deadline - time.monotonic()
+        left = self.left
         if left <= 0:
             return failure("the time limit has passed")
-        answer = guarded(lambda: call(c, A_ub, b_ub, A_eq, b_eq, bounds), left)
-        return _vetted(answer, np.asarray(c, dtype=float))
-
-    return other
+        data = (c, A_ub, b_ub, A_eq, b_eq, bounds)
+        if self._report is not None:
+            self._count += 1
+            rows = sum(0 if b is None else np.size(b) for b in (b_ub, b_eq))
+            lead = f"{self._stage}: " if self._stage else ""
+            self._report(f"{lead}linear program {self._count}, {np.size(c)} variables, {rows} rows")
+        if self._call is None:
+            return solve(*data, **options, time_limit=left)
+        call = self._call
+        return _vetted(guarded(lambda: call(*data), left), np.asarray(c, dtype=float))
 
 
 def installed(solver: str) -> str:

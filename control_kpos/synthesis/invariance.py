@@ -6,6 +6,7 @@ sum y_ik (h_i'B_j)(R x_k)_l = 0 for every free entry (j, l) and sum y_ik h_i'A x
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,7 +22,7 @@ from ..certificates.result import Certificate, Condition
 from ..cones import Cone
 from ..errors import DataError, TooLargeError
 from ..rational_programs import exact_feasibility
-from .plant import Plant
+from .plant import SECONDS_PER_ENTRY, Plant, within_doubles
 
 
 @register_record
@@ -95,8 +96,8 @@ class NoInvariance(Certificate):
         X = self.X
         where = np.asarray(X.incidence, dtype=bool)
         i, k = np.nonzero(np.ones_like(where) if self.discrete else where)
-        facets = np.asarray(X.exact_facets.rows_as_integers(np.arange(X.n_facets)), dtype=object)
-        rays = np.asarray(X.exact_rays.rows_as_integers(np.arange(X.n_rays)), dtype=object)
+        facets = within_doubles(X.exact_facets.rows_as_integers(np.arange(X.n_facets)))
+        rays = within_doubles(X.exact_rays.rows_as_integers(np.arange(X.n_rays)))
         seen = rays @ self.R.fractions().T
         free = np.flatnonzero(np.asarray(self.pattern).ravel())
         rows, constants = [], []
@@ -117,8 +118,8 @@ class NoInvariance(Certificate):
         )
 
 
-def no_invariance(plant: Plant) -> NoInvariance | None:
-    """The proof, if there is one within reach of exact arithmetic."""
+def no_invariance(plant: Plant, deadline: float = np.inf) -> NoInvariance | None:
+    """The proof, if there is one within reach of exact arithmetic before the deadline."""
     width = plant.n if plant.C is None else plant.C.shape[0]
     pattern = np.ones((plant.m, width)) if plant.pattern is None else plant.pattern.astype(float)
     data = {
@@ -129,11 +130,18 @@ def no_invariance(plant: Plant) -> NoInvariance | None:
         "X": plant.X,
         "discrete": plant.discrete,
     }
+    pairs = np.prod(plant.X.incidence.shape) * len(plant.A)
+    if pairs * (1 + pattern.sum()) * SECONDS_PER_ENTRY > deadline - time.monotonic():
+        return None
     rows, constants = NoInvariance(**data).rows()
     matrix = np.concatenate([rows.T, constants[None, :]])
     right = np.array([0] * rows.shape[1] + [-1], dtype=object)
     try:
-        weights, _ = exact_feasibility(ExactMatrix.from_fractions(matrix), ExactMatrix.from_fractions(right))
+        weights, _ = exact_feasibility(
+            ExactMatrix.from_fractions(matrix),
+            ExactMatrix.from_fractions(right),
+            time_limit=deadline - time.monotonic(),
+        )
     except (TooLargeError, DataError):
         return None
     return None if weights is None else NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))

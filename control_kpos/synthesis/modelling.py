@@ -14,9 +14,9 @@ import numpy as np
 from ..certificates.result import Status
 from ..errors import DataError
 from ..linear_programs import guarded
-from .acceptance import accept
+from .acceptance import Accepted, accept
 from .alternation import GainProgram
-from .backend import SolverChoice, backend, installed
+from .backend import Programs, SolverChoice, installed
 from .modes import controllability_notes
 from .one_shot import succeed
 from .plant import Floats, Plant
@@ -24,7 +24,7 @@ from .result import DesignResult
 from .simplicial import gain_of
 
 USER = "objective given"
-_ROUNDS = 6
+_STARTS, _ROUNDS = 4, 6
 _MARGINS = (1e-6, 1e-9, 0.0)
 
 
@@ -34,7 +34,7 @@ def design_with_constraints(
     constraints: Callable[[Any], Sequence[Any]] | None,
     objective: Callable[[Any], Any] | None,
     solver: SolverChoice,
-    time_limit: float,
+    lp: Programs,
 ) -> DesignResult:
     """The best certified gain found under the user's own constraints.
 
@@ -50,27 +50,26 @@ def design_with_constraints(
     if callable(solver):
         raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
     name = None if solver is None else installed(solver)
-    program = GainProgram(plant, backend(None, time_limit))
+    program = GainProgram(plant, lp.on_highs())
     F = cp.Variable(program.shape)
     own, cost = _users_part(cp, F, constraints, objective, plant)
     best: tuple[Any, float] | None = None
     last = "no vector v admits a gain"
     hints = _hints(plant, rate, program)
-    for start in program.starts(4, hints):
+    for number, start in enumerate(program.starts(_STARTS, hints)):
         vectors = [start]
-        for _ in range(_ROUNDS):
+        for step in range(_ROUNDS):
+            lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}, step {step + 1}")
             found = None
             for v in vectors:
-                value, gain, message = _solve(cp, program, F, own, cost, v, rate, name, time_limit)
+                gain, message = _solve(cp, program, F, own, cost, v, rate, name, lp)
                 if gain is None:
                     last = message
                     continue
-                accepted = _accept(plant, gain, rate, F, own)
-                if accepted is not None and (found is None or value < found[1]):
-                    found = accepted, value
+                accepted = _accept(plant, gain, rate, F, own, cost, lp)
+                if accepted is not None and (found is None or accepted[1] < found[1]):
+                    found = accepted
             if found is None or (best is not None and found[1] >= best[1] - 1e-6 * max(1.0, abs(best[1]))):
-                if found is not None and best is None:
-                    best = found
                 break
             best = found
             vectors = list(program.vectors(found[0].F))
@@ -126,11 +125,10 @@ def _solve(
     v: Floats,
     rate: float,
     name: str | None,
-    time_limit: float,
-) -> tuple[float, Floats | None, str]:
+    lp: Programs,
+) -> tuple[Floats | None, str]:
     plant = program.plant
-    rows = []
-    message = ""
+    message = "the time limit has passed"
     for margin in _MARGINS:
         rows = list(own)
         for (A, B), drift in zip(plant.pairs, program.drifts, strict=True):
@@ -151,29 +149,32 @@ def _solve(
             Y = np.asarray(plant.system.Y.facets)
             rows.append(Y @ C @ plant.rays.T + (Y @ D) @ F @ program.seen.T >= 0)
         problem = cp.Problem(cp.Minimize(cost), rows)
-        outcome = guarded(
-            lambda problem=problem: problem.solve() if name is None else problem.solve(solver=name), time_limit
-        )
-        if isinstance(outcome, str):
-            return np.inf, None, outcome
-        message = f"cvxpy: {problem.status}"
-        value = None if F.value is None else np.asarray(F.value, dtype=float)
-        if (
-            problem.status in ("optimal", "optimal_inaccurate")
-            and value is not None
-            and value.shape == program.shape
-            and np.isfinite(value).all()
-        ):
-            return float(outcome), value, message
-    return np.inf, None, message
+        if lp.left <= 0:
+            break
+        message = guarded(lambda problem=problem: _status(problem, name), lp.left)
+        if message in ("optimal", "optimal_inaccurate"):
+            if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
+                return np.array(F.value, dtype=float), message
+            message = "the solver called a gain optimal that is no finite matrix"
+    return None, message
 
 
-def _accept(plant: Plant, gain: Floats, rate: float, F: Any, own: list[Any]) -> Any:
-    """A certified rounding of the gain that also meets the user's constraints to 1e-7."""
-    found = accept(plant, gain, rate=rate)
+def _status(problem: Any, name: str | None) -> str:
+    problem.solve(**({} if name is None else {"solver": name}))
+    return str(problem.status)
+
+
+def _accept(
+    plant: Plant, gain: Floats, rate: float, F: Any, own: list[Any], cost: Any, lp: Programs
+) -> tuple[Accepted, float] | None:
+    """A certified rounding of the gain that also meets the user's constraints to 1e-6, and what it costs."""
+    found = accept(plant, gain, rate=rate, deadline=lp.deadline)
     if found is None:
         return None
     F.value = found.F
+    value = float(np.asarray(cost.value).item())
+    if not np.isfinite(value):
+        return None
     if all(np.max(c.violation(), initial=0.0) <= 1e-6 * (1 + np.abs(found.F).max()) for c in own):
-        return found
+        return found, value
     return None

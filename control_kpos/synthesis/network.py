@@ -16,8 +16,9 @@ from ..networks.certificate import flat
 from ..networks.coupling import read_coupling
 from ..networks.model import NetworkModel, NodeStack, gather
 from ..networks.network import ConeNetwork
+from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
-from .backend import SolverChoice, backend
+from .backend import Programs, SolverChoice
 from .network_program import MARGINS, NetworkProgram
 from .one_shot import design_on_simplicial
 from .plant import read_plant
@@ -32,7 +33,7 @@ BOUNDED = "largest |F_j x_k| relative to its bound"
 # Entries of the closed loop up to which A + B F is formed in rational arithmetic.
 _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
-_NODES_TRIED = 50
+_NODES_TRIED, _SECONDS_EACH = 50, 10.0
 _SLACK = 0.05
 
 
@@ -45,6 +46,7 @@ def network_feedback(
     gain_bound: ArrayLike | None = None,
     solver: SolverChoice = None,
     time_limit: float = 600.0,
+    progress: Target = None,
 ) -> DesignResult:
     """Find local gains u_j = F_j x_j + sum_k W_jk y_k + w_j for which the network is positive and stable.
 
@@ -61,7 +63,7 @@ def network_feedback(
     gain_bound : float, array_like, shape (sum m_j,), optional
         |F_j x_k| <= gain_bound at every generator of X_j.  With a bound one program is solved, and the gains are
         whatever it gives; without, several, for the smallest bound that is possible.
-    solver, time_limit
+    solver, time_limit, progress
         As in `state_feedback`.
 
     Returns
@@ -100,16 +102,17 @@ def network_feedback(
     model = empty.with_coupling(read_coupling(coupling, empty))
     _require_nodes(model, uniform)
     bound = _read_bound(gain_bound, model)
-    lp = backend(solver, limit)
-    program = NetworkProgram(model, bound, uniform, lp, MARGINS[0])
-    result = _design(model, program, bound, float(target))
-    if result:
-        return result
-    program = NetworkProgram(model, bound, uniform, lp, MARGINS[1])
-    result = _design(model, program, bound, float(target))
-    if result or result.message:
-        return result
-    return _explain_failure(model, program, bound, float(target), program.start(float(target))[1])
+    with Reporter(progress) as report:
+        lp = Programs(solver, limit, report)
+        lp.stage(f"{model.n_nodes} nodes")
+        program = NetworkProgram(model, bound, uniform, lp, MARGINS[0])
+        result = _design(model, program, bound, float(target), lp)
+        if not result:
+            program = NetworkProgram(model, bound, uniform, lp, MARGINS[1])
+            result = _design(model, program, bound, float(target), lp)
+        if result or result.message:
+            return result
+        return _explain_failure(model, program, bound, float(target), program.start(float(target))[1], lp)
 
 
 def _require_nodes(model: NetworkModel, uniform: bool) -> None:
@@ -144,7 +147,9 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
     return values
 
 
-def _design(model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float) -> DesignResult:
+def _design(
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
+) -> DesignResult:
     start, _ = program.start(rate)
     if start is None:
         return DesignResult(Status.UNDECIDED)
@@ -156,6 +161,9 @@ def _design(model: NetworkModel, program: NetworkProgram, bound: Floats | None, 
         points = [p for p in (roomy, slim, start) if p is not None]
     for x in points:
         for digits in _DIGITS:
+            if lp.left <= 0:
+                break
+            lp.stage(f"{model.n_nodes} nodes: proof with gains of {digits} digits")
             result = _certified(model, program, bound, rate, x, digits, limit)
             if result is not None:
                 return result
@@ -313,9 +321,9 @@ def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -
 
 
 def _explain_failure(
-    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, message: str
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, message: str, lp: Programs
 ) -> DesignResult:
-    refuted = _blocking_node(model, bound)
+    refuted = _blocking_node(model, bound, lp)
     if refuted is not None:
         return refuted
     nearest = None
@@ -324,7 +332,7 @@ def _explain_failure(
         if start is not None:
             nearest = Nearest(decay_rate=program.largest_rate(start)[1])
     if nearest is None and bound is not None:
-        free = NetworkProgram(model, None, program.uniform, program.lp)
+        free = NetworkProgram(model, None, program.uniform, lp)
         start, _ = free.start(rate)
         if start is not None:
             nearest = Nearest(gain_bound=free.smallest_gain(rate, start)[1])
@@ -332,7 +340,7 @@ def _explain_failure(
     return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
 
 
-def _blocking_node(model: NetworkModel, bound: Floats | None) -> DesignResult | None:
+def _blocking_node(model: NetworkModel, bound: Floats | None, lp: Programs) -> DesignResult | None:
     """A node that cannot be made positive and stable even alone: then no network with it can."""
     seen: set[bytes] = set()
     bounds = None if bound is None else model.split(bound, 1)
@@ -342,11 +350,12 @@ def _blocking_node(model: NetworkModel, bound: Floats | None) -> DesignResult | 
             if key in seen:
                 continue
             seen.add(key)
-            if len(seen) > _NODES_TRIED:
+            if len(seen) > _NODES_TRIED or lp.left <= 0:
                 return None
+            lp.stage(f"{model.name_of(j)} alone")
             node = node_system(s, place)
             plant = read_plant(node, None, gain_bound=None if bounds is None else bounds[g][place])
-            result = design_on_simplicial(plant, 0.0, backend(None, 10.0))
+            result = design_on_simplicial(plant, 0.0, lp.on_highs(_SECONDS_EACH))
             if result.status is Status.REFUTED:
                 return replace(result, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
     return None

@@ -7,6 +7,7 @@ are found in rational arithmetic and checked by the kernel against rows rebuilt 
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -23,7 +24,7 @@ from ..cones import Cone
 from ..errors import DataError, TooLargeError
 from ..rational_programs import exact_feasibility
 from .inequalities import Inequalities, column_rows, feedback_inequalities, gain_rows
-from .plant import Plant, column_freedom, exact_geometry
+from .plant import SECONDS_PER_ENTRY, Plant, column_freedom, exact_geometry
 from .repair import repaired_multipliers
 
 
@@ -150,6 +151,13 @@ class NoFeedback(Certificate):
         )
 
 
+def _entries(plant: Plant, ports: tuple[ExactMatrix, ExactMatrix, Cone] | None) -> int:
+    """About as many as `exact_inequalities` has."""
+    n, m = plant.n, plant.m
+    rows = n * n * len(plant.A) + (0 if plant.gain_bound is None else 2 * n * m)
+    return (rows + (0 if ports is None else ports[2].n_facets * n)) * n * (1 + m)
+
+
 def _theta(rate: float, discrete: bool) -> Fraction:
     return 1 - Fraction(rate) if discrete else -Fraction(rate)
 
@@ -207,9 +215,12 @@ def _lengths(X: Cone, integer_rays: NDArray[np.object_]) -> NDArray[np.object_]:
 
 
 def decide(
-    plant: Plant, rate: float, ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None
+    plant: Plant,
+    rate: float,
+    ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None,
+    deadline: float = np.inf,
 ) -> tuple[NoFeedback | None, NDArray[np.object_] | None]:
-    """Exactly one of a proof that no gain exists and an exact solution; neither if the problem is too large.
+    """Exactly one of a proof that no gain exists and an exact solution; neither if that takes too long.
 
     Returns
     -------
@@ -218,20 +229,23 @@ def decide(
         (xi, z) over integer generators.
     """
     free = column_freedom(plant)
-    if free is None:
+    left = deadline - time.monotonic()
+    if free is None or _entries(plant, ports) * SECONDS_PER_ENTRY > left:
         return None, None
     q = exact_inequalities(plant, ports)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
     first = len(q.closed)
     strict = np.arange(len(rows)) >= first
     owner = np.concatenate([np.arange(q.n), np.repeat(np.arange(q.n), q.m)])[kept]
-    multipliers, solution = repaired_multipliers(rows, owner, q.n, strict), None
+    multipliers, solution = repaired_multipliers(rows, owner, q.n, strict, deadline), None
     if multipliers is None:
         matrix = np.concatenate([rows.T, strict.astype(int).astype(object)[None, :]])
         right = np.array([0] * rows.shape[1] + [1], dtype=object)
         try:
             multipliers, solution = exact_feasibility(
-                ExactMatrix.from_fractions(matrix), ExactMatrix.from_fractions(right)
+                ExactMatrix.from_fractions(matrix),
+                ExactMatrix.from_fractions(right),
+                time_limit=deadline - time.monotonic(),
             )
         except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
             return None, None

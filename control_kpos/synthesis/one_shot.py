@@ -17,10 +17,10 @@ from ..cones import Cone
 from ..errors import DataError
 from ..statespace import ConeStateSpace
 from .acceptance import Accepted, accept, closed_loop
+from .backend import Programs
 from .modes import controllability_notes
 from .obstruction import decide
-from .plant import Plant, column_freedom
-from .ratio import Solver
+from .plant import Plant, column_freedom, exact_geometry
 from .result import DesignResult, Nearest
 from .simplicial import Failure, SimplicialProgram, gain_of
 from .weakening import certified_fraction
@@ -36,7 +36,7 @@ _RATE_SHARE, _MAX_RATE_SHARE = 0.8, 0.999
 _BELOW = 1 - 1e-9
 
 
-def design_on_simplicial(plant: Plant, rate: float | str, lp: Solver) -> DesignResult:
+def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
     """The one-shot design; the plant's pattern must follow the blocks of X."""
     free = column_freedom(plant)
     if free is None:
@@ -46,12 +46,12 @@ def design_on_simplicial(plant: Plant, rate: float | str, lp: Solver) -> DesignR
         return trivial
     program = SimplicialProgram(plant, free, lp)
     if rate == "max":
-        return _fastest(plant, program)
+        return _fastest(plant, program, lp)
     target = float(rate)
     start = program.start(target)
     if isinstance(start, Failure):
-        return _refuse(plant, target, start, program)
-    return _smallest(plant, program, target, start, SMALLEST_GAIN)
+        return _refuse(plant, target, start, program, lp)
+    return _smallest(plant, program, target, start, SMALLEST_GAIN, lp)
 
 
 def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
@@ -63,7 +63,7 @@ def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
     return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
 
 
-def first_gain(plant: Plant, rate: float, lp: Solver) -> DesignResult:
+def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     """Any certified gain: by columns if that works, by the one-shot program otherwise."""
     free = column_freedom(plant)
     if free is None:
@@ -74,14 +74,16 @@ def first_gain(plant: Plant, rate: float, lp: Solver) -> DesignResult:
         if x is None:
             continue
         F, inside = program.read(x)
-        found = accept(plant, F, rate=rate, x=inside)
+        found = accept(plant, F, rate=rate, x=inside, deadline=lp.deadline)
         if found is not None:
             value = gain_of(found.F, plant.rays)
             return succeed(plant, found, FIRST_GAIN, value, float("nan"))
     return design_on_simplicial(plant, rate, lp)
 
 
-def _smallest(plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str) -> DesignResult:
+def _smallest(
+    plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str, lp: Programs
+) -> DesignResult:
     x, infimum = program.smallest_gain(rate, start)
     allowed = infimum * (1 + GAIN_SLACK)
     fast, reachable = program.largest_rate(x, allowed, tolerance=0.05)
@@ -90,26 +92,27 @@ def _smallest(plant: Plant, program: SimplicialProgram, rate: float, start: Any,
     # the fast point meets the target with room to spare; the others are fallbacks, each closer to the boundary
     for point in (program.centred(target, allowed, fast), program.centred(rate, allowed, x), fast, x, start):
         F, inside = program.read(point)
-        found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK))
+        found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK), deadline=lp.deadline)
         if found is not None:
             value = gain_of(found.F, plant.rays) if objective == SMALLEST_GAIN else _proven_rate(found.certificate)
             return succeed(plant, found, objective, value, infimum)
-    return exact_design(plant, rate, infimum)
+    return exact_design(plant, rate, lp, infimum)
 
 
-def exact_design(plant: Plant, rate: float, infimum: float = float("nan")) -> DesignResult:
+def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
     """Decide by exact arithmetic: a proof that there is no gain, or a rational one rounded to doubles."""
-    proof, x = decide(plant, rate * _BELOW, port_data(plant))
+    lp.stage("deciding in exact arithmetic")
+    proof, x = decide(plant, rate * _BELOW, port_data(plant), lp.deadline)
     if proof is not None:
         message = "the demands contradict each other."
         return DesignResult(Status.REFUTED, certificate=proof, message=message)
     if x is not None:
         n, m = plant.n, plant.m
-        integer_rays = plant.X.exact_rays.rows_as_integers(np.arange(n))
+        rays = exact_geometry(plant)[1]
         try:
             G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
-            T = np.array([[float(v) for v in row] for row in integer_rays])
-            found = accept(plant, np.linalg.solve(T, G.T).T, rate=rate)
+            T = np.array([[float(v) for v in row] for row in rays])
+            found = accept(plant, np.linalg.solve(T, G.T).T, rate=rate, deadline=lp.deadline)
         except (OverflowError, np.linalg.LinAlgError):
             found = None
         if found is not None:
@@ -124,10 +127,10 @@ def exact_design(plant: Plant, rate: float, infimum: float = float("nan")) -> De
     )
 
 
-def _fastest(plant: Plant, program: SimplicialProgram) -> DesignResult:
+def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignResult:
     best = program.supremum_of_rates()
     if isinstance(best, Failure):
-        return _refuse(plant, 0.0, best, program)
+        return _refuse(plant, 0.0, best, program, lp)
     x, limit = best
     if np.isinf(limit):
         return DesignResult(
@@ -137,17 +140,18 @@ def _fastest(plant: Plant, program: SimplicialProgram) -> DesignResult:
             message="nothing limits the decay rate; give gain_bound, or the rate you need.",
         )
     if limit <= 0:
-        return exact_design(plant, 0.0)
+        return exact_design(plant, 0.0, lp)
     for share in (_MAX_RATE_SHARE, 0.99, 0.9):
         again = program.start(limit * share)
-        result = _smallest(plant, program, limit * share, x if isinstance(again, Failure) else again, LARGEST_RATE)
+        point = x if isinstance(again, Failure) else again
+        result = _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
         if result:
             return replace(result, limit=limit)
     return result
 
 
-def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram) -> DesignResult:
-    result = exact_design(plant, rate)  # also if the solver failed: that must not hide a proof either way
+def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram, lp: Programs) -> DesignResult:
+    result = exact_design(plant, rate, lp)  # also if the solver failed: that must not hide a proof either way
     if result:
         return result
     if failure.solver and result.status is not Status.REFUTED:

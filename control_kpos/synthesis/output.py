@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 from ..arrays import ExactMatrix
 from ..cones import Cone
 from ..errors import DataError
+from ..progress import Reporter, Target
 from ..stability import transpose
 from ..statespace import ConeStateSpace
 from .alternating import design_by_alternation
-from .backend import SolverChoice, backend
+from .backend import Programs, SolverChoice
 from .one_shot import design_on_simplicial
 from .plant import as_system, read_plant
 from .result import DesignResult
@@ -34,6 +35,7 @@ def output_feedback(
     ports: bool = False,
     solver: SolverChoice = None,
     time_limit: float = 60.0,
+    progress: Target = None,
 ) -> DesignResult:
     """Find a static gain for u = F y + w, y = C x, that makes X invariant and the closed loop stable.
 
@@ -53,7 +55,7 @@ def output_feedback(
         As in `state_feedback`.
     ports : bool
         As in `state_feedback`.
-    solver, time_limit
+    solver, time_limit, progress
         As in `state_feedback`.
 
     Returns
@@ -86,7 +88,8 @@ def output_feedback(
     plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, output=True)
     if np.any(np.asarray(plant.system.D)):
         raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
-    return design_by_alternation(plant, target, backend(solver, limit))
+    with Reporter(progress) as report:
+        return design_by_alternation(plant, target, Programs(solver, limit, report))
 
 
 def observer_gain(
@@ -97,6 +100,7 @@ def observer_gain(
     gain_bound: ArrayLike | None = None,
     solver: SolverChoice = None,
     time_limit: float = 60.0,
+    progress: Target = None,
 ) -> DesignResult:
     """Find L for which the error e' = (A + L C) e of an observer keeps X invariant and decays.
 
@@ -112,7 +116,7 @@ def observer_gain(
         As in `state_feedback`.
     gain_bound : float or array_like, shape (q,), optional
         |L'h_k| <= gain_bound, output by output, at every facet h_k of X.
-    solver, time_limit
+    solver, time_limit, progress
         As in `state_feedback`.
 
     Returns
@@ -146,9 +150,9 @@ def observer_gain(
         transpose(A), transpose(C), transpose(B), transpose(D), system.dt, X=system.X.dual, remove_useless_states=False
     )
     plant = read_plant(dual, None, gain_bound=gain_bound)
-    lp = backend(solver, limit)
     design = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
-    result = design(plant, target, lp)
+    with Reporter(progress) as report:
+        result = design(plant, target, Programs(solver, limit, report))
     if not result:
         return result
     L = result.F.T

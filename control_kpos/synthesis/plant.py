@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -17,6 +18,11 @@ from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeErro
 from ..statespace import ConeStateSpace
 
 Floats = NDArray[np.float64]
+
+# Bits of the integers in exact generators and facets; beyond, powers of two are divided out.
+_LONGEST = 200
+# About what a decision in rational arithmetic takes, for each entry of its rows.
+SECONDS_PER_ENTRY = 3e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,11 +223,21 @@ def column_freedom(plant: Plant) -> NDArray[np.bool_] | None:
 
 
 def exact_geometry(plant: Plant) -> tuple[Integers, Integers]:
-    """Facets and rays as integers, each row up to a positive factor."""
+    """Exact facets, in the order of `Plant.facets`, and rays, each row up to a positive factor."""
     X = plant.X
     facets = X.exact_facets.rows_as_integers(plant.facet_order)
     rays = X.exact_rays.rows_as_integers(np.arange(X.n_rays))
-    return np.asarray(facets, dtype=object), np.asarray(rays, dtype=object)
+    return within_doubles(facets), within_doubles(rays)
+
+
+def within_doubles(rows: Integers) -> Integers:
+    """Long integers divided by a power of two: facets of many generators have thousands of bits."""
+    out = np.array(rows, dtype=object)
+    for i, row in enumerate(out):
+        length = max(int(x).bit_length() for x in row)
+        if length > _LONGEST:
+            out[i] = [Fraction(int(x), 2**length) for x in row]
+    return out
 
 
 def require_simplicial(X: Cone, what: str) -> None:

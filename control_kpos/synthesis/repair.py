@@ -8,6 +8,7 @@ program leaves them room, they stay nonnegative.
 
 from __future__ import annotations
 
+import time
 from fractions import Fraction
 from math import lcm
 from typing import Any
@@ -27,7 +28,7 @@ _ROOMS, _TINY, _FAINT = (1e-2, 1e-1, 1e-3, 1e-5), 1e-10, 1e-6
 
 
 def repaired_multipliers(
-    rows: Rationals, owner: NDArray[np.intp], n: int, strict: NDArray[np.bool_]
+    rows: Rationals, owner: NDArray[np.intp], n: int, strict: NDArray[np.bool_], deadline: float = np.inf
 ) -> Rationals | None:
     """Exact l >= 0 with rows' l = 0 and a positive sum over `strict`, or None.
 
@@ -39,25 +40,36 @@ def repaired_multipliers(
         The generator of each variable; the first n are xi.
     n : int
     strict : ndarray of bool, shape (K,)
+    deadline : float
+        On the clock of `time.monotonic`: None after it.
     """
     sizes, exact = _balanced(rows)
     values = np.array([[float(x) for x in row] for row in exact])
     for room in _ROOMS:
-        chosen = _exact(exact, values, owner, n, strict, room)
+        chosen = _exact(exact, values, owner, n, strict, room, deadline)
         if chosen is not None:
             return np.array([x * size for x, size in zip(chosen, sizes, strict=True)], dtype=object)
     return None
 
 
 def _exact(
-    exact: Rationals, values: NDArray[np.float64], owner: NDArray[Any], n: int, strict: NDArray[np.bool_], room: float
+    exact: Rationals,
+    values: NDArray[np.float64],
+    owner: NDArray[Any],
+    n: int,
+    strict: NDArray[np.bool_],
+    room: float,
+    deadline: float,
 ) -> Rationals | None:
-    found = _proposal(values, n, strict, room)
+    left = deadline - time.monotonic()
+    found = _proposal(values, n, strict, room, left) if left > 0 else None
     if found is None:
         return None
     chosen = np.array([Fraction(x) for x in found.tolist()], dtype=object)
     chosen[-n:] = Fraction(0)
     for k in range(n):
+        if time.monotonic() > deadline:
+            return None
         own = np.flatnonzero(owner[n:] == k) + n
         if own.size and not _settle(exact, values, chosen, found, own, len(exact) - n):
             return None
@@ -92,7 +104,7 @@ def _balanced(rows: Rationals) -> tuple[list[Fraction], Rationals]:
 
 
 def _proposal(
-    values: NDArray[np.float64], n: int, strict: NDArray[np.bool_], most: float
+    values: NDArray[np.float64], n: int, strict: NDArray[np.bool_], most: float, time_limit: float
 ) -> NDArray[np.float64] | None:
     """Multipliers in doubles with as much room as possible where xi > 0 takes up the rest."""
     count, width = values.shape
@@ -102,9 +114,9 @@ def _proposal(
     room = np.hstack([np.zeros((n, count - n)), -np.eye(n), np.eye(n)])
     cost = np.concatenate([np.zeros(count), -np.ones(n)])
     high = np.concatenate([np.full(count, np.inf), np.full(n, most)])
-    answer = solve(
-        cost, room, np.zeros(n), equations, np.append(np.zeros(width), 1.0), bounds=(np.zeros(count + n), high)
-    )
+    sums = np.append(np.zeros(width), 1.0)
+    box = np.zeros(count + n), high
+    answer = solve(cost, room, np.zeros(n), equations, sums, bounds=box, time_limit=time_limit)
     if not answer:
         return None
     out = answer.x[:count]

@@ -22,8 +22,9 @@ from ..certificates.result import Certificate, Status
 from ..cones import Cone, orthant
 from ..errors import DataError, ShapeError
 from ..positivity import PositivityCertificate, cone_positivity
+from ..progress import Reporter, Target
 from ..stability import LyapunovCertificate
-from .backend import SolverChoice, backend
+from .backend import Programs, SolverChoice
 from .one_shot import design_on_simplicial
 from .plant import read_plant, require_simplicial
 from .result import DesignResult
@@ -102,6 +103,7 @@ def scale_free_feedback(
     structure: ArrayLike | None = None,
     solver: SolverChoice = None,
     time_limit: float = 60.0,
+    progress: Target = None,
 ) -> DesignResult:
     """Find one F that certifies every network of such nodes with link weights summing to at most `weight`.
 
@@ -111,7 +113,7 @@ def scale_free_feedback(
         The node: one input, one output, D = 0, B in X and C in X*, X simplicial.
     weight : float
         Bound on the sum of the weights of the links out of each node (or into each node).
-    X, rate, gain_bound, structure, solver, time_limit
+    X, rate, gain_bound, structure, solver, time_limit, progress
         As in `state_feedback`; `rate` is that of the whole network, whatever its size.
 
     Returns
@@ -161,7 +163,8 @@ def scale_free_feedback(
         )
     product = exact_matrix([[value]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
     plant = replace(plant, coupling=ExactMatrix.from_fractions(product))
-    result = design_on_simplicial(plant, target, backend(solver, limit))
+    with Reporter(progress) as report:
+        result = design_on_simplicial(plant, target, Programs(solver, limit, report))
     if not result:
         return result
     closed = exact_matrix(result.closed_loop._data()[0], "A")

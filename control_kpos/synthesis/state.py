@@ -12,8 +12,9 @@ from ..certificates.result import Status
 from ..cones import Cone
 from ..errors import DataError
 from ..positivity import cone_positivity
+from ..progress import Reporter, Target
 from .alternating import design_by_alternation
-from .backend import SolverChoice, backend
+from .backend import Programs, SolverChoice
 from .disturbance import reject_disturbance
 from .modelling import design_with_constraints
 from .one_shot import design_on_simplicial, first_gain
@@ -40,6 +41,7 @@ def state_feedback(
     method: Method = "auto",
     solver: SolverChoice = None,
     time_limit: float = 60.0,
+    progress: Target = None,
 ) -> DesignResult:
     """Find the smallest gain F for which u = F x + w makes X invariant and x' = (A + B F) x stable.
 
@@ -77,7 +79,10 @@ def state_feedback(
         None: HiGHS directly.  The name of any installed solver that cvxpy knows; or
         f(c, A_ub, b_ub, A_eq, b_eq, bounds) that returns x.  No solver is trusted.
     time_limit : float
-        Seconds.
+        Seconds; what is not settled by then is UNDECIDED.
+    progress : callable or bool, optional
+        Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
+        terminal or a notebook; False: never; True: also where nobody seems to watch.
 
     Returns
     -------
@@ -126,19 +131,27 @@ def state_feedback(
     limit = read_time_limit(time_limit)
     target = read_rate(rate)
     plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
-    lp = backend(solver, limit)
+    with Reporter(progress) as report:
+        lp = Programs(solver, limit, report)
+        if constraints is None and objective is None:
+            return _design(plant, target, disturbance, method, lp)
+        if target == "max" or disturbance is not None:
+            raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
+        blocked = _inputs_leave_cone(plant)
+        if blocked is not None:
+            return blocked
+        return design_with_constraints(plant, float(target), constraints, objective, solver, lp)
+
+
+def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp: Programs) -> DesignResult:
     blocked = _inputs_leave_cone(plant)
     if blocked is not None:
         return blocked
     if disturbance is not None:
         require_simplicial(plant.X, "disturbance rejection")
-        if target == "max" or constraints is not None or objective is not None or plant.pattern is not None:
-            raise DataError("disturbance goes with a fixed rate, and not with structure, constraints or objective.")
+        if target == "max" or plant.pattern is not None:
+            raise DataError("disturbance goes with a fixed rate, and not with structure.")
         return reject_disturbance(plant, float(target), disturbance, lp)
-    if constraints is not None or objective is not None:
-        if target == "max":
-            raise DataError('constraints and objective need a number as rate, not "max".')
-        return design_with_constraints(plant, float(target), constraints, objective, solver, limit)
     if method == "two-step":
         return design_in_two_steps(plant, float(target) if target != "max" else 0.0, lp)
     exact = plant.X.is_simplicial and column_freedom(plant) is not None

@@ -12,11 +12,12 @@ from numpy.typing import ArrayLike, NDArray
 from ..arrays import vector
 from ..cones import Cone
 from ..errors import DataError
-from .backend import backend
+from ..progress import Reporter, Target
+from .backend import Programs
 from .plant import column_freedom, read_plant, require_simplicial
 from .result import DesignResult
 from .simplicial import Failure, SimplicialProgram
-from .state import state_feedback
+from .state import read_time_limit, state_feedback
 
 _POINTS = 12
 
@@ -48,6 +49,8 @@ def gain_rate_tradeoff(
     *,
     X: Cone | ArrayLike | None = None,
     certify: bool = False,
+    time_limit: float = 600.0,
+    progress: Target = None,
     **demands: Any,
 ) -> Tradeoff:
     """Smallest gain against decay rate on a simplicial cone: the data of `plot_tradeoff`.
@@ -60,6 +63,10 @@ def gain_rate_tradeoff(
         Default: a dozen rates up to just below the largest one.
     certify : bool
         True: design and prove a gain at each rate; False: linear programs only.
+    time_limit : float
+        Seconds for the linear programs, and for each certified design; gains not found by then are NaN.
+    progress : callable or bool, optional
+        As in `state_feedback`.
     **demands
         `gain_bound`, `structure`, `vertices`, `ports` of `state_feedback`.
 
@@ -87,19 +94,31 @@ def gain_rate_tradeoff(
     free = column_freedom(plant)
     if free is None:
         raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
-    program = SimplicialProgram(plant, free, backend(None, 600.0))
-    best = program.supremum_of_rates()
-    largest = -np.inf if isinstance(best, Failure) else best[1]
-    if rates is None:
-        if not 0 < largest < np.inf:
-            raise DataError("rates is missing, and no finite positive largest rate suggests any; give rates.")
-        values = np.linspace(0.0, 0.99 * largest, _POINTS)
-    else:
-        values = vector(rates, "rates")
-    gains = np.full(len(values), np.nan)
-    for place, rate in enumerate(values.tolist()):
-        point = program.start(rate)
-        if not isinstance(point, Failure):
-            gains[place] = program.smallest_gain(rate, point)[1]
-    designs = tuple(state_feedback(sys, X=X, rate=rate, **demands) for rate in values.tolist()) if certify else ()
-    return Tradeoff(values, gains, float(largest), designs)
+    limit = read_time_limit(time_limit)
+    with Reporter(progress) as report:
+        lp = Programs(None, limit, report)
+        program = SimplicialProgram(plant, free, lp)
+        lp.stage("largest decay rate")
+        best = program.supremum_of_rates()
+        largest = -np.inf if isinstance(best, Failure) else best[1]
+        values = _rates(rates, largest)
+        gains = np.full(len(values), np.nan)
+        for place, rate in enumerate(values.tolist()):
+            lp.stage(f"rate {place + 1} of {len(values)}")
+            point = program.start(rate)
+            if not isinstance(point, Failure):
+                gains[place] = program.smallest_gain(rate, point)[1]
+        designs = []
+        for place, rate in enumerate(values.tolist() if certify else []):
+            report(f"design {place + 1} of {len(values)}")
+            designs.append(state_feedback(sys, X=X, rate=rate, time_limit=limit, progress=False, **demands))
+    return Tradeoff(values, gains, float(largest), tuple(designs))
+
+
+def _rates(rates: ArrayLike | None, largest: float) -> NDArray[np.float64]:
+    """The rates given, or a dozen up to the largest."""
+    if rates is not None:
+        return vector(rates, "rates")
+    if not 0 < largest < np.inf:
+        raise DataError("rates is missing, and no finite positive largest rate suggests any; give rates.")
+    return np.linspace(0.0, 0.99 * largest, _POINTS)
