@@ -83,6 +83,17 @@ def choice(value: Any, name: str, allowed: Sequence[str | None]) -> Any:
     raise DataError(f"{name} is {found(value)}; give {words}.")
 
 
+def words(value: Any, name: str) -> str | None:
+    """Text, or None for a default.
+
+    >>> words("Poles", "title")
+    'Poles'
+    """
+    if value is None or isinstance(value, str):
+        return value
+    raise DataError(f"{name} is {found(value)}; give text.")
+
+
 def items(value: Any, name: str) -> list[Any]:
     """The items of a list, tuple or other iterable that is no text and no table.
 

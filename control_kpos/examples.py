@@ -11,10 +11,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from .arrays import exact_matrix, require_shape, vector
+from .arguments import real_number, whole_number
+from .arrays import exact_matrix, require_shape
 from .cones import PolyhedralCone, orthant
 from .errors import DataError
 from .statespace import ConeStateSpace
+
+# More nodes would fill the memory.
+_MOST_NODES = 10**8
 
 Matrices: TypeAlias = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
@@ -47,7 +51,10 @@ def mass_spring(k: float = 1.0, m: float = 1.0) -> Matrices:
     >>> plant.poles().imag
     array([ 1., -1.])
     """
-    A = np.array([[0.0, 1.0], [-_positive(k, "k") / _positive(m, "m"), 0.0]])
+    stiffness = real_number(k, "k", positive=True) / real_number(m, "m", positive=True)
+    if not np.isfinite(stiffness):
+        raise DataError(f"k / m = {k} / {m} is beyond the range of doubles; choose other units.")
+    A = np.array([[0.0, 1.0], [-stiffness, 0.0]])
     return A, np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
 
 
@@ -153,8 +160,8 @@ def mass_spring_nodes(n_nodes: int, *, seed: int = 0) -> Matrices:
     >>> A.shape, C.shape
     ((1000, 2, 2), (1000, 1, 2))
     """
-    n_nodes = _count(n_nodes, "n_nodes")
-    rng = np.random.default_rng(seed)
+    n_nodes = whole_number(n_nodes, "n_nodes", least=1, most=_MOST_NODES)
+    rng = np.random.default_rng(whole_number(seed, "seed"))
     k = rng.uniform(0.5, 1.5, n_nodes)
     F1 = -21 + rng.uniform(-1, 0, n_nodes)
     F2 = -13 + rng.uniform(-2, -1, n_nodes)
@@ -193,7 +200,7 @@ def ring(n_nodes: int) -> sp.csr_array:
            [0., 0., 1.],
            [1., 0., 0.]])
     """
-    n_nodes = _count(n_nodes, "n_nodes")
+    n_nodes = whole_number(n_nodes, "n_nodes", least=1, most=_MOST_NODES)
     columns = np.roll(np.arange(n_nodes), -1)
     return sp.csr_array((np.ones(n_nodes), columns, np.arange(n_nodes + 1)), shape=(n_nodes, n_nodes))
 
@@ -234,13 +241,14 @@ def random_regular(n_nodes: int, degree: int = 3, *, seed: int = 0) -> sp.csr_ar
     >>> set(W.sum(axis=1).tolist())
     {3.0}
     """
-    n_nodes, degree = _count(n_nodes, "n_nodes"), _count(degree, "degree")
+    n_nodes = whole_number(n_nodes, "n_nodes", least=1, most=_MOST_NODES)
+    degree = whole_number(degree, "degree", least=1)
     if n_nodes <= 2 * degree or n_nodes * degree % 2:
         raise DataError(
             f"n_nodes = {n_nodes} with degree = {degree} is not possible here; take more nodes than twice the degree, "
             "and an even number of nodes if the degree is odd."
         )
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(whole_number(seed, "seed"))
     edges = rng.permutation(np.repeat(np.arange(n_nodes), degree)).reshape(-1, 2)
     bad = _loops_and_repetitions(edges, n_nodes)
     while bad.size:
@@ -259,16 +267,3 @@ def _loops_and_repetitions(edges: NDArray[np.intp], n_nodes: int) -> NDArray[np.
     good = np.zeros(len(edges), dtype=bool)
     good[first] = True
     return np.flatnonzero(~good | (low == high))
-
-
-def _positive(value: float, name: str) -> float:
-    number = float(vector([value], name, 1)[0])
-    if not number > 0:
-        raise DataError(f"{name} is {value!r}; it must be positive.")
-    return number
-
-
-def _count(value: int, name: str) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < 1:
-        raise DataError(f"{name} is {value!r}; it must be a positive whole number.")
-    return int(value)

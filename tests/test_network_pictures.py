@@ -96,7 +96,7 @@ def test_poles_in_discrete_time_lie_in_the_disc():
 
 @pytest.mark.parametrize("draw", [kp.plot_network, kp.plot_poles])
 def test_only_networks_are_drawn(draw):
-    with pytest.raises(TypeError, match="feedback_interconnect"):
+    with pytest.raises(kp.DataError, match="feedback_interconnect"):
         draw(kp.examples.mass_spring_node())
 
 

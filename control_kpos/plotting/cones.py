@@ -6,12 +6,15 @@ from typing import Any
 
 import control as ct
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import is_color_like
 from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ..cones import Cone
-from ..errors import ShapeError
+from ..arguments import found, real_number, words
+from ..cones import Cone, as_cone
+from ..errors import DataError, ShapeError
 from .figure import (
     BLUE,
     GREEN,
@@ -32,7 +35,7 @@ _DASHES = ("-", "--", "-.", ":")
 
 
 def plot_cone(
-    X: Cone,
+    X: Cone | ArrayLike,
     ax: Any = None,
     *,
     title: str | None = None,
@@ -46,7 +49,7 @@ def plot_cone(
 
     Parameters
     ----------
-    X : Cone
+    X : Cone, or array_like of its generators, shape (p, n)
         Proper cone in R^2 or R^3.
     ax : matplotlib.axes.Axes, optional
         Where to draw; an axes with projection "3d" for a cone in R^3.
@@ -78,6 +81,10 @@ def plot_cone(
     >>> cplt.axes[0, 0].name
     '3d'
     """
+    X, size = as_cone(X, "X"), real_number(size, "size", positive=True)
+    title, label = words(title, "title"), words(label, "label") or None
+    if color is not None and not is_color_like(color):
+        raise DataError(f"color is {found(color)}; give a matplotlib color.")
     if X.dim not in (2, 3):
         raise ShapeError(
             f"plot_cone draws in two or three dimensions, but X has dimension {X.dim}; draw an image of it, "
@@ -85,7 +92,7 @@ def plot_cone(
         )
     X.require_proper("X")
     projection = "3d" if X.dim == 3 else "rectilinear"
-    if ax is not None and getattr(ax, "name", None) != projection:
+    if isinstance(ax, Axes) and ax.name != projection:
         raise ShapeError(f"X has dimension {X.dim}, so ax must have the projection {projection!r}.")
     user_ax = ax
     with control_style():

@@ -8,6 +8,7 @@ import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
 
+from ..arguments import found, words
 from ..errors import DataError
 from ..synthesis import DesignResult
 from ..synthesis.tradeoff import Tradeoff
@@ -42,6 +43,8 @@ def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) 
     >>> curve = kp.gain_rate_tradeoff(plant, X=[[0, 1], [1, -1]])
     >>> cplt = kp.plot_tradeoff(curve)
     """
+    if not isinstance(curve, Tradeoff):
+        raise DataError(f"curve is {found(curve)}; give what gain_rate_tradeoff returns.")
     held = np.isfinite(curve.gains)
     if not held.any():
         raise DataError("no decay rate of the curve is within reach; there is nothing to draw.")
@@ -97,6 +100,11 @@ def plot_closed_loop(sys: Any, design: DesignResult, *, title: str | None = None
     >>> d = kp.state_feedback(plant, X=[[0, 1], [1, -2]])
     >>> cplt = kp.plot_closed_loop(plant, d)
     """
+    title = words(title, "title")
+    if not isinstance(sys, ct.StateSpace):
+        raise DataError(f"sys is {found(sys)}; give the plant, a StateSpace.")
+    if not isinstance(design, DesignResult):
+        raise DataError(f"design is {found(design)}; give what a design function returns, such as state_feedback.")
     if not design or design.closed_loop.nstates != 2 or not hasattr(design.closed_loop, "X"):
         raise DataError("plot_closed_loop needs a successful design for a plant with two states.")
     X = design.closed_loop.X

@@ -15,7 +15,11 @@ from typing import Any, TypeAlias
 import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.axes import Axes
 from numpy.typing import NDArray
+
+from ..arguments import found, words
+from ..errors import DataError, ShapeError
 
 Points: TypeAlias = NDArray[np.float64]
 
@@ -39,6 +43,7 @@ def choose_axes(ax: Any, projection: str, kind: str | None = None) -> Any:
     their own kind only: poles over poles, never a graph over poles.
     """
     if ax is not None:
+        require_axes(ax, projection)
         return ax
     figure = plt.gcf()
     present = figure.get_axes()
@@ -51,6 +56,14 @@ def choose_axes(ax: Any, projection: str, kind: str | None = None) -> Any:
     axes = figure.add_subplot(projection=projection)
     axes.set_gid(kind)
     return axes
+
+
+def require_axes(ax: Any, projection: str) -> None:
+    """Refuse what is no axes of this projection."""
+    if not isinstance(ax, Axes):
+        raise DataError(f"ax is {found(ax)}; give matplotlib axes.")
+    if ax.name != projection:
+        raise ShapeError(f"ax has the projection {ax.name!r}; this picture needs {projection!r}.")
 
 
 def _suits(axes: Any, projection: str, kind: str | None) -> bool:
@@ -69,6 +82,7 @@ def legend_beside(ax: Any) -> Any:
 
 def set_title(cplt: ct.ControlPlot, user_ax: Any, title: str | None, default: str) -> None:
     """Title of the figure if it is ours, of the axes if they are given."""
+    title = words(title, "title")
     if user_ax is None:
         cplt.set_plot_title(default if title is None else title)
     elif title is not None:

@@ -14,7 +14,8 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import exact_matrix
+from ..arguments import found, whole_number
+from ..arrays import dense, exact_matrix
 from ..errors import DataError, ShapeError
 from ..networks import ConeNetwork
 from .figure import BLUE, ORANGE, SKY, Points, choose_axes, control_style, legend_beside, set_title
@@ -62,7 +63,7 @@ def plot_network(
 
     Raises
     ------
-    TypeError, ShapeError
+    DataError, ShapeError
         Not a network; positions that do not fit.
 
     Notes
@@ -118,7 +119,7 @@ def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title:
 
     Raises
     ------
-    TypeError, UndecidedError
+    DataError, UndecidedError
         Not a network; a network whose spectral abscissa cannot be bracketed, as it is not positive.
 
     Examples
@@ -130,6 +131,7 @@ def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title:
     'real part'
     """
     _require_network(net)
+    k = None if k is None else whole_number(k, "k", least=1)
     user_ax, upper = ax, net.spectral_abscissa()[1]
     count = (net.nstates if net.nstates <= MOST_NODES else _RIGHTMOST) if k is None else k
     poles = net.poles(min(count, net.nstates))
@@ -151,9 +153,7 @@ def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title:
 
 def _require_network(net: Any) -> None:
     if not isinstance(net, ConeNetwork):
-        raise TypeError(
-            f"net is a {type(net).__name__}; give a network, as feedback_interconnect(systems, coupling) returns it."
-        )
+        raise DataError(f"net is {found(net)}; give a network, as feedback_interconnect(systems, coupling) returns it.")
 
 
 def _positions(positions: Any, net: ConeNetwork) -> Points:
@@ -162,7 +162,7 @@ def _positions(positions: Any, net: ConeNetwork) -> Points:
         if missing:
             raise DataError(f"positions has no entry for {missing[0]!r} ({len(missing)} nodes are missing).")
         positions = [positions[name] for name in net.model.names]
-    xy = np.asarray(exact_matrix(positions, "positions").values)
+    xy = dense(exact_matrix(positions, "positions").values)
     if xy.shape != (net.model.n_nodes, 2):
         raise ShapeError(f"positions is {xy.shape[0]} x {xy.shape[1]}; it must be {net.model.n_nodes} x 2.")
     return xy

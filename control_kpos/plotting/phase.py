@@ -10,9 +10,10 @@ import scipy.linalg
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 
-from ..arrays import exact_matrix, vector
+from ..arguments import flag, real_number
+from ..arrays import dense, exact_matrix, vector
 from ..cones import Cone
-from ..errors import ConeMismatchError, DataError, ShapeError
+from ..errors import ConeMismatchError, ShapeError
 from ..statespace import ConeStateSpace
 from .figure import BLUE, GREEN, ORANGE, SKY, Points, choose_axes, control_style, fan, legend_beside, set_title, unit
 
@@ -27,7 +28,7 @@ _START, _START_UNSTABLE = 0.8, 0.15
 
 def phase_portrait(
     sys: Any,
-    X: Cone | None = None,
+    X: Cone | ArrayLike | None = None,
     *,
     pointdata: ArrayLike | None = None,
     timedata: float | None = None,
@@ -49,7 +50,7 @@ def phase_portrait(
     ----------
     sys : ConeStateSpace, StateSpace or array_like, shape (2, 2)
         The system, or its matrix A (continuous time).
-    X : Cone, optional
+    X : Cone, or array_like of its generators, optional
         Proper cone in R^2; default `sys.X`, or the orthant for a system without cones.
     pointdata : array_like, shape (4,), optional
         Limits [xmin, xmax, ymin, ymax] of the plot; default [-1, 1, -1, 1].
@@ -99,6 +100,8 @@ def phase_portrait(
     system = _system(sys, X)
     X, duration = system.X, _steps_or_duration(timedata, system)
     window, initial_states = _window(pointdata, initial_states)
+    dominant_direction = flag(dominant_direction, "dominant_direction")
+    show_legend = flag(show_legend, "show_legend")
     A, discrete = np.asarray(system.A, dtype=float), system.isdtime(strict=True)
     user_ax = ax
     with control_style():
@@ -128,10 +131,10 @@ def phase_portrait(
 # -- intake
 
 
-def _system(sys: Any, X: Cone | None) -> ConeStateSpace:
+def _system(sys: Any, X: Cone | ArrayLike | None) -> ConeStateSpace:
     """The system given, or the matrix as a system, with two states and the cone that is to be drawn."""
     if not isinstance(sys, ct.StateSpace):
-        A = np.asarray(exact_matrix(sys, "sys").values)
+        A = dense(exact_matrix(sys, "sys").values)
         if A.shape != (2, 2):
             raise ShapeError(
                 f"phase_portrait draws two states, but the matrix given as sys is {A.shape[0]} x {A.shape[1]}."
@@ -148,9 +151,7 @@ def _system(sys: Any, X: Cone | None) -> ConeStateSpace:
 def _steps_or_duration(timedata: float | None, sys: ConeStateSpace) -> float | None:
     if timedata is None:
         return None
-    duration = float(vector([timedata], "timedata", 1)[0])
-    if duration <= 0:
-        raise DataError(f"timedata is {timedata}; the duration must be positive.")
+    duration = real_number(timedata, "timedata", positive=True)
     return duration / (1 if sys.dt is True else sys.dt) if sys.isdtime(strict=True) else duration
 
 
@@ -163,7 +164,7 @@ def _window(pointdata: ArrayLike | None, initial_states: ArrayLike | None) -> tu
         )
     if initial_states is None:
         return window, None
-    starts = np.asarray(exact_matrix(initial_states, "initial_states").values)
+    starts = dense(exact_matrix(initial_states, "initial_states").values)
     if starts.shape[1] != 2:
         raise ShapeError(f"initial_states is {starts.shape[0]} x {starts.shape[1]}; each row must have two states.")
     return window, starts
@@ -211,6 +212,7 @@ def _draw_level_lines(ax: Any, sys: ConeStateSpace, region: Points, level_lines:
         v = certificate.v if certificate else None
     else:
         v = vector(level_lines, "level_lines", 2)
+        v = v / (np.abs(v).max() or 1.0)  # so that products do not overflow
     if v is None or not len(region):
         return []
     at_rays = X.rays @ v
