@@ -12,7 +12,7 @@ from planted import generators, metzler_hurwitz
 import control_kpos as kp
 from control_kpos.arrays import ExactMatrix
 from control_kpos.conefinding import find_cone
-from control_kpos.errors import ConeMismatchError, TimebaseError
+from control_kpos.errors import ConeMismatchError, DataError, TimebaseError
 
 
 def externally_positive(seed: int, n: int, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -122,3 +122,71 @@ def test_high_relative_degree_on_the_orthant():
     chain = ct.ss([[-1, 0, 0], [1, -2, 0], [0, 1, -3]], [[1], [0], [0]], [[0, 0, 1]], 0)
     found = find_cone(chain)
     assert found and found.certificate.check() and found.cone == kp.orthant(3)
+
+
+S = ct.tf("s")
+
+
+@pytest.mark.parametrize(
+    "transfer",
+    [
+        1 / (S + 1) ** 2,  # a repeated dominant eigenvalue
+        1 / (S + 1) ** 4,
+        (S + 3) / ((S + 1) ** 2 * (S + 2)),
+        1 / ((S + 1) * (S + 2) ** 2),  # a repeated eigenvalue behind it
+        (S + 4) / ((S + 1) * (S + 2) ** 3),
+        1 / ((S + 1) * (S + 2) * (S + 3)),  # relative degree 3
+        1 / ((S + 1) * ((S + 2) ** 2 + 1)),  # with a complex pair: the first step is exact
+        1 / ((S + 1) * (S + 2) * ((S + 3) ** 2 + 2)),
+        1 / ((S + 1) * ((S + 2) ** 2 + 1) ** 2),  # a repeated complex pair, and relative degree 5
+        1 / (S * (S + 1) ** 2),
+    ],
+)
+def test_textbook_transfer_functions(transfer):
+    sys = ct.ss(transfer)
+    found = find_cone(sys)
+    assert found and found.certificate.check()
+    assert kp.cone_positivity(sys.A, sys.B, sys.C, sys.D, found.cone, kp.orthant(1), kp.orthant(1))
+
+
+def test_a_discrete_time_chain_of_delays():
+    sys = ct.ss([[0, 0, 0.2], [1, 0, -0.1], [0, 1, 0.7]], [[1], [0], [0]], [[0, 0, 1]], 0, True)
+    found = find_cone(sys)
+    assert found and found.certificate.check()
+    assert kp.cone_positivity(sys.A, sys.B, sys.C, sys.D, found.cone, kp.orthant(1), kp.orthant(1), discrete=True)
+
+
+def narrow(margin: float) -> ct.StateSpace:
+    """Impulse response e^(-t) (1 + margin + a e^(-0.05 t) cos 2 t), close to 0 at one time."""
+    A = np.array([[-1.0, 0, 0], [0, -1.05, -2], [0, 2, -1.05]])
+    t = np.linspace(0, 6, 60001)
+    wave = np.exp(-0.05 * t) * np.cos(2 * t)
+    return ct.ss(A, [[1], [1], [0]], [[margin - wave.min(), 1, 0]], 0)
+
+
+def test_thousands_of_rays_have_a_sparse_proof(tmp_path):
+    found = find_cone(narrow(2e-3))
+    cert = found.certificate
+    assert found and cert.multipliers.is_sparse and found.n_rays > 600
+    P, R = cert.multipliers.values, cert.rays.values
+    assert np.allclose(R @ cert.matrices.values[0].T, P.T @ R, atol=1e-8 * abs(P).max())
+    for change in (
+        {"multipliers": ExactMatrix(P * (1 + 1e-6))},
+        {"multipliers": ExactMatrix(-P)},
+        {"right_inverse": 0 * cert.right_inverse},
+        {"rays": ExactMatrix(R[::-1])},
+        {"matrices": ExactMatrix(cert.matrices.values - 1e-3)},
+    ):
+        assert not replace(cert, **change).check()
+    upper = P.tolil()
+    upper[0, 1] = -1e-9  # a negative multiplier far from what takes up rounding
+    assert not replace(cert, multipliers=ExactMatrix(upper.tocsr())).check()
+    with pytest.raises(DataError, match="one matrix"):
+        replace(cert, matrices=ExactMatrix(np.concatenate([cert.matrices.values] * 2))).conditions()
+    cert.save(tmp_path / "cone.npz")
+    assert kp.load_certificate(tmp_path / "cone.npz").check()
+
+
+def test_as_many_rays_as_the_least_value_of_the_response_asks_for():
+    # an orbit passes a minimum of height m at time t in about t^2 f''/ (2 m) steps
+    assert find_cone(narrow(0.02)).n_rays < find_cone(narrow(0.002)).n_rays < 12 * find_cone(narrow(0.02)).n_rays

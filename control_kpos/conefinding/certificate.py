@@ -47,8 +47,9 @@ class ConeCertificate(Certificate):
         True: A_s X in X; False: e^{A_s t} X in X.
     rays : ExactMatrix, shape (N, n), or None
         Generators, one a row: R transposed.
-    multipliers : ExactMatrix, shape (M, N, N)
-        P_s with A_s R = R P_s up to an error that the proof takes up.
+    multipliers : ExactMatrix, shape (M, N, N), or sparse, shape (N, N)
+        P_s with A_s R = R P_s up to an error that the proof takes up.  Sparse for one matrix and very many
+        generators.
     pointing : ndarray, shape (n,)
         w with w'x > 0 for every generator.
     right_inverse : ndarray, shape (N, n)
@@ -94,12 +95,18 @@ class ConeCertificate(Certificate):
             Condition("w'x > 0", _forms(_row(self.pointing), rays), ">"),
             basis.solid(),
         ]
-        off_diagonal = (
-            np.ones((rays.shape[0],) * 2, dtype=bool) if self.discrete else ~np.eye(rays.shape[0], dtype=bool)
-        )
+        if self.multipliers.is_sparse and self.matrices.shape[0] != 1:
+            raise DataError("sparse multipliers are for one matrix; a family has a stack of dense ones.")
+        size = 0 if self.multipliers.is_sparse else rays.shape[0]
+        off_diagonal = np.ones((size, size), dtype=bool) if self.discrete else ~np.eye(size, dtype=bool)
         for s in range(self.matrices.shape[0]):
-            P = layer(self.multipliers, s)
-            out.append(basis.combination(f"A{s} R = R P{s}", [(layer(matrices, s), rays)], P, off_diagonal))
+            image = (layer(matrices, s), rays)
+            if self.multipliers.is_sparse:
+                P = self.multipliers
+                out.append(basis.sparse_combination(f"A{s} R = R P{s}", image, P, diagonal=self.discrete))
+            else:
+                P = layer(self.multipliers, s)
+                out.append(basis.combination(f"A{s} R = R P{s}", [image], P, off_diagonal))
         if contains is not None:
             if self.shares is None:
                 raise ValueError("vectors to contain come without their combinations")

@@ -1,24 +1,54 @@
-"""A cone around the dominant direction inside given half-spaces, with multipliers in closed form."""
+"""A cone around the dominant direction inside given half-spaces, with multipliers."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg as sl
 from numpy.typing import NDArray
 
+from ..arrays import ExactMatrix
+from ..cones import PolyhedralCone
 from .explicit import modal_cone
-from .modes import Modes
+from .modes import Modes, modes
+from .multipliers import Frame, multipliers, nonnegative_combination
+from .single import candidates
+from .split import Split
 
 Array = NDArray[np.float64]
 
-# Polygons are not made larger than this multiple of the dominant direction.
+# Polytopes are not made larger than this multiple of the dominant direction.
 _LARGEST = 1e3
+# Off the half-spaces by this part, so that rounding does not matter.
+_INSIDE = 1 - 1e-9
+# Facets of a polytope in more dimensions are too many to enumerate.
+_HULL_DIMENSION = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """A polytope around 0 in some of the coordinates.
+
+    Attributes
+    ----------
+    rows, at : slice
+        Which generators and which coordinates are its own.
+    functionals : ndarray, shape (f, d)
+        One for each facet; their maximum is the gauge of the polytope.
+    facets : ndarray of int, shape (f, d), or None
+        The corners of each facet of a segment or polygon.
+    """
+
+    rows: slice
+    at: slice
+    functionals: Array
+    facets: NDArray[np.intp] | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Core:
-    """The free sum of one polygon for each mode: generators e + V w, in modal coordinates (1, y).
+    """The free sum of polytopes: generators e + w, in coordinates (1, y).
 
     Attributes
     ----------
@@ -28,51 +58,65 @@ class Core:
         Multipliers, positive off the diagonal (discrete time: everywhere).
     weights : ndarray, shape (N,)
         e as a combination of the generators.
-    blocks : list of (rows, coordinates, functionals)
-        For each mode: which generators and which coordinates are its own, and functionals whose
-        maximum is the gauge of its polygon, one for each edge.
+    blocks : list of Block
     """
 
     points: Array
     P: Array
     weights: Array
-    blocks: list[tuple[slice, slice, Array]]
+    blocks: list[Block]
 
     def holds(self, y: Array) -> NDArray[np.bool_]:
         """Which rows are inside."""
+        return self.gauge(y) <= y[:, 0] * (1 - 1e-9)
+
+    def gauge(self, y: Array) -> Array:
+        """How far out the rows are, as heights: first coordinates from here on are inside."""
         total = np.zeros(len(y))
-        for _, at, functionals in self.blocks:
-            total += (y[:, at] @ functionals.T).max(axis=1)
-        return total <= y[:, 0] * (1 - 1e-9)
+        for block in self.blocks:
+            total += (y[:, block.at] @ block.functionals.T).max(axis=1)
+        return total
 
     def combination(self, y: Array) -> Array:
         """A point inside as a positive combination of the generators."""
         out = np.zeros(len(self.points))
         used = 0.0
-        for rows, at, functionals in self.blocks:
-            values = functionals @ y[at]
-            edge = int(np.argmax(values))
-            corners = self.points[rows, at]
-            if corners.shape[1] == 1:
-                out[rows][edge] += values[edge]
-            else:
-                ends = [edge, (edge + 1) % len(corners)]
-                out[rows][ends] += np.linalg.solve(corners[ends].T, y[at])
-            used += float(values[edge])
+        for block in self.blocks:
+            if block.facets is None:
+                return self._by_program(y)
+            values = block.functionals @ y[block.at]
+            facet = int(np.argmax(values))
+            corners = self.points[block.rows, block.at][block.facets[facet]]
+            out[block.rows][block.facets[facet]] += np.linalg.solve(corners.T, y[block.at])
+            used += float(values[facet])
         return out + (y[0] - used) * self.weights
 
+    def _by_program(self, y: Array) -> Array:
+        frame = Frame.of(self.points, np.eye(len(y))[0])
+        if frame is None:
+            return np.full(len(self.points), -np.inf)
+        return nonnegative_combination(frame, frame.to @ y, size=float(y[0]))[0] / frame.heights
 
-def core_inside(m: Modes, normals: Array, shrink: float, *, discrete: bool) -> Core | None:
-    """The largest free sum of polygons inside {x : normals x >= 0}, times `shrink`.
+
+def core_inside(split: Split, normals: Array, shrink: float, *, discrete: bool) -> Core | None:
+    """A large invariant cone around e inside {x : normals x >= 0}, times `shrink`.
 
     Parameters
     ----------
     normals : ndarray, shape (r, n)
-        In modal coordinates, positive on the dominant direction.
+        In the coordinates of the split, positive on the dominant direction.
     """
-    n = len(m.right)
+    if len(split.right) == 1:
+        return Core(np.eye(1), np.array([[split.dominant]]), np.ones(1), [])
+    shrink = shrink * _INSIDE
+    if split.modes is None:
+        return _one_block(split, normals, shrink, discrete)
+    return _one_for_each_mode(split.modes, normals, shrink, discrete)
+
+
+def _one_for_each_mode(m: Modes, normals: Array, shrink: float, discrete: bool) -> Core | None:
     rows: list[Array] = []
-    blocks: list[tuple[slice, slice, Array]] = []
+    blocks: list[Block] = []
     parts: list[Array] = []
     start, count = 1, 0
     for value, V in zip(m.others, m.bases, strict=True):
@@ -82,22 +126,48 @@ def core_inside(m: Modes, normals: Array, shrink: float, *, discrete: bool) -> C
         found = modal_cone(alone, discrete=discrete)
         if found is None or found.P is None:
             return None
-        corners = (found.R[1:] / found.R[0]).T
         at = slice(start, start + size)
-        reach = -(normals[:, at] @ corners.T)
-        room = np.broadcast_to(normals[:, :1], reach.shape)
-        limit = np.divide(room, reach, out=np.full_like(reach, np.inf), where=reach > 0).min(initial=np.inf)
-        corners = corners * (shrink * min(float(limit), _LARGEST))
-        points = np.zeros((len(corners), n))
+        corners = _scaled((found.R[1:] / found.R[0]).T, normals[:, at], normals[:, 0], shrink)
+        points = np.zeros((len(corners), len(m.right)))
         points[:, 0], points[:, at] = 1.0, corners
         rows.append(points)
         parts.append(found.P)
-        blocks.append((slice(count, count + len(corners)), at, _gauge(corners)))
+        blocks.append(_in_order(slice(count, count + len(corners)), at, corners))
         start, count = start + size, count + len(corners)
-    if not rows:
-        return Core(np.eye(1), np.array([[m.dominant]]), np.ones(1), [])
     weights = np.concatenate([np.full(len(p), 1 / (len(p) * len(rows))) for p in rows])
     return Core(np.concatenate(rows), _coupled(parts, weights), weights, blocks)
+
+
+def _one_block(split: Split, normals: Array, shrink: float, discrete: bool) -> Core | None:
+    """The first cone of the search without half-spaces, made small enough."""
+    n = len(split.right)
+    if n - 1 > _HULL_DIMENSION:
+        return None
+    A = sl.block_diag(split.dominant, split.S)
+    height = np.eye(n)[0]
+    for candidate in candidates(A, modes(A, discrete=discrete), discrete=discrete, max_rays=None):
+        if not (candidate.R[0] > 0).all():
+            continue
+        corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink)
+        points = np.column_stack([np.ones(len(corners)), corners])
+        frame = Frame.of(points, height)
+        P = None if frame is None else multipliers(ExactMatrix(A), ExactMatrix(points), height, discrete=discrete)
+        if frame is None or P is None:
+            continue
+        weights, t = nonnegative_combination(frame, frame.to @ height, size=1.0)
+        if t > 0:
+            facets = PolyhedralCone(points).facets
+            block = Block(slice(0, len(points)), slice(1, n), -facets[:, 1:] / facets[:, :1])
+            return Core(points, np.asarray(P.values), weights / frame.heights, [block])
+    return None
+
+
+def _scaled(corners: Array, normals: Array, room: Array, shrink: float) -> Array:
+    """Corners scaled so that e + corner reaches the half-spaces, times `shrink`."""
+    reach = -(normals @ corners.T)
+    room = np.broadcast_to(room[:, None], reach.shape)
+    limit = np.divide(room, reach, out=np.full_like(reach, np.inf), where=reach > 0).min(initial=np.inf)
+    return corners * (shrink * min(float(limit), _LARGEST))
 
 
 def _coupled(parts: list[Array], weights: Array) -> Array:
@@ -115,9 +185,15 @@ def _coupled(parts: list[Array], weights: Array) -> Array:
     return out
 
 
-def _gauge(corners: Array) -> Array:
-    """Functionals with maximum 1 on the boundary of a segment, or of a polygon with corners in order."""
-    if corners.shape[1] == 1:
-        return 1 / corners
-    edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-    return np.asarray(np.linalg.solve(edges, np.ones((len(edges), 2, 1)))[:, :, 0], dtype=np.float64)
+def _in_order(rows: slice, at: slice, corners: Array) -> Block:
+    """A segment, or a polygon with its corners in order."""
+    count, size = corners.shape
+    index = np.arange(count)
+    facets = index[:, None] if size == 1 else np.column_stack([index, (index + 1) % count])
+    return Block(rows, at, _functionals(corners, facets), facets)
+
+
+def _functionals(corners: Array, facets: NDArray[np.intp]) -> Array:
+    """For each facet the functional that is 1 on its corners."""
+    ones = np.ones((*facets.shape, 1))
+    return np.asarray(np.linalg.solve(corners[facets], ones)[:, :, 0], dtype=np.float64)

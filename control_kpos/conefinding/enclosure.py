@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, rounding_radius
@@ -99,6 +100,20 @@ def enclosed_product(left: ExactMatrix, right: ExactMatrix) -> tuple[Array, Arra
         return product, bound
 
 
+def _enclosed_sparse(rays: ExactMatrix, P: sp.csr_array) -> tuple[Array, Array]:
+    """rays' P in floating point, and a bound on its distance from the exact product."""
+    values, columns = np.asarray(rays.values), sp.csr_array(P.T)
+    terms = int(np.diff(columns.indptr).max(initial=0))
+    with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+        product = np.asarray(columns @ values).T
+        bound = np.asarray(abs(columns) @ np.abs(values)).T
+        count = (2 * terms + 16) * HALF_ULP
+        bound = count / (1 - count) * bound + 4 * SMALLEST_NORMAL * (terms + 1)
+        if rays.radius is not None:
+            bound = bound + 1.01 * np.asarray(abs(columns) @ rays.radius).T
+    return product, bound
+
+
 class Generators:
     """Generators with an approximate right inverse, in coordinates equilibrated by powers of two.
 
@@ -162,13 +177,48 @@ class Generators:
         lower = np.where(required, lower, 1.0)
         return Bounds.of(name, lower, _size(self.rays, Q, lower), exact)
 
-    def _reduced(self, Q: Array, worst: Array) -> Array:
+    def sparse_combination(
+        self, name: str, target: tuple[ExactMatrix, ExactMatrix], multipliers: ExactMatrix, *, diagonal: bool
+    ) -> Bounds:
+        """M x' = R Q with Q >= 0 (`diagonal`: also there) for a square sparse Q, generators having zero rows in Y.
+
+        Q* = Q outside the support of Y, so that nothing has to be bounded there.
+        """
+        P = sp.csr_array(multipliers.values)
+        support = np.flatnonzero((self.inverse != 0).any(axis=1))
+        value, bound = enclosed_product(_scaled_rows(target[0], self.exponent), target[1])
+        product, error = _enclosed_sparse(self.equilibrated, P)
+        residual = value - product
+        error = error + bound + (np.abs(value) + np.abs(product)) * (4 * HALF_ULP)
+        Q = P[support].toarray()
+        required = np.ones(Q.shape, dtype=bool)
+        if not diagonal:
+            required[np.arange(len(support)), support] = False
+        with np.errstate(over="ignore", invalid="ignore"):
+            worst = (np.abs(residual) + error).max(axis=0, initial=0.0)
+        lower = np.where(required, self._reduced(Q, worst, support), np.inf)
+        exact = np.zeros(Q.shape, dtype=bool)
+        open_ = np.flatnonzero((~(lower > 0)).any(axis=0))
+        good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
+        if good.size and good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT:
+            columns = ExactMatrix(P[:, good].toarray())
+            vanishing, _ = self._exact_residual([(target[0], _rows(target[1], good))], columns, slice(None))
+            exact[:, good[vanishing]] = True
+        entries = P.tocoo()
+        bad = (entries.data < 0) & (diagonal | (entries.coords[0] != entries.coords[1]))
+        bad &= ~np.isin(entries.coords[0], support)
+        lower[:, entries.coords[1][bad]], exact[:, entries.coords[1][bad]] = -1.0, False
+        lower = np.where(required, lower, 1.0)
+        size = np.maximum(np.abs(Q).sum(axis=0), np.finfo(float).tiny)
+        return Bounds.of(name, lower, np.broadcast_to(size, Q.shape), exact)
+
+    def _reduced(self, Q: Array, worst: Array, support: NDArray[np.intp] | slice = slice(None)) -> Array:
         """Lower bounds on Q* where no entry of column j of the residual is above worst[j]."""
         defect = self.defect.max(initial=0.0)
         if not defect < 0.9:
             return np.full_like(Q, -np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
-            spread = np.abs(self.inverse).sum(axis=1) / (1 - defect)
+            spread = np.abs(self.inverse[support]).sum(axis=1) / (1 - defect)
             return Q - np.outer(spread, worst) * (1 + 2.0**-30) - np.abs(Q) * (4 * HALF_ULP)
 
     def _corrected(self, Q: Array, residual: ExactMatrix) -> Array:
@@ -184,7 +234,10 @@ class Generators:
             return Q + step - error - (np.abs(Q) + np.abs(step)) * (8 * HALF_ULP)
 
     def _exact_residual(
-        self, targets: list[tuple[ExactMatrix, ExactMatrix]], multipliers: ExactMatrix, columns: NDArray[np.intp]
+        self,
+        targets: list[tuple[ExactMatrix, ExactMatrix]],
+        multipliers: ExactMatrix,
+        columns: NDArray[np.intp] | slice,
     ) -> tuple[NDArray[np.bool_], ExactMatrix]:
         """Some columns of T - R Q from exact arithmetic: which of them vanish, and all correctly rounded."""
         terms = [(M, _rows(x, columns)) for M, x in targets]
@@ -215,7 +268,7 @@ def _transposed(m: ExactMatrix) -> ExactMatrix:
     )
 
 
-def _rows(m: ExactMatrix, index: NDArray[np.intp]) -> ExactMatrix:
+def _rows(m: ExactMatrix, index: NDArray[np.intp] | slice) -> ExactMatrix:
     return ExactMatrix(
         np.asarray(m.values)[index],
         None if m.radius is None else m.radius[index],

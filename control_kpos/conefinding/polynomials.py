@@ -13,6 +13,7 @@ from itertools import pairwise
 from math import gcd
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 
@@ -142,6 +143,21 @@ def circle_part(p: Polynomial) -> Polynomial:
     while p and p[-1] == 0:
         p = p[:-1]
     return _gcd(p, p[::-1])
+
+
+def rational_roots(p: Polynomial, near: NDArray[np.complex128]) -> list[Fraction]:
+    """Rational roots with small denominators next to some numbers, with multiplicity.
+
+    Multiple roots are known to few digits only: the simplest fractions come first.
+    """
+    found: list[Fraction] = []
+    p = _primitive(p)
+    for digits in (1, 10, 1000, 10**6):
+        for root in sorted({Fraction(float(z.real)).limit_denominator(digits) for z in np.asarray(near)}):
+            while len(p) > 1 and vanishes(p, root):
+                found.append(root)
+                p = _divide(p, [root.denominator, -root.numerator])
+    return found
 
 
 # -- arithmetic

@@ -25,6 +25,7 @@ from ..certificates.files import register_record
 from ..certificates.result import Condition
 from .existence import fact, layer, spectrum_polynomial
 from .polynomials import real_roots_above
+from .reduction import select
 
 _LARGEST = 40
 _MOST = 400
@@ -164,8 +165,10 @@ def _suspects(
         60 / max(1e-6 * scale, float(np.abs(top - values.real)[np.abs(top - values.real) > 0].min(initial=scale))),
         80,
     ):
-        response = float(c @ sl.expm((M - top * eye) * min(t, 1e6)) @ b)
-        found.append((response, float(t)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            response = float(c @ sl.expm((M - top * eye) * min(t, 1e6)) @ b)
+        if np.isfinite(response):
+            found.append((response, float(t)))
     for response, t in sorted(found)[:2]:
         for k in (2, 4, 8, 16, 32):
             s = k / t + max(edge, 0.0) if k / t <= edge else k / t
@@ -230,9 +233,4 @@ def resolvent(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
 
 
 def _one(m: ExactMatrix, j: int) -> ExactMatrix:
-    return ExactMatrix(
-        np.asarray(m.values)[[j]],
-        None if m.radius is None else m.radius[[j]],
-        None if m.numerators is None else m.numerators[[j]],
-        m.denominator,
-    )
+    return select(m, np.array([j]))

@@ -1,29 +1,39 @@
-"""An invariant cone for one matrix that holds given vectors and lies in given half-spaces."""
+"""An invariant cone for one matrix that holds given vectors and lies in given half-spaces.
+
+Tried in this order: the orthant; chains through a vector in rational arithmetic (`chain`), first where orbits would
+start along a boundary or where the dominant eigenvalue is repeated; orbits into a core (`orbit`).
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import product
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, concatenate
+from .assembly import Assembly, Path, assemble
 from .certificate import ConeCertificate
-from .core import core_inside
-from .modes import Modes, modes
+from .chain import rational_chains
+from .core import Core, core_inside
+from .first_steps import first_steps, steps_on_boundary
 from .multipliers import Frame, nonnegative_combination
-from .orbit import assemble, flow, follow
-from .reduction import extreme_generators
+from .orbit import Flow, flow, follow
+from .outlook import outlook
+from .reduction import extreme_generators, select
 from .single import as_stack, balanced, flatness
+from .split import Split, split
 
 Array = NDArray[np.float64]
 
 # Generators are tested for redundancy up to this number; each test is a linear program.
-_PRUNED = 80
+_PRUNED = 250
 _SHRINK = (1.0, 0.2)
 # The dynamics are followed with gaps reduced by this part of the smallest one.
 _SLACK = (1e-3, 1e-4, 1e-5)
+# Lengths of steps along a boundary, as parts of the longest sensible one.
+_FIRST = (0.5, 0.1, 0.02, 0.004)
 
 
 def find_with_ports(
@@ -38,133 +48,197 @@ def find_with_ports(
     normals : ExactMatrix, shape (r, n)
         Half-spaces to lie in, such as the rows of C; r may be 0.
     """
-    stack = as_stack([A])
-    nothing = ConeCertificate.settle(
-        matrices=stack, discrete=discrete, contains=_given(vectors), within=_given(normals)
-    )
-    easy = _orthant(stack, vectors, normals, discrete)
-    n = A.shape[0]
-    if easy and (max_rays is None or n <= max_rays):
-        return easy, 1.0 - 2.0 * np.eye(n), 1.0
-    matrix, units = balanced(A)
-    m = modes(matrix, discrete=discrete)
-    if m is None:
-        return nothing, None, np.inf
-    m = oriented(m, np.asarray(vectors.values) / units, np.asarray(normals.values) * units)
-    for points, P, starts, basis in _proposals(A, m, vectors, normals, units, discrete):
-        rays, multipliers, separators, shares = _exactly(points, P, starts, basis, units, vectors, m)
-        if max_rays is not None and rays.shape[0] > max_rays:
-            continue
-        R = (np.asarray(rays.values) / units).T
-        inverse = np.linalg.pinv(R)
-        P = multipliers.values + inverse @ (matrix @ R - R @ multipliers.values)
-        certificate = ConeCertificate.settle(
-            matrices=stack,
-            discrete=discrete,
-            rays=rays,
-            multipliers=ExactMatrix(P[None]),
-            pointing=m.left / units,
-            right_inverse=inverse / units,
-            contains=_given(vectors),
-            shares=shares if vectors.shape[0] else None,
-            within=_given(normals),
+    search = _Search(A, vectors, normals, discrete, max_rays)
+    on_boundary = [steps_on_boundary(A, select(vectors, np.array([j])), normals) for j in range(vectors.shape[0])]
+    s = split(search.matrix, discrete=discrete)
+    attempts = [search.orthant(), search.orbits(s, on_boundary), search.chains()]
+    if s is None or any(on_boundary):
+        attempts[1:] = attempts[:0:-1]
+    for certificate, separators in (found for attempt in attempts for found in attempt):
+        if certificate and certificate.rays is not None:
+            return certificate, separators, flatness((np.asarray(certificate.rays.values) / search.units).T)
+    return search.certificate(), None, np.inf
+
+
+Found = Iterator[tuple[ConeCertificate, "Array | None"]]
+
+
+class _Search:
+    """The question, and several ways to answer it."""
+
+    def __init__(
+        self, A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, discrete: bool, max_rays: int | None
+    ) -> None:
+        self.A, self.vectors, self.normals, self.discrete = A, vectors, normals, discrete
+        self.most = max_rays or 10**9
+        self.matrix, self.units = balanced(A)
+        self.b, self.c = np.asarray(vectors.values) / self.units, np.asarray(normals.values) * self.units
+
+    def certificate(self, shares: ExactMatrix | None = None, **proof: ExactMatrix | Array) -> ConeCertificate:
+        """The certificate with this proof."""
+        return ConeCertificate.settle(
+            matrices=as_stack([self.A]),
+            discrete=self.discrete,
+            contains=self.vectors if self.vectors.shape[0] else None,
+            shares=shares if self.vectors.shape[0] else None,
+            within=self.normals if self.normals.shape[0] else None,
+            **proof,
         )
-        if certificate:
-            return certificate, separators, flatness(R)
-    return nothing, None, np.inf
 
+    def orthant(self) -> Found:
+        """The orthant, on which zeros of A, B and C are no trouble: P = A."""
+        eye = np.eye(self.A.shape[0])
+        if len(eye) <= self.most:
+            yield (
+                self.certificate(
+                    shares=self.vectors,
+                    rays=ExactMatrix(eye),
+                    multipliers=as_stack([self.A]),
+                    pointing=np.ones(len(eye)),
+                    right_inverse=eye,
+                ),
+                1.0 - 2.0 * eye,
+            )
 
-def _orthant(stack: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, discrete: bool) -> ConeCertificate:
-    """The orthant, on which zeros of A, B and C are no trouble: P = A."""
-    eye = np.eye(stack.shape[-1])
-    return ConeCertificate.settle(
-        matrices=stack,
-        discrete=discrete,
-        rays=ExactMatrix(eye),
-        multipliers=stack,
-        pointing=np.ones(len(eye)),
-        right_inverse=eye,
-        contains=_given(vectors),
-        shares=_given(vectors),
-        within=_given(normals),
-    )
-
-
-def oriented(m: Modes, vectors: Array, normals: Array) -> Modes:
-    """The modes with the dominant direction on the side of the half-spaces and of the vectors."""
-    score = np.sign(normals @ m.right).sum() + np.sign(vectors @ m.left).sum()
-    return m if score >= 0 else Modes(m.dominant, -m.right, -m.left, m.others, m.bases, m.conditioning)
-
-
-def _given(rows: ExactMatrix) -> ExactMatrix | None:
-    return rows if rows.shape[0] else None
-
-
-def _proposals(
-    A: ExactMatrix, m: Modes, vectors: ExactMatrix, normals: ExactMatrix, units: Array, discrete: bool
-) -> Iterator[tuple[list[Array], Array, list[int], Array]]:
-    """Generators in modal coordinates, multipliers, and where the orbit of each vector starts."""
-    basis = np.column_stack([m.right, *m.bases])
-    to_modal = np.linalg.inv(basis)
-    starts = (np.asarray(vectors.values) / units) @ to_modal.T
-    c = (np.asarray(normals.values) * units) @ basis
-    if not ((c[:, 0] > 0).all() and (starts[:, 0] > 0).all()):
-        return
-    for shrink, slack in product(_SHRINK, _SLACK):
-        f = flow(m, slack, discrete=discrete)
-        core = core_inside(m, c, shrink, discrete=discrete)
-        if core is None:
+    def chains(self) -> Found:
+        """Simplicial cones in rational arithmetic."""
+        if self.A.shape[0] > self.most:
             return
-        orbits = [follow(f, y, c, core) for y in starts]
-        if all(orbit is not None for orbit in orbits):
-            found = [orbit for orbit in orbits if orbit is not None]
-            points, P, rows = assemble(f, found, core)
-            yield list(points), P, rows, basis
+        for rays, P, shares in rational_chains(self.A, self.vectors, self.normals, discrete=self.discrete):
+            values = np.asarray(rays.values)
+            if np.linalg.matrix_rank(values / self.units) < len(values):
+                continue
+            inverse = np.linalg.inv((values / self.units).T) / self.units
+            heights = inverse.sum(axis=0)
+            certificate = self.certificate(
+                shares=shares, rays=rays, multipliers=as_stack([P]), pointing=heights, right_inverse=inverse
+            )
+            yield certificate, heights - 2.0 * inverse * (heights @ values.T).max()
+
+    def orbits(self, s: Split | None, on_boundary: list[int]) -> Found:
+        """Orbits of the vectors and a core."""
+        if s is None:
+            return
+        if np.sign(self.c @ s.right).sum() + np.sign(self.b @ s.left).sum() < 0:
+            s = s.turned()
+        for paths, built in self._proposals(s, on_boundary):
+            rays, P, separators, shares, core = self._exactly(built, paths, s)
+            if rays.shape[0] > self.most:
+                continue
+            R = (np.asarray(rays.values) / self.units).T
+            inverse = np.zeros(R.T.shape)
+            inverse[core] = np.linalg.pinv(R[:, core])
+            yield (
+                self.certificate(
+                    shares=shares,
+                    rays=rays,
+                    multipliers=P if P.is_sparse else as_stack([P]),
+                    pointing=s.left / self.units,
+                    right_inverse=inverse / self.units,
+                ),
+                separators,
+            )
+
+    def _proposals(self, s: Split, on_boundary: list[int]) -> Iterator[tuple[list[Path], Assembly]]:
+        """Paths of all vectors into a core, and what they make together, small ones first."""
+        to_split = np.linalg.inv(s.basis).T
+        c = self.c @ s.basis
+        if not ((c[:, 0] > 0).all() and (self.b @ to_split[:, 0] > 0).all()):
+            return
+        for shrink in _SHRINK:
+            core = core_inside(s, c, shrink, discrete=self.discrete)
+            if core is None:
+                return
+            large: list[tuple[list[Path], Assembly]] = []
+            for slack in _SLACK:
+                f = flow(s, slack, discrete=self.discrete)
+                paths = self._paths(f, c, core, to_split, on_boundary)
+                if paths is None:
+                    continue
+                built = assemble(f, paths, core)
+                if len(built.points) <= _PRUNED:
+                    yield paths, built
+                else:
+                    large.append((paths, built))
+            yield from sorted(large, key=lambda found: len(found[1].points))
+
+    def _paths(self, f: Flow, c: Array, core: Core, to_split: Array, on_boundary: list[int]) -> list[Path] | None:
+        """A path into the core for every vector, or None."""
+        lengths = np.array(_FIRST if any(on_boundary) else _FIRST[:1])
+        if any(on_boundary) and not f.discrete:
+            lengths = lengths * outlook(f.S, c).longest
+        for length in lengths:
+            paths: list[Path] = []
+            for j, count in enumerate(on_boundary):
+                vector = select(self.vectors, np.array([j]))
+                first = first_steps(self.A, vector, count, float(length), f.dominant, discrete=f.discrete)
+                head = (np.asarray(first.points.values) / self.units) @ to_split
+                orbit = follow(f, head[-1], c, core)
+                if orbit is None:
+                    break
+                paths.append(Path(np.concatenate([head[:-1], orbit.points]), first, orbit))
+            if len(paths) == len(on_boundary):
+                return paths
+        return None
+
+    def _exactly(
+        self, built: Assembly, paths: list[Path], s: Split
+    ) -> tuple[ExactMatrix, ExactMatrix, Array | None, ExactMatrix, slice]:
+        """Generators in the user's coordinates, the vectors themselves among them, none redundant.
+
+        Returns
+        -------
+        rays, multipliers : ExactMatrix
+        separators : ndarray or None
+        shares : ExactMatrix
+        support : slice
+            Generators that take up rounding errors.
+        """
+        values = built.points @ s.basis.T
+        rays, kept = self._rays(values, built, paths)
+        index, separators, shares = np.arange(len(values)), None, np.eye(0)
+        P = built.P
+        if len(values) <= _PRUNED:
+            index, separators = extreme_generators(values, s.left, kept)
+            P, shares = _substituted(values, P, index, s.left)
+            separators = separators / self.units
+        combos = np.zeros((len(paths), len(index)))
+        for j, row in enumerate(built.starts):
+            if row < 0:
+                frame = Frame.of(values[index], s.left)
+                if frame is not None:
+                    target = frame.to @ self.b[j]
+                    size = float(np.abs(target).max())
+                    combos[j] = nonnegative_combination(frame, target, size=size)[0] / frame.heights
+            elif shares.size:
+                combos[j] = shares[:, row]
+            else:
+                combos[j, row] = 1.0
+        R = values[index].T
+        exact = built.exact[index]
+        if sp.issparse(P):
+            rest = np.where(exact, 0.0, self.matrix @ R - (P.T @ R.T).T)
+            correction = np.linalg.pinv(R[:, built.core]) @ rest
+            above = sp.csr_array((built.core.start, len(index)))
+            P = sp.csr_array(P + sp.vstack([above, sp.csr_array(correction)]))
+            return select(rays, index), ExactMatrix(P), separators, ExactMatrix(combos), built.core
+        P = P + np.linalg.pinv(R) @ np.where(exact, 0.0, self.matrix @ R - R @ P)
+        return select(rays, index), ExactMatrix(P), separators, ExactMatrix(combos), slice(0, len(index))
+
+    def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[ExactMatrix, NDArray[np.bool_]]:
+        """Exact generators, and which of them must stay because others are exact combinations of them."""
+        rows, kept, at = [], np.zeros(len(values), dtype=bool), 0
+        for path, row in zip(paths, built.starts, strict=True):
+            if row < 0:
+                continue
+            known = path.first.points
+            rows += [ExactMatrix(values[at:row] * self.units), known]
+            at = row + known.shape[0]
+            kept[row:at] = path.count > 0
+        return concatenate([*rows, ExactMatrix(values[at:] * self.units)], axis=-2), kept
 
 
-def _exactly(
-    points: list[Array],
-    P: Array,
-    starts: list[int],
-    basis: Array,
-    units: Array,
-    vectors: ExactMatrix,
-    m: Modes,
-) -> tuple[ExactMatrix, ExactMatrix, Array | None, ExactMatrix]:
-    """Generators in the user's coordinates, the vectors themselves among them, none redundant."""
-    values = np.array(points) @ basis.T
-    own = np.zeros(len(values), dtype=bool)
-    for row in starts:
-        if row >= 0:
-            own[row] = True
-    separators = None
-    index = np.arange(len(values))
-    if len(values) <= _PRUNED:
-        index, separators = extreme_generators(values, m.left)
-        P, shares = _substituted(values, P, index, m)
-        separators = separators / units
-    else:
-        shares = np.eye(len(values))
-    rows = [ExactMatrix((values * units)[[i]]) for i in index]
-    combos = np.zeros((vectors.shape[0], len(index)))
-    for j, row in enumerate(starts):
-        if row < 0:
-            frame = Frame.of(values[index], m.left)
-            target = np.asarray(vectors.values)[j] / units
-            if frame is not None:
-                combos[j] = (
-                    nonnegative_combination(frame, frame.to @ target, size=float(np.abs(frame.to @ target).max()))[0]
-                    / frame.heights
-                )
-            continue
-        combos[j] = shares[:, row]
-        at = np.flatnonzero(index == row)
-        if at.size:
-            rows[int(at[0])] = _row(vectors, j)
-    return concatenate(rows, axis=-2), ExactMatrix(P), separators, ExactMatrix(combos)
-
-
-def _substituted(values: Array, P: Array, index: NDArray[np.intp], m: Modes) -> tuple[Array, Array]:
+def _substituted(values: Array, P: Array, index: NDArray[np.intp], pointing: Array) -> tuple[Array, Array]:
     """Multipliers after dropping generators that are combinations of the others, and these combinations.
 
     Returns
@@ -176,19 +250,10 @@ def _substituted(values: Array, P: Array, index: NDArray[np.intp], m: Modes) -> 
     shares = np.zeros((len(index), len(values)))
     shares[np.arange(len(index)), index] = 1.0
     dropped = np.setdiff1d(np.arange(len(values)), index)
-    frame = Frame.of(values[index], m.left) if dropped.size else None
+    frame = Frame.of(values[index], pointing) if dropped.size else None
     if frame is not None:
         for j in dropped:
             target = frame.to @ values[j]
             q, _ = nonnegative_combination(frame, target, size=float(np.abs(target).max()) or 1.0)
             shares[:, j] = np.maximum(q, 0.0) / frame.heights
     return shares @ P[:, index], shares
-
-
-def _row(m: ExactMatrix, j: int) -> ExactMatrix:
-    return ExactMatrix(
-        np.asarray(m.values)[[j]],
-        None if m.radius is None else m.radius[[j]],
-        None if m.numerators is None else m.numerators[[j]],
-        m.denominator,
-    )

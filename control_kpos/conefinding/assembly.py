@@ -1,0 +1,126 @@
+"""One cone from the orbits of several vectors and a core, with multipliers in closed form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .core import Core
+from .first_steps import FirstSteps
+from .orbit import Flow, Orbit
+
+Array = NDArray[np.float64]
+
+# From this many generators on only the core takes up rounding errors: the multipliers become sparse.
+_DENSE = 600
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """From a vector into the core.
+
+    Attributes
+    ----------
+    points : ndarray, shape (k + 1, n)
+        The first steps and the orbit that continues them; the last one is inside the core.
+    first : FirstSteps
+    orbit : Orbit
+    """
+
+    points: Array
+    first: FirstSteps
+    orbit: Orbit
+
+    @property
+    def count(self) -> int:
+        """Number of exact steps."""
+        return len(self.first.moves)
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """Generators in the coordinates of a split, with multipliers.
+
+    Attributes
+    ----------
+    points : ndarray, shape (N, n)
+    P : ndarray or csr_array, shape (N, N)
+    starts : list of int
+        Row of the vector that each path starts from; -1 if it lies inside the core.
+    exact : ndarray of bool, shape (N,)
+        Columns of P that leave no residual.
+    core : slice
+        Rows of the core.
+    """
+
+    points: Array
+    P: Any
+    starts: list[int]
+    exact: NDArray[np.bool_]
+    core: slice
+
+
+def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
+    """Generators of all paths and of the core, with multipliers."""
+    points = np.concatenate([*(path.points[:-1] for path in paths), core.points])
+    count, N = len(points) - len(core.points), len(points)
+    large = N > _DENSE
+    weights = np.concatenate([np.zeros(count), core.weights]) if large else _interior(points, count, core)
+    inflow = np.zeros((N - count, N))  # rows of the core
+    inflow[:, count:] = core.P
+    diagonal, below = np.zeros(count), np.zeros(count)
+    exact = np.zeros(N, dtype=bool)
+    starts, row = [], 0
+    for path in paths:
+        steps = len(path.points) - 1
+        starts.append(row if steps else -1)
+        at = np.arange(row, row + steps)
+        head, tail = at[: path.count], at[path.count :]
+        exact[head] = True
+        diagonal[head], below[head] = path.first.stays, path.first.moves
+        if f.discrete:
+            below[tail] = f.dominant - f.slack
+        else:
+            below[tail] = 1 / path.orbit.steps
+            diagonal[tail] = f.dominant - f.slack - below[tail]
+        if steps:
+            inflow[:, at[-1]] += below[at[-1]] * core.combination(path.points[-1])
+            below[at[-1]] = 0.0
+        row += steps
+    spread = np.where(exact[:count], 0.0, f.slack * points[:count, 0])
+    if large:
+        inflow[:, :count] += np.outer(core.weights, spread)
+        chain = sp.diags_array([diagonal, below[:-1]], offsets=[0, -1], shape=(count, N))
+        return Assembly(points, sp.csr_array(sp.vstack([chain, inflow])), starts, exact, slice(count, N))
+    P = np.concatenate([np.zeros((count, N)), inflow])
+    P[np.arange(count), np.arange(count)] = diagonal
+    P[np.arange(1, count), np.arange(count - 1)] += below[:-1]
+    P[:, :count] += np.outer(weights, spread)
+    # The core's own columns have room for a little of e as well.
+    free = core.P + np.diag(np.full(len(core.P), 0.0 if f.discrete else np.inf))
+    part = 0.5 * float((free.min(axis=0) / core.weights.max()).min())
+    if np.isfinite(part):
+        P[count:, count:] -= part * core.weights[:, None]
+        P[:, count:] += part * weights[:, None]
+    return Assembly(points, P, starts, exact, slice(count, N))
+
+
+def _interior(points: Array, count: int, core: Core) -> Array:
+    """e as a combination of all generators with positive coefficients."""
+    if not count:
+        return core.weights
+    mean = (points[:count] / points[:count, :1]).mean(axis=0)
+    # e = part * mean + (e - part * mean), the latter well inside the core.
+    part = 0.5
+    rest = np.zeros_like(mean)
+    for _ in range(60):
+        rest = -part * mean
+        rest[0] += 1.0
+        if core.gauge(rest[None])[0] < 0.5 * rest[0]:
+            break
+        part /= 2
+    return np.concatenate([part / (count * points[:count, 0]), core.combination(rest)])
