@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Mapping, Sequence
+from os import PathLike, fspath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
 from .arrays import exact_matrix
 from .errors import DataError, KposError
@@ -52,6 +55,8 @@ def real_number(value: Any, name: str, *, positive: bool = False, nonnegative: b
     kind = "positive number" if positive else "number that is not negative" if nonnegative else "number"
     if value is None or isinstance(value, (bool, np.bool_)):
         raise DataError(f"{name} is {value}; give a {kind}.")
+    if sp.issparse(value):
+        raise DataError(f"{name} is a sparse matrix; give a {kind}.")
     number = float(exact_matrix(value, name, ndim=0).values)
     if (positive and not number > 0) or (nonnegative and not number >= 0):
         raise DataError(f"{name} is {number:g}; give a {kind}.")
@@ -92,6 +97,19 @@ def words(value: Any, name: str) -> str | None:
     if value is None or isinstance(value, str):
         return value
     raise DataError(f"{name} is {found(value)}; give text.")
+
+
+def file_path(value: Any, name: str = "path") -> Path:
+    """A path; never a number, which would be an open file of somebody else.
+
+    >>> file_path("stable.json").suffix
+    '.json'
+    """
+    if isinstance(value, (str, PathLike)):
+        path = fspath(value)
+        if isinstance(path, str) and path and "\0" not in path:
+            return Path(path)
+    raise DataError(f"{name} is {found(value)}; give the path of a file.")
 
 
 def items(value: Any, name: str) -> list[Any]:

@@ -18,6 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from ..arguments import file_path
 from ..arrays import ExactMatrix
 from ..errors import CertificateFileError, FalseClaimError, KposError
 from .archive import expand, is_archive, read_archive, write_archive
@@ -42,7 +43,7 @@ def register_claim(claim: str, restore: Callable[[dict[str, Any]], Any]) -> None
 
 def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     """Write a certificate; an interrupted write leaves the old file, or none."""
-    target = Path(path)
+    target = file_path(path)
     compact = target.suffix == ".npz"
     content = _describe(certificate, compact=compact)
     handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
@@ -93,6 +94,7 @@ def load_certificate(path: str | PathLike[str]) -> Any:
     >>> kp.load_certificate(file).status.name
     'PROVED'
     """
+    path = file_path(path)
     try:
         content = read_content(path)
         return _decode_claim(content, Decoder(os.path.getsize(path), _decode_claim, decode_cone))

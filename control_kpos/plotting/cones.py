@@ -31,6 +31,8 @@ from .figure import (
 )
 
 _PALETTE = (BLUE, ORANGE, GREEN, PINK, YELLOW, "black")
+# matplotlib multiplies sizes with one another.
+_LARGEST = 1e100
 _DASHES = ("-", "--", "-.", ":")
 
 
@@ -82,6 +84,8 @@ def plot_cone(
     '3d'
     """
     X, size = as_cone(X, "X"), real_number(size, "size", positive=True)
+    if size > _LARGEST:
+        raise DataError(f"size is {size:g}; matplotlib draws numbers up to {_LARGEST:g} only.")
     title, label = words(title, "title"), words(label, "label") or None
     if color is not None and not is_color_like(color):
         raise DataError(f"color is {found(color)}; give a matplotlib color.")
