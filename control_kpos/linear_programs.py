@@ -147,7 +147,34 @@ def solve(
     if any(np.isnan(side).any() for side in box):
         return failure("the program has bounds that are not numbers")
     answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, time_limit), time_limit)
-    return answer if isinstance(answer, Solution) else failure(answer)
+    return vetted(answer, cost)
+
+
+def vetted(answer: Any, cost: NDArray[np.float64]) -> Solution:
+    """What a solver returned as a `Solution`, "failed" unless it is one, or a finite vector of the right length.
+
+    Parameters
+    ----------
+    answer : object
+        A `Solution`, a vector, None for "no point", or a sentence of `guarded`.
+    cost : ndarray, shape (n,)
+    """
+    if isinstance(answer, str):
+        return failure(answer)
+    basic = None
+    if isinstance(answer, Solution):
+        if answer.outcome != "optimal":
+            return answer
+        answer, basic = answer.x, answer.basic
+    if answer is None:
+        return Solution("infeasible", np.empty(0), message="the solver found no point")
+    try:
+        x = np.asarray(answer, dtype=float)
+    except (TypeError, ValueError):
+        return failure("the solver returned something that is not a vector")
+    if x.shape != cost.shape or not np.isfinite(x).all():
+        return failure("the solver returned a vector of the wrong length, or numbers that are not finite")
+    return Solution("optimal", x, float(cost @ x), basic)
 
 
 def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
@@ -291,14 +318,12 @@ def _run_highs(
     if outcome != "optimal":
         return Solution(outcome, np.empty(0), message=f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
     x = np.ldexp(np.asarray(solver.getSolution().col_value, dtype=float), columns - size)
-    if not np.isfinite(x).all():
-        return failure("HiGHS returned numbers that are not finite")
     basic = None
     if method == "simplex":
         _, index = solver.getBasicVariables()  # type: ignore[attr-defined]
         index = np.asarray(index, dtype=np.intp)
         basic = np.where(index >= 0, index, cost.size - 1 - index)
-    return Solution("optimal", x, float(cost @ x), basic)
+    return Solution("optimal", x, basic=basic)
 
 
 def _exponent(values: NDArray[np.float64]) -> int:

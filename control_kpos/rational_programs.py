@@ -29,6 +29,8 @@ Rationals = NDArray[np.object_]
 # Work after which exact arithmetic gives up, in multiplications of 64-bit words: some ten seconds.
 WORK_LIMIT = 4 * 10**8
 _WORK_PER_SECOND = WORK_LIMIT / 10
+# Seconds that HiGHS is waited for, for each entry of M, and one more: the simplex method here does without it.
+_PATIENCE = 1e-5
 
 
 def exact_feasibility(
@@ -176,7 +178,8 @@ def _proposal(
     power = power + rows
     goal = np.ldexp(size, np.maximum(power - power[size != 0].max(initial=-1100), -1000))
     cost = np.concatenate([np.zeros(n), np.ones(m)])
-    answer = solve(cost, A_eq=np.hstack([values, np.eye(m)]), b_eq=goal, time_limit=time_limit)
+    patience = min(time_limit, 1 + _PATIENCE * matrix.size)
+    answer = solve(cost, A_eq=np.hstack([values, np.eye(m)]), b_eq=goal, time_limit=patience)
     if not answer or answer.basic is None:
         return rows, None
     # a basic row stands for its artificial variable

@@ -162,7 +162,7 @@ LIARS = [
 def test_a_bad_solver_never_gives_an_uncertified_gain(solver, design):
     begin = time.monotonic()
     d = design(solver=solver, time_limit=0.3)
-    assert time.monotonic() - begin < 2 + 0.3 + 2
+    assert time.monotonic() - begin < 0.3 + 2
     if d:
         assert d.check()
     else:

@@ -17,11 +17,13 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, exact_matrix, identity
 from ..certificates.exact import BilinearForms
+from ..certificates.portable_cones import portable_rows
+from ..certificates.proofs import ProofOmittedError, Prover
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
 from ..errors import DataError
 from ..positivity import PositivityCertificate, cone_positivity
-from ..stability import LyapunovCertificate, linear_lyapunov
+from ..stability import LyapunovCertificate, linear_lyapunov, transpose
 from .plant import Floats, Plant
 
 # Significant decimal digits tried for the gain, fewest first.
@@ -65,6 +67,13 @@ class GainBoundCertificate(Certificate):
         """None: there is no witness against this claim."""
         return
 
+    def evidence(self) -> dict[str, Any]:
+        """Nothing: generators in files have the lengths that they have here."""
+        rays = self.X.exact_rays
+        if (portable_rows(rays) != ExactMatrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
+            raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
+        return {}
+
     def explain(self) -> str:
         """What is proven, in words."""
         if self:
@@ -95,8 +104,14 @@ class FeedbackCertificate(Certificate):
         return self.loops + self.others
 
     def conditions(self) -> list[Condition]:
-        """The inequalities that prove the claim."""
+        """None of its own; raises if there is no closed loop."""
+        if not self.loops:
+            raise DataError("a feedback without a closed loop proves nothing.")
         return []
+
+    def evidence(self) -> dict[str, Any]:
+        """Nothing: every part comes with a proof of its own."""
+        return {}
 
     def refutation(self) -> None:
         """None: there is no witness against this claim."""
@@ -152,6 +167,8 @@ class CommonVectorCertificate(Certificate):
         """The inequalities that prove the claim."""
         x = exact_matrix(self.x, "x")
         X = self.loops[0].X
+        if any(loop.X != X or loop.discrete != self.loops[0].discrete for loop in self.loops):
+            raise DataError("the vertices must be about one cone, and all in continuous or all in discrete time.")
         out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
         for s, loop in enumerate(self.loops):
             A = loop.A
@@ -163,6 +180,35 @@ class CommonVectorCertificate(Certificate):
     def refutation(self) -> None:
         """None: there is no witness against this claim."""
         return
+
+    def contents(self) -> dict[str, Any]:
+        """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
+        first = self.loops[0]
+        return {
+            "A": tuple(transpose(loop.A) for loop in self.loops),
+            "X": first.X.dual,
+            "discrete": first.discrete,
+            "v": self.x,
+        }
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> CommonVectorCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        X, discrete = contents["X"].dual, contents["discrete"]
+        loops = tuple(PositivityCertificate.settle(A=transpose(A), X=X, discrete=discrete) for A in contents["A"])
+        return cls.settle(loops=loops, x=contents["v"])
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights of A_s'h for the generators h of X*."""
+        prover, X = Prover(), self.loops[0].X.dual
+        invariance = not self.loops[0].discrete
+        return {"P": [prover.inclusion(X, transpose(loop.A), X, invariance=invariance) for loop in self.loops]}
 
     def explain(self) -> str:
         """What is proven, in words."""

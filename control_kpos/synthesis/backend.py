@@ -12,10 +12,9 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..errors import SolverError
-from ..linear_programs import Solution, failure, guarded, solve
+from ..linear_programs import Solution, failure, guarded, solve, vetted
 
 SolverChoice = str | Callable[..., Any] | None
 
@@ -94,7 +93,7 @@ class Programs:
         if self._call is None:
             return solve(*data, **options, time_limit=left)
         call = self._call
-        return _vetted(guarded(lambda: call(*data), left), np.asarray(c, dtype=float))
+        return vetted(guarded(lambda: call(*data), left), np.asarray(c, dtype=float))
 
 
 def installed(solver: str) -> str:
@@ -105,25 +104,6 @@ def installed(solver: str) -> str:
     if solver.upper() not in known:
         raise SolverError(f"solver {solver!r} is not installed; cvxpy finds {', '.join(known)}.")
     return solver.upper()
-
-
-def _vetted(answer: Any, cost: NDArray[np.float64]) -> Solution:
-    """The answer as a `Solution`, "failed" unless it is a finite vector of the right length."""
-    if isinstance(answer, str):
-        return failure(answer)
-    if isinstance(answer, Solution):
-        if answer.outcome != "optimal":
-            return answer
-        answer = answer.x
-    if answer is None:
-        return Solution("infeasible", np.empty(0), message="the solver found no point")
-    try:
-        x = np.asarray(answer, dtype=float)
-    except (TypeError, ValueError):
-        return failure("the solver returned something that is not a vector")
-    if x.shape != cost.shape or not np.isfinite(x).all():
-        return failure("the solver returned a vector of the wrong length, or numbers that are not finite")
-    return Solution("optimal", x, float(cost @ x))
 
 
 def _through_cvxpy(name: str, c: Any, A_ub: Any, b_ub: Any, A_eq: Any, b_eq: Any, bounds: Any) -> Solution:

@@ -19,10 +19,13 @@ from numpy.typing import ArrayLike
 
 from ..arrays import ExactMatrix, exact_matrix, require_shape
 from ..certificates.exact import BilinearForms
+from ..certificates.proofs import Prover
 from ..certificates.result import Certificate, Condition, Status
 from ..cones import Cone, orthant
 from ..errors import DataError, ShapeError
+from ..linear_programs import failure
 from ..positivity import PositivityCertificate, cone_positivity
+from ..stability import transpose
 from .acceptance import FeedbackCertificate, accept, closed_loop, roundings
 from .inequalities import column_rows, gain_from_columns, split
 from .modes import controllability_notes
@@ -67,6 +70,8 @@ class DisturbanceCertificate(Certificate):
         p = self.positivity
         if p.B is None or p.C is None or p.D is None:
             raise DataError("the positivity certificate must cover w and z.")
+        if orthant(p.B.shape[1]) != p.U or orthant(p.C.shape[0]) != p.Y:
+            raise DataError("w and z must be in orthants.")
         n, count = p.B.shape
         A = p.A.fractions()
         if p.discrete:
@@ -84,6 +89,48 @@ class DisturbanceCertificate(Certificate):
             ),
             Condition("G x + D 1 - gamma < 0", BilinearForms(ExactMatrix.from_fractions(outer), None, point), "<"),
         ]
+
+    def contents(self) -> dict[str, Any]:
+        """The dual statement: A', C', B', D' are dissipative on X* with storage x and supply gamma 1'u - 1'y."""
+        p = self.positivity.system()
+        return {
+            "A": transpose(p.A),
+            "B": transpose(p.C),
+            "C": transpose(p.B),
+            "D": transpose(p.D),
+            "X": p.X.dual,
+            "U": p.Y,
+            "Y": p.U,
+            "discrete": p.discrete,
+            "v": self.x,
+            "q": -np.ones(p.U.dim),
+            "r": float(self.gamma) * np.ones(p.Y.dim),
+        }
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> DisturbanceCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
+            raise DataError("the supply rate must be gamma 1'u - 1'y.")
+        a, b, c, d = (transpose(contents[name]) for name in "ACBD")
+        positivity = PositivityCertificate.settle(
+            A=a, B=b, C=c, D=d, X=contents["X"].dual, U=contents["Y"], Y=contents["U"], discrete=contents["discrete"]
+        )
+        return cls.settle(positivity=positivity, x=contents["v"], gamma=float(contents["r"][0]))
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights of A'h, C'z, B'h and D'z."""
+        parts = self.contents()
+        X, U, Y, prover = parts["X"], parts["U"], parts["Y"], Prover()
+        out = {"P": prover.inclusion(X, parts["A"], X, invariance=not parts["discrete"])}
+        maps = (("N", X, "B", U), ("L", Y, "C", X), ("K", Y, "D", U))
+        return out | {name: prover.inclusion(target, parts[M], source) for name, target, M, source in maps}
 
     def refutation(self) -> None:
         """None: there is no witness against this claim."""
@@ -147,7 +194,9 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
             right.append(np.zeros(len(extra)))
         low = np.concatenate([np.full(n, 1e-6), np.full(n * m, -np.inf), [-np.inf]])
         high = np.append(np.full(v, np.inf), np.inf if gamma is None else gamma)
-        return lp(cost, np.concatenate(rows), np.concatenate(right), bounds=(low, high))
+        answer = lp(cost, np.concatenate(rows), np.concatenate(right), bounds=(low, high))
+        inside = bool(answer) and (answer.x[:n] > 0).all()
+        return answer if inside or not answer else failure("the solver returned a point that violates the program")
 
     first = solve(None, np.append(np.zeros(v), 1.0))
     if not first:
@@ -216,7 +265,7 @@ def _small(
         )
         low = np.concatenate([np.full(n, 1e-6), np.full(v - n, -np.inf), [0.0]])
         answer = lp(np.append(np.zeros(v), 1.0), rows, right, bounds=(low, np.inf))
-        if answer:
+        if answer and (answer.x[:n] > 0).all():
             return answer.x[:-1]
     return None
 
