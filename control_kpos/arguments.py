@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from .arrays import exact_matrix
 from .errors import DataError, KposError
@@ -55,8 +54,6 @@ def real_number(value: Any, name: str, *, positive: bool = False, nonnegative: b
     kind = "positive number" if positive else "number that is not negative" if nonnegative else "number"
     if value is None or isinstance(value, (bool, np.bool_)):
         raise DataError(f"{name} is {value}; give a {kind}.")
-    if sp.issparse(value):
-        raise DataError(f"{name} is a sparse matrix; give a {kind}.")
     number = float(exact_matrix(value, name, ndim=0).values)
     if (positive and not number > 0) or (nonnegative and not number >= 0):
         raise DataError(f"{name} is {number:g}; give a {kind}.")

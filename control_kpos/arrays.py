@@ -219,6 +219,8 @@ def exact_matrix(data: ArrayLike | ExactMatrix | Any, name: str, *, ndim: int = 
     if isinstance(data, ExactMatrix):
         return data
     if sp.issparse(data):
+        if ndim != 2:
+            raise ShapeError(f"{name} is a sparse matrix; it must have {ndim} dimension{'s' * (ndim != 1)}.")
         return ExactMatrix(sparse_matrix(data, name))
     if np.ma.isMaskedArray(data) and np.ma.is_masked(data):
         raise DataError(f"{name} has masked entries; fill them in first.")

@@ -8,6 +8,11 @@ import time
 from collections.abc import Callable
 from typing import TypeAlias
 
+import numpy as np
+
+from .arguments import found
+from .errors import DataError
+
 Target: TypeAlias = "Callable[[str], None] | bool | None"
 
 # Seconds of silence: short work says nothing.
@@ -33,6 +38,8 @@ class Reporter:
     """
 
     def __init__(self, target: Target) -> None:
+        if not (target is None or callable(target) or isinstance(target, (bool, np.bool_))):
+            raise DataError(f"progress is {found(target)}; give a function, True or False.")
         self._target, self._begun, self._shown, self._last = target, time.monotonic(), False, ""
         self._timer: threading.Timer | None = None
 
@@ -42,7 +49,7 @@ class Reporter:
     def _say(self, line: str) -> None:
         if callable(self._target):
             self._target(line)
-        elif self._target is not False and (self._target or _is_watched()):
+        elif self._target or (self._target is None and _is_watched()):
             self._last = line
             wait = self._begun + _PATIENCE - time.monotonic()
             if wait <= 0:

@@ -9,7 +9,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import HALF_ULP, ExactMatrix, exact_matrix
+from ..arguments import flag
+from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
 from ..errors import DataError, NotProperConeError, ShapeError
 from ..networks.certificate import flat
@@ -35,6 +36,8 @@ _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
 _NODES_TRIED, _SECONDS_EACH = 50, 10.0
 _SLACK = 0.05
+# Bounds on gains are numbers of a linear program.
+_LARGEST_BOUND = 1e100
 
 
 def network_feedback(
@@ -93,7 +96,7 @@ def network_feedback(
     >>> bool(d), d.F.shape, d.decay_rate >= 0.5
     (True, (5, 1, 2), True)
     """
-    limit = read_time_limit(time_limit)
+    limit, uniform = read_time_limit(time_limit), flag(uniform, "uniform")
     target = read_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
@@ -134,7 +137,7 @@ def _require_nodes(model: NetworkModel, uniform: bool) -> None:
 def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
     if bound is None:
         return None
-    values = np.asarray(exact_matrix(bound, "gain_bound", ndim=1).values, dtype=float)
+    values = vector(bound, "gain_bound")
     total = model.totals[1]
     if values.shape == (1,):
         values = np.full(total, values[0])
@@ -144,6 +147,10 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
         )
     if not (values > 0).all():
         raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| must be positive.")
+    if (values > _LARGEST_BOUND).any():
+        raise DataError(
+            f"gain_bound is {values.max():g}, which is no bound; leave it out, or take at most {_LARGEST_BOUND:g}."
+        )
     return values
 
 

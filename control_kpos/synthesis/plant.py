@@ -12,8 +12,9 @@ import numpy as np
 from control import StateSpace
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import ExactMatrix, Integers, exact_matrix, require_shape
-from ..cones import Cone, PolyhedralCone
+from ..arguments import flag, found, items
+from ..arrays import ExactMatrix, Integers, exact_matrix, require_shape, vector
+from ..cones import Cone, as_cone
 from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError
 from ..statespace import ConeStateSpace
 
@@ -137,7 +138,7 @@ def read_plant(
         raise ShapeError("the system has no inputs: there is nothing to feed back to.")
     plants = [(A, B)]
     if vertices is not None:
-        plants = [_vertex(v, s, n, m) for s, v in enumerate(vertices)]
+        plants = [_vertex(v, s, n, m) for s, v in enumerate(items(vertices, "vertices"))]
         if not plants:
             raise ShapeError("vertices is empty; give at least one pair (A, B), or leave it out.")
     width = C.shape[0] if output else n
@@ -150,7 +151,7 @@ def read_plant(
         bool(system.dt),
         _bound(gain_bound, m),
         _pattern(structure, m, width),
-        ports,
+        flag(ports, "ports"),
     )
 
 
@@ -160,7 +161,7 @@ def as_system(sys: Any, X: Cone | ArrayLike | None) -> ConeStateSpace:
         raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace, or a control.StateSpace and X=.")
     if X is None:
         return sys if isinstance(sys, ConeStateSpace) else ConeStateSpace(sys)
-    cone = X if isinstance(X, Cone) else PolyhedralCone(X)
+    cone = as_cone(X, "X")
     if cone.dim != sys.nstates:
         raise ConeMismatchError(f"X has dimension {cone.dim}, but the system has {sys.nstates} states.")
     return ConeStateSpace(sys, X=cone)
@@ -182,7 +183,7 @@ def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[ExactMatrix, ExactMatr
 def _bound(bound: ArrayLike | None, m: int) -> Floats | None:
     if bound is None:
         return None
-    values = np.asarray(exact_matrix(bound, "gain_bound", ndim=1).values, dtype=float)
+    values = vector(bound, "gain_bound")
     if values.shape == (1,):
         values = np.full(m, values[0])
     if values.shape != (m,):
@@ -195,7 +196,10 @@ def _bound(bound: ArrayLike | None, m: int) -> Floats | None:
 def _pattern(structure: ArrayLike | None, m: int, width: int) -> NDArray[np.bool_] | None:
     if structure is None:
         return None
-    mask = np.asarray(structure)
+    try:
+        mask = np.asarray(structure)
+    except Exception:  # noqa: BLE001  (ragged; or the object's own conversion, which may raise anything)
+        raise ShapeError(f"structure is {found(structure)}, but must be a {m} x {width} matrix.") from None
     if mask.shape != (m, width):
         shape = " x ".join(map(str, mask.shape))
         raise ShapeError(f"structure is {shape}, but the gain is {m} x {width}; mark entries that may differ from 0.")

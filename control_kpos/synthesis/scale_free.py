@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import real_number
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.result import Certificate, Status
 from ..cones import Cone, orthant
@@ -141,9 +142,7 @@ def scale_free_feedback(
     (True, True)
     """
     limit, target = read_time_limit(time_limit), read_rate(rate)
-    value = float(np.asarray(exact_matrix(weight, "weight").values).ravel()[0])
-    if value < 0:
-        raise DataError(f"weight is {value:g}; link weights are nonnegative.")
+    value = real_number(weight, "weight", nonnegative=True)
     plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
     system = plant.system
     if (system.ninputs, system.noutputs) != (1, 1):

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..arguments import choice, real_number, seconds
 from ..certificates.result import Status
 from ..cones import Cone
 from ..errors import DataError
@@ -126,9 +127,7 @@ def state_feedback(
     >>> kp.state_feedback(plant, X=kp.orthant(2)).status.name
     'REFUTED'
     """
-    if method not in _METHODS:
-        raise DataError(f"method is {method!r}; give one of {', '.join(_METHODS)}.")
-    limit = read_time_limit(time_limit)
+    method, limit = choice(method, "method", _METHODS), read_time_limit(time_limit)
     target = read_rate(rate)
     plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
     with Reporter(progress) as report:
@@ -167,26 +166,14 @@ def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp
 
 def read_rate(rate: Any) -> float | str:
     """A nonnegative number, or "max"."""
-    if isinstance(rate, str) and rate == "max":
-        return "max"
-    try:
-        value = float(rate)
-    except (TypeError, ValueError):
-        raise DataError(f'rate is {rate!r}; give a decay rate per unit of time, or "max".') from None
-    if not (np.isfinite(value) and value >= 0):
-        raise DataError(f"rate is {value:g}; a decay rate is a finite number that is not negative.")
-    return value
+    if isinstance(rate, str):
+        return choice(rate, "rate", ("max",))
+    return real_number(rate, "rate", nonnegative=True)
 
 
-def read_time_limit(seconds: Any) -> float:
-    """A positive number."""
-    try:
-        value = float(seconds)
-    except (TypeError, ValueError):
-        raise DataError(f"time_limit is {seconds!r}; give seconds.") from None
-    if not value > 0:
-        raise DataError(f"time_limit is {value:g}; give a positive number of seconds.")
-    return value
+def read_time_limit(value: Any) -> float:
+    """A positive number of seconds, or inf."""
+    return seconds(value, "time_limit")
 
 
 def _inputs_leave_cone(plant: Plant) -> DesignResult | None:

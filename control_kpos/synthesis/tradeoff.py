@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..arguments import flag
 from ..arrays import vector
 from ..cones import Cone
 from ..errors import DataError
@@ -94,7 +95,7 @@ def gain_rate_tradeoff(
     free = column_freedom(plant)
     if free is None:
         raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
-    limit = read_time_limit(time_limit)
+    limit, certify = read_time_limit(time_limit), flag(certify, "certify")
     with Reporter(progress) as report:
         lp = Programs(None, limit, report)
         program = SimplicialProgram(plant, free, lp)
@@ -118,7 +119,10 @@ def gain_rate_tradeoff(
 def _rates(rates: ArrayLike | None, largest: float) -> NDArray[np.float64]:
     """The rates given, or a dozen up to the largest."""
     if rates is not None:
-        return vector(rates, "rates")
+        values = vector(rates, "rates")
+        if not (values >= 0).all():
+            raise DataError(f"rates holds {values.min():g}; decay rates are not negative.")
+        return values
     if not 0 < largest < np.inf:
         raise DataError("rates is missing, and no finite positive largest rate suggests any; give rates.")
     return np.linspace(0.0, 0.99 * largest, _POINTS)
