@@ -203,7 +203,7 @@ def _pattern(structure: ArrayLike | None, m: int, width: int) -> NDArray[np.bool
     if mask.shape != (m, width):
         shape = " x ".join(map(str, mask.shape))
         raise ShapeError(f"structure is {shape}, but the gain is {m} x {width}; mark entries that may differ from 0.")
-    if mask.dtype.kind not in "bif":
+    if mask.dtype.kind not in "bif" or not np.isin(mask, (0, 1)).all():
         raise DataError("structure must hold booleans (or 0 and 1): True where the gain may differ from 0.")
     return mask.astype(bool)
 
