@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import block_diag
 
 from control_kpos import PolyhedralCone, Status, load_certificate, state_positivity
 from control_kpos.arrays import ExactMatrix
@@ -18,10 +19,14 @@ from control_kpos.conefinding.polynomials import (
     characteristic_polynomial,
     imaginary_axis,
     moebius,
+    multiply,
+    rational_roots,
     real_roots_above,
     scale_roots,
     shift_roots,
+    square_free_factors,
 )
+from control_kpos.conefinding.rationals import solve_columns
 from control_kpos.conefinding.single import eigenvalues
 from control_kpos.errors import DataError, ShapeError
 
@@ -117,6 +122,37 @@ def test_roots_of_unity_in_discrete_time():
 def test_exact_data_are_kept_exactly():
     found = find_cone([["1/3", "0"], ["1/7", "-21.3"]])
     assert found and found.certificate.matrices.numerators is not None
+
+
+def similar(A: np.ndarray, seed: int) -> list[list[Fraction]]:
+    """T A T^-1 for a random integer T, exactly."""
+    rng = np.random.default_rng(seed)
+    while True:
+        T = rng.integers(-2, 3, A.shape)
+        if abs(np.linalg.det(T)) > 0.5:
+            break
+    fractions = [np.array([[Fraction(int(x)) for x in row] for row in M], dtype=object) for M in (A, T)]
+    return solve_columns(fractions[1].T, (fractions[1] @ fractions[0]).T).T
+
+
+ROOT = np.array([[0, 2], [1, 0]])  # eigenvalues +- sqrt(2)
+CHAIN = np.block([[ROOT, np.eye(2, dtype=int)], [0 * ROOT, ROOT]])
+BEHIND = np.array([[-2, -3], [3, -2]])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("blocks", [(ROOT, ROOT), (CHAIN,), (CHAIN, ROOT), (ROOT, ROOT, BEHIND), (CHAIN, BEHIND)])
+def test_repeated_irrational_dominant_eigenvalues(blocks, seed):
+    # a cone exists whatever the Jordan structure: every eigenvalue of that real part is that number
+    found = find_cone(similar(block_diag(*blocks), seed))
+    assert found and found.certificate.check() and found.margin == 0
+    assert found.n_rays <= sum(map(len, blocks)) + 2 and found.fewest_rays <= found.n_rays
+
+
+def test_an_irrational_eigenvalue_and_its_negative_in_discrete_time():
+    for A in (ROOT, block_diag(ROOT, ROOT), CHAIN):
+        assert find_cone(A, discrete=True)
+    assert find_cone(-ROOT, discrete=True).status is not Status.PROVED
 
 
 # -- no cone exists
@@ -318,6 +354,20 @@ def test_proven_bounds_hold_in_exact_arithmetic(seed, digits, smallest):
                     column[i] -= factor * column[k]
         for i in range(n):
             assert bounds.lower[i, j] <= column[i] / matrix[i][i] or bounds.exact[i, j]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(st.integers(-6, 6), min_size=1, max_size=4), st.lists(st.integers(-6, 6), min_size=1, max_size=3))
+def test_square_free_factors_multiply_back(single, double):
+    p = [1]
+    for root in [*single, *double, *double]:
+        p = multiply(p, [1, -root])
+    back = [1]
+    for k, factor in enumerate(square_free_factors(p), start=1):
+        for _ in range(k):
+            back = multiply(back, factor)
+    assert [Fraction(c, back[0]) for c in back] == [Fraction(c, p[0]) for c in p]
+    assert sorted(rational_roots(p, np.roots(p))) == sorted([*single, *double, *double])
 
 
 # -- bad input

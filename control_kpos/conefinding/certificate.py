@@ -13,14 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, as_stack
 from ..certificates.exact import BilinearForms
+from ..certificates.portable_cones import encode_generators, given_generators
+from ..certificates.proofs import ProofOmittedError, Prover
 from ..certificates.result import Certificate, Condition
+from ..cones import orthant
 from ..errors import DataError
 from .enclosure import Generators
 from .existence import layer, transposed
@@ -135,6 +138,62 @@ class ConeCertificate(Certificate):
         if not isinstance(self.witness, Obstruction):
             return None
         return self.witness.conditions(self.matrices, discrete=self.discrete)
+
+    def contents(self) -> dict[str, Any]:
+        """The cone as X, the matrices as A, what it contains and lies in as B and C; dual if `by_facets`."""
+        out = self.data()
+        if self.rays is None or self.pointing is None:
+            return out
+        matrices, inner, outer = self._sides()
+        for name in ("matrices", "rays", "contains", "within"):
+            del out[name]
+        out["A"] = tuple(layer(matrices, s) for s in range(matrices.shape[0]))
+        out["X"] = encode_generators(self.rays, self.pointing)
+        if inner is not None:
+            out.update(B=transposed(inner), U=orthant(inner.shape[0]))
+        if outer is not None:
+            out.update(C=outer, Y=orthant(outer.shape[0]))
+        return out
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> ConeCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        if "X" not in contents:
+            return cls.settle(**contents)
+        rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
+        matrices, inner, outer = as_stack(contents["A"]), contents.get("B"), contents.get("C")
+        inner = None if inner is None else transposed(inner)
+        if rest["by_facets"]:
+            matrices, inner, outer = transposed(matrices), outer, inner
+        rays = given_generators(contents["X"])
+        return cls.settle(matrices=matrices, rays=rays, contains=inner, within=outer, **rest)
+
+    def _sides(self) -> tuple[ExactMatrix, ExactMatrix | None, ExactMatrix | None]:
+        """The matrices, vectors in the cone and normals on it, of the cone that `rays` generates."""
+        if self.by_facets:
+            return transposed(self.matrices), self.within, self.contains
+        return self.matrices, self.contains, self.within
+
+    def evidence(self) -> dict[str, Any]:
+        """The multipliers, and the shares of what the cone contains, without their rounding errors."""
+        if self.rays is None or self.multipliers is None:
+            raise ProofOmittedError("claims that no cone exists are for control_kpos alone")
+        if self.multipliers.is_sparse:
+            raise ProofOmittedError("cones with very many generators are for control_kpos alone")
+        prover, rays, (matrices, inner, _) = Prover(), self.rays, self._sides()
+        images = [layer(matrices, s).fractions() @ rays.fractions().T for s in range(matrices.shape[0])]
+        guesses = [layer(self.multipliers, s) for s in range(matrices.shape[0])]
+        free = not self.discrete
+        out = {"P": [prover.repaired(rays, y, P, invariance=free) for y, P in zip(images, guesses, strict=True)]}
+        if inner is not None and self.shares is not None:
+            out["N"] = prover.repaired(rays, inner.fractions().T, transposed(self.shares))
+        return out
 
     def explain(self) -> str:
         """A few sentences a person can act on."""

@@ -14,17 +14,14 @@ from fractions import Fraction
 from itertools import islice, permutations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from .existence import spectrum_polynomial
 from .polynomials import rational_roots
-from .rational_modes import solve_columns
+from .rationals import Rationals, solve_columns
 
 _LARGEST = 16
 _ORDERS = 200
-
-Rationals = NDArray[np.object_]
 
 
 def rational_chains(
@@ -90,6 +87,3 @@ def _shares(R: Rationals, B: Rationals) -> Rationals | None:
     if shares.shape != B.shape or (shares < 0).any() or not (shares @ R == B).all():
         return None
     return shares
-
-
-__all__ = ["rational_chains"]

@@ -18,8 +18,8 @@ from .split import Split
 
 Array = NDArray[np.float64]
 
-# Polytopes are not made larger than this multiple of the dominant direction.
-_LARGEST = 1e3
+# Polytopes that no half-space limits have about the size of the dominant direction, more for vectors further out.
+_LARGEST = (1.0, 1e3)
 # Off the half-spaces by this part, so that rounding does not matter.
 _INSIDE = 1 - 1e-9
 # Facets of a polytope in more dimensions are too many to enumerate.
@@ -98,23 +98,27 @@ class Core:
         return nonnegative_combination(frame, frame.to @ y, size=float(y[0]))[0] / frame.heights
 
 
-def core_inside(split: Split, normals: Array, shrink: float, *, discrete: bool) -> Core | None:
+def core_inside(split: Split, normals: Array, vectors: Array, shrink: float, *, discrete: bool) -> Core | None:
     """A large invariant cone around e inside {x : normals x >= 0}, times `shrink`.
 
     Parameters
     ----------
     normals : ndarray, shape (r, n)
         In the coordinates of the split, positive on the dominant direction.
+    vectors : ndarray, shape (k, n)
+        What the core would hold ideally.
     """
     if len(split.right) == 1:
         return Core(np.eye(1), np.array([[split.dominant]]), np.ones(1), [])
+    out = np.abs(vectors[:, 1:]).max(axis=1, initial=0.0) / vectors[:, 0]
+    size = np.clip(3 * len(split.S) * out.max(initial=0.0), *_LARGEST)
     shrink = shrink * _INSIDE
     if split.modes is None:
-        return _one_block(split, normals, shrink, discrete)
-    return _one_for_each_mode(split.modes, normals, shrink, discrete)
+        return _one_block(split, normals, float(size), shrink, discrete)
+    return _one_for_each_mode(split.modes, normals, float(size), shrink, discrete)
 
 
-def _one_for_each_mode(m: Modes, normals: Array, shrink: float, discrete: bool) -> Core | None:
+def _one_for_each_mode(m: Modes, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
     rows: list[Array] = []
     blocks: list[Block] = []
     parts: list[Array] = []
@@ -127,7 +131,7 @@ def _one_for_each_mode(m: Modes, normals: Array, shrink: float, discrete: bool) 
         if found is None or found.P is None:
             return None
         at = slice(start, start + size)
-        corners = _scaled((found.R[1:] / found.R[0]).T, normals[:, at], normals[:, 0], shrink)
+        corners = _scaled((found.R[1:] / found.R[0]).T, normals[:, at], normals[:, 0], shrink, largest)
         points = np.zeros((len(corners), len(m.right)))
         points[:, 0], points[:, at] = 1.0, corners
         rows.append(points)
@@ -138,7 +142,7 @@ def _one_for_each_mode(m: Modes, normals: Array, shrink: float, discrete: bool) 
     return Core(np.concatenate(rows), _coupled(parts, weights), weights, blocks)
 
 
-def _one_block(split: Split, normals: Array, shrink: float, discrete: bool) -> Core | None:
+def _one_block(split: Split, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
     """The first cone of the search without half-spaces, made small enough."""
     n = len(split.right)
     if n - 1 > _HULL_DIMENSION:
@@ -148,7 +152,7 @@ def _one_block(split: Split, normals: Array, shrink: float, discrete: bool) -> C
     for candidate in candidates(A, modes(A, discrete=discrete), discrete=discrete, max_rays=None):
         if not (candidate.R[0] > 0).all():
             continue
-        corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink)
+        corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink, largest)
         points = np.column_stack([np.ones(len(corners)), corners])
         frame = Frame.of(points, height)
         P = None if frame is None else multipliers(ExactMatrix(A), ExactMatrix(points), height, discrete=discrete)
@@ -162,12 +166,12 @@ def _one_block(split: Split, normals: Array, shrink: float, discrete: bool) -> C
     return None
 
 
-def _scaled(corners: Array, normals: Array, room: Array, shrink: float) -> Array:
-    """Corners scaled so that e + corner reaches the half-spaces, times `shrink`."""
+def _scaled(corners: Array, normals: Array, room: Array, shrink: float, largest: float) -> Array:
+    """Corners scaled so that e + corner reaches the half-spaces, or a size, times `shrink`."""
     reach = -(normals @ corners.T)
     room = np.broadcast_to(room[:, None], reach.shape)
     limit = np.divide(room, reach, out=np.full_like(reach, np.inf), where=reach > 0).min(initial=np.inf)
-    return corners * (shrink * min(float(limit), _LARGEST))
+    return corners * (shrink * min(float(limit), largest))
 
 
 def _coupled(parts: list[Array], weights: Array) -> Array:

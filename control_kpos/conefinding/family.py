@@ -18,7 +18,7 @@ from .explicit import modal_cone
 from .filters import family_obstruction
 from .modes import Modes, modes
 from .moving import moving_descent
-from .multipliers import multipliers
+from .multipliers import multipliers, pointing_functional
 from .reduction import extreme_generators
 from .single import as_stack, balancing_units, flatness
 
@@ -167,7 +167,7 @@ def _roundings(R: Array, units: Array, margin: float) -> Iterator[ExactMatrix]:
 def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ConeCertificate:
     """The certificate for these generators, with a common Lyapunov vector if there is one."""
     values = np.asarray(rays.values)
-    pointing = _pointing(values / units) / units
+    pointing = pointing_functional(values / units) / units
     inverse = np.linalg.pinv((values / units).T) / units
     quick = _solved(matrices, rays, units, discrete)
     if quick is None:
@@ -202,19 +202,6 @@ def _solved(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bo
     P = np.linalg.solve(R, (np.asarray(matrices.values) * units / units[:, None]) @ R)
     free = P[:, np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)]
     return ExactMatrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
-
-
-def _pointing(rays: Array) -> Array:
-    """w with w'x well above 0 for every generator of length 1, by a linear program."""
-    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    n = rays.shape[1]
-    answer = solve(
-        np.append(np.zeros(n), -1.0),
-        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
-        b_ub=np.zeros(len(unit)),
-        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
-    )
-    return answer.x[:-1] if answer else np.zeros(n)
 
 
 def common_vector(matrices: Array, rays: Array, *, discrete: bool) -> Array | None:

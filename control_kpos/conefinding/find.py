@@ -21,9 +21,13 @@ from .generated import proper_cone
 from .modes import dominant_index
 from .port_obstruction import port_obstruction
 from .reduction import select
+from .repeated import repeated_cones
 from .result import FoundCone
-from .single import as_stack, eigenvalues, find_single
+from .single import as_stack, eigenvalues, find_single, prove_exactly
 from .with_ports import find_with_ports
+
+# Relative distance to which rounding may move copies of a repeated eigenvalue.
+_SPLIT = 1e-4
 
 
 def find_cone(
@@ -275,6 +279,10 @@ def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, few: str) -> Foun
         certificate, separators, conditioning = None, None, np.inf
     else:
         certificate, separators, conditioning = find_single(searched, discrete=discrete, max_rays=max_rays)
+        if not certificate and not discrete:
+            for rays, pointing in repeated_cones(searched):
+                if max_rays is None or rays.shape[0] <= max_rays:
+                    certificate, separators, conditioning = prove_exactly(searched, rays, pointing, discrete=False)
     if certificate is None or not certificate:
         obstruction = spectral_obstruction(A, discrete=discrete)
         if obstruction is not None:
@@ -298,5 +306,7 @@ def lower_bound(A: ExactMatrix, *, discrete: bool) -> int:
     values = eigenvalues(A)
     first = dominant_index(values, discrete=discrete)
     rest = values[np.arange(len(values)) != first]
+    # Rounding turns a repeated eigenvalue into pairs close to it, which bound nothing.
+    rest = rest[np.abs(rest - values[first]) > _SPLIT * np.abs(values).max()]
     size = float(abs(values[first])) if discrete else float(values[first].real)
     return fewest_rays(rest[rest.imag > 0], size, len(values))

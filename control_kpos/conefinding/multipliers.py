@@ -59,7 +59,22 @@ class Frame:
         if len(s) < len(R) or not s[-1] > 1e-14 * s[0]:
             return None
         to = (u / s).T
-        return cls(to @ R, heights, to, u * s)
+        spread = to @ R
+        # What should be zero is, or a solver would scale rounding errors up.
+        return cls(np.where(np.abs(spread) < 1e-14, 0.0, spread), heights, to, u * s)
+
+
+def pointing_functional(rays: Array) -> Array:
+    """w with w'x well above 0 for every generator of length 1, by a linear program."""
+    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    n = rays.shape[1]
+    answer = solve(
+        np.append(np.zeros(n), -1.0),
+        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
+        b_ub=np.zeros(len(unit)),
+        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
+    )
+    return answer.x[:-1] if answer else np.zeros(n)
 
 
 def nonnegative_combination(

@@ -66,7 +66,7 @@ def shift_roots(p: Polynomial, by: Fraction) -> Polynomial:
 
 def real_roots_above(p: Polynomial, bound: Fraction) -> int:
     """Number of different real roots larger than `bound`."""
-    chain = _sturm(_primitive(p), _derivative(p))
+    chain = _sturm(_primitive(p), derivative(p))
     at_bound = [_sign(_evaluate(f, bound)) for f in chain]
     at_infinity = [_sign(f[0]) for f in chain]
     return _changes(at_bound) - _changes(at_infinity)
@@ -113,9 +113,9 @@ def moebius(p: Polynomial, radius: Fraction) -> Polynomial:
     for k, c in enumerate(q):
         term = [c]
         for _ in range(n - k):
-            term = _multiply(term, [1, 1])
+            term = multiply(term, [1, 1])
         for _ in range(k):
-            term = _multiply(term, [-1, 1])
+            term = multiply(term, [-1, 1])
         out = [a + b for a, b in zip(out, term, strict=True)]
     return _strip(out)
 
@@ -160,6 +160,19 @@ def rational_roots(p: Polynomial, near: NDArray[np.complex128]) -> list[Fraction
     return found
 
 
+def square_free_factors(p: Polynomial) -> list[Polynomial]:
+    """p_1, p_2, .. without repeated or common roots, p = p_1 p_2^2 p_3^3 .. up to a factor (Yun)."""
+    out = []
+    common = _gcd(p, derivative(p))
+    rest = _divide(p, common)
+    while len(rest) > 1:
+        shared = _gcd(rest, common) if len(common) > 1 else [1]
+        out.append(_divide(rest, shared))
+        common = _divide(common, shared) if len(common) > 1 else [1]
+        rest = shared
+    return out
+
+
 # -- arithmetic
 
 
@@ -192,7 +205,8 @@ def _evaluate(p: Polynomial, at: Fraction) -> int:
     return value
 
 
-def _derivative(p: Polynomial) -> Polynomial:
+def derivative(p: Polynomial) -> Polynomial:
+    """The derivative up to a positive factor."""
     n = len(p) - 1
     return _primitive([c * (n - k) for k, c in enumerate(p[:-1])]) if n else [0]
 
@@ -238,7 +252,8 @@ def _divide(a: Polynomial, b: Polynomial) -> Polynomial:
     return _primitive([int(c * den) for c in out])
 
 
-def _multiply(a: Polynomial, b: Polynomial) -> Polynomial:
+def multiply(a: Polynomial, b: Polynomial) -> Polynomial:
+    """The product."""
     out = [0] * (len(a) + len(b) - 1)
     for i, x in enumerate(a):
         for j, y in enumerate(b):
@@ -249,6 +264,6 @@ def _multiply(a: Polynomial, b: Polynomial) -> Polynomial:
 def _real_root_count(p: Polynomial) -> int:
     if len(p) == 1:
         return 0
-    chain = _sturm(p, _derivative(p))
+    chain = _sturm(p, derivative(p))
     low = [_sign(f[0]) * (-1) ** (len(f) - 1) for f in chain]
     return _changes(low) - _changes([_sign(f[0]) for f in chain])

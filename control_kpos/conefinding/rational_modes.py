@@ -25,8 +25,7 @@ from .existence import spectrum_polynomial
 from .explicit import modal_cone
 from .modes import modes
 from .polynomials import circle_part, scale_roots, vanishes, without_roots_of_unity
-
-Rationals = NDArray[np.object_]
+from .rationals import Rationals, columns, identity, jordan_chains, nullspace, power, rank, solve_columns
 
 _LARGEST = 24
 _LARGEST_ORDER = 60
@@ -59,14 +58,17 @@ def rational_cones(A: ExactMatrix, *, discrete: bool) -> Iterator[tuple[ExactMat
         order = lcm(*orders) if orders else 1
         if order > _LARGEST_ORDER:
             return
-    eye = _identity(n)
-    shifted = _power(M, order) - eye * dominant**order
-    settled = _power(shifted, n)
-    G, W = nullspace(settled), _columns(settled)
+    eye = identity(n)
+    shifted = power(M, order) - eye * dominant**order
+    settled = power(shifted, n)
+    G, W = nullspace(settled), columns(settled)
     e = nullspace(M - eye * dominant)[:, 0]
     functional = _pointing(M, dominant, G, W, e)
     core = None if (shifted @ G).any() else _orbits(M, dominant, order, G, e, functional)
-    rows = _chains(M - eye * dominant, G) if core is None and order == 1 else core
+    rows = core
+    if core is None and order == 1:
+        chains = jordan_chains(M - eye * dominant, G, lambda w: [w])
+        rows = None if chains is None else [x for chain in chains for x in reversed(chain)]
     if rows is None:
         return
     apex = e if core is not None else rows[0]
@@ -94,7 +96,7 @@ def _heights(generators: Rationals) -> NDArray[np.float64] | None:
 
 def _pointing(M: Rationals, dominant: Fraction, G: Rationals, W: Rationals, e: Rationals) -> Rationals | None:
     """A left eigenvector with value 1 on e, or None (on a Jordan chain every left eigenvector vanishes on e)."""
-    left = nullspace((M - _identity(len(M)) * dominant).T)
+    left = nullspace((M - identity(len(M)) * dominant).T)
     for k in range(left.shape[1]):
         height = left[:, k] @ e
         if height != 0:
@@ -114,10 +116,10 @@ def _orbits(
     rows: list[Rationals] = []
     for j in range(G.shape[1]):
         g = G[:, j] - e * (functional @ G[:, j])
-        if not g.any() or (spanned and _rank(np.array([*spanned, g], dtype=object)) == len(spanned)):
+        if not g.any() or (spanned and rank(np.array([*spanned, g], dtype=object)) == len(spanned)):
             continue
         for _ in range(order):
-            if not spanned or _rank(np.array([*spanned, g], dtype=object)) > len(spanned):
+            if not spanned or rank(np.array([*spanned, g], dtype=object)) > len(spanned):
                 spanned.append(g)
             rows += [e + g, e - g]
             g = M @ g / dominant if dominant else g
@@ -126,38 +128,6 @@ def _orbits(
         return [*(e + g for g in spanned), e - sum(spanned[1:], spanned[0])]
     unique: dict[tuple, Rationals] = {tuple(row): row for row in rows}
     return list(unique.values())
-
-
-def _chains(N: Rationals, G: Rationals) -> list[Rationals] | None:
-    """A basis of Jordan chains of the nilpotent map N on the span of G; starts with an eigenvector."""
-    powers = [G]
-    while powers[-1].any():
-        powers.append(N @ powers[-1])
-    depth = len(powers) - 1
-    chains: list[list[Rationals]] = []
-    ends: list[Rationals] = []
-    for length in range(depth, 0, -1):
-        for j in range(G.shape[1]):
-            for candidate in _combinations(G, j):
-                chain = [candidate]
-                while chain[0].any():
-                    chain.insert(0, N @ chain[0])
-                chain = chain[1:]
-                if len(chain) == length and _rank(np.array([*ends, chain[0]], dtype=object)) > len(ends):
-                    chains.append(chain)
-                    ends.append(chain[0])
-                    break
-    rows = [x for chain in chains for x in chain]
-    return rows if len(rows) == G.shape[1] and _rank(np.array(rows, dtype=object)) == len(rows) else None
-
-
-def _combinations(G: Rationals, j: int) -> Iterator[Rationals]:
-    """Vectors from which chains may start: basis vectors, and differences that shorten a chain."""
-    yield G[:, j]
-    for i in range(G.shape[1]):
-        if i != j:
-            yield G[:, j] - G[:, i]
-            yield G[:, j] + G[:, i]
 
 
 def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals, discrete: bool) -> list[Rationals] | None:
@@ -175,62 +145,3 @@ def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals, di
         return None
     corners = found.R[1:] / found.R[0]
     return [apex + W @ np.array([Fraction(float(y)) for y in column], dtype=object) for column in corners.T]
-
-
-# -- linear algebra over the rationals
-
-
-def _identity(n: int) -> Rationals:
-    return np.array([[Fraction(int(i == j)) for j in range(n)] for i in range(n)], dtype=object)
-
-
-def _power(M: Rationals, k: int) -> Rationals:
-    out = _identity(len(M))
-    for _ in range(k):
-        out = out @ M
-    return out
-
-
-def _reduced(M: Rationals) -> tuple[Rationals, list[int]]:
-    """Reduced row echelon form and its pivot columns."""
-    M = np.array([[Fraction(x) for x in row] for row in M], dtype=object).reshape(M.shape)
-    pivots: list[int] = []
-    for j in range(M.shape[1]):
-        row = len(pivots)
-        found = next((i for i in range(row, M.shape[0]) if M[i, j] != 0), None)
-        if found is None:
-            continue
-        M[[row, found]] = M[[found, row]]
-        M[row] = M[row] / M[row, j]
-        for i in range(M.shape[0]):
-            if i != row and M[i, j] != 0:
-                M[i] = M[i] - M[row] * M[i, j]
-        pivots.append(j)
-    return M, pivots
-
-
-def nullspace(M: Rationals) -> Rationals:
-    """Basis of {x : M x = 0} as columns."""
-    R, pivots = _reduced(M)
-    free = [j for j in range(M.shape[1]) if j not in pivots]
-    out = np.array([[Fraction(0)] * len(free) for _ in range(M.shape[1])], dtype=object).reshape(M.shape[1], len(free))
-    for k, j in enumerate(free):
-        out[j, k] = Fraction(1)
-        for i, pivot in enumerate(pivots):
-            out[pivot, k] = -R[i, j]
-    return out
-
-
-def _columns(M: Rationals) -> Rationals:
-    """Basis of the range of M as columns."""
-    return M[:, _reduced(M)[1]]
-
-
-def _rank(M: Rationals) -> int:
-    return len(_reduced(M)[1])
-
-
-def solve_columns(W: Rationals, Y: Rationals) -> Rationals:
-    """Z with W Z = Y, for independent columns W that span Y."""
-    R, _ = _reduced(np.concatenate([W, Y], axis=1))
-    return R[: W.shape[1], W.shape[1] :]

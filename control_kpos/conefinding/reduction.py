@@ -44,17 +44,19 @@ def extreme_generators(
     separators: dict[int, Array] = {}
     order = np.argsort(np.linalg.norm(points - points.mean(axis=0), axis=1))  # inner ones first
     for i in order.tolist():
-        separator = _separator(points, i, np.array([j for j in left if j != i]))
+        is_extreme, separator = _separator(points, i, np.array([j for j in left if j != i]))
         if separator is not None:
             separators[i] = frame.to.T @ separator
-        elif keep is None or not keep[i]:
+        if not is_extreme and (keep is None or not keep[i]):
             left.remove(i)
     index = np.array(left)
     return index, np.array([separators.get(i, np.zeros(n)) for i in left])
 
 
-def _separator(points: Array, i: int, others: NDArray[np.intp]) -> Array | None:
-    """g with g'x_i < 0 < g'x_j for the others: max d subject to g'x_j >= d, g'x_i = -d, |g| <= 1.
+def _separator(points: Array, i: int, others: NDArray[np.intp]) -> tuple[bool, Array | None]:
+    """Whether x_i may be extreme, and g with g'x_i < 0 < g'x_j for the others if one was found.
+
+    It maximises d subject to g'x_j >= d, g'x_i = -d, |g| <= 1.
 
     Most of the others are far away: the program starts from the nearest ones, and those it forgets join.
     """
@@ -71,14 +73,16 @@ def _separator(points: Array, i: int, others: NDArray[np.intp]) -> Array | None:
             b_ub=np.zeros(count + 1),
             bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
         )
-        if not answer or answer.x[-1] <= 1e-9:
-            return None
+        if not answer:
+            return True, None
+        if answer.x[-1] <= 1e-9:
+            return False, None
         g = answer.x[:-1]
         room = np.where(active, np.inf, points[others] @ g)
         forgotten = np.argsort(room)[: 4 * n]
         forgotten = forgotten[room[forgotten] < 0.5 * answer.x[-1]]
         if not forgotten.size:
-            return g
+            return True, g
         active[forgotten] = True
 
 

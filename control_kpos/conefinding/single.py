@@ -3,19 +3,21 @@
 1. The modes of A and polygons, where eigenvectors are well conditioned (`explicit`).
 2. The same for a neighbouring matrix with better conditioned ones, where they are not.
 3. The same in coordinates close to the modes (`preconditioned`).
-4. Exact rational modes, where A has several dominant eigenvalues (`rational_modes`).
+4. The orthant, and exact rational modes, where A has several dominant eigenvalues (`rational_modes`; irrational
+   ones: `repeated`).
 Every candidate is put to the proof; the first one proven wins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, as_stack
 from .certificate import ConeCertificate
 from .existence import layer
 from .explicit import Candidate, modal_cone
@@ -141,11 +143,14 @@ def find_single(
         for certificate, separators in _preconditioned(A, matrix, units, discrete=discrete, max_rays=max_rays):
             if certificate and certificate.rays is not None:
                 return certificate, separators, flatness((certificate.rays.values / units).T)
-    for rays, pointing in rational_cones(A, discrete=discrete):
+    eye = ExactMatrix(np.eye(A.shape[0]))
+    orthant = (matrix + (0 if discrete else np.diag(np.full(len(matrix), np.inf))) >= 0).all()
+    exact = [(eye, np.ones(A.shape[0]))] if orthant else []
+    for rays, pointing in chain(exact, rational_cones(A, discrete=discrete)):
         if max_rays is None or rays.shape[0] <= max_rays:
-            certificate = _prove(stack, rays, pointing, np.linalg.pinv(rays.values.T), discrete=discrete)
-            if certificate:
-                return certificate, None, flatness(np.asarray(rays.values).T)
+            found = prove_exactly(A, rays, pointing, discrete=discrete)
+            if found[0]:
+                return found
     return ConeCertificate.settle(matrices=stack, discrete=discrete), None, np.inf
 
 
@@ -196,6 +201,15 @@ def prove(
     return _prove(stack, rays, pointing, inverse, discrete=discrete)
 
 
+def prove_exactly(
+    A: ExactMatrix, rays: ExactMatrix, pointing: NDArray[np.float64], *, discrete: bool
+) -> tuple[ConeCertificate, None, float]:
+    """Certificate, without separators, and conditioning of a cone that may have no margin at all."""
+    values = np.asarray(rays.values).T
+    certificate = _prove(as_stack([A]), rays, pointing, np.linalg.pinv(values), discrete=discrete)
+    return certificate, None, flatness(values)
+
+
 def _prove(
     stack: ExactMatrix,
     rays: ExactMatrix,
@@ -222,10 +236,3 @@ def flatness(R: NDArray[np.float64]) -> float:
     """Condition number of generators scaled to length 1: large means nearly in a hyperplane, or nearly a line."""
     lengths = np.linalg.norm(R, axis=0)
     return float(np.linalg.cond(R / lengths)) if (lengths > 0).all() else np.inf
-
-
-def as_stack(matrices: list[ExactMatrix]) -> ExactMatrix:
-    """Matrices of one shape as a stack."""
-    if all(m.is_double for m in matrices):
-        return ExactMatrix(np.array([np.asarray(m.values) for m in matrices]))
-    return ExactMatrix.from_fractions(np.array([m.fractions() for m in matrices], dtype=object))

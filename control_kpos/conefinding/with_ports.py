@@ -142,11 +142,11 @@ class _Search:
     def _proposals(self, s: Split, on_boundary: list[int]) -> Iterator[tuple[list[Path], Assembly]]:
         """Paths of all vectors into a core, and what they make together, small ones first."""
         to_split = np.linalg.inv(s.basis).T
-        c = self.c @ s.basis
-        if not ((c[:, 0] > 0).all() and (self.b @ to_split[:, 0] > 0).all()):
+        c, b = self.c @ s.basis, self.b @ to_split
+        if not ((c[:, 0] > 0).all() and (b[:, 0] > 0).all()):
             return
         for shrink in _SHRINK:
-            core = core_inside(s, c, shrink, discrete=self.discrete)
+            core = core_inside(s, c, b, shrink, discrete=self.discrete)
             if core is None:
                 return
             large: list[tuple[list[Path], Assembly]] = []
