@@ -330,6 +330,13 @@ def concatenate(parts: Sequence[ExactMatrix], axis: int) -> ExactMatrix:
     return ExactMatrix.from_fractions(np.concatenate([part.fractions() for part in parts], axis=axis))
 
 
+def as_stack(matrices: Sequence[ExactMatrix]) -> ExactMatrix:
+    """Dense matrices of one shape as a stack."""
+    if all(m.is_double for m in matrices):
+        return ExactMatrix(np.array([np.asarray(m.values) for m in matrices]))
+    return ExactMatrix.from_fractions(np.array([m.fractions() for m in matrices], dtype=object))
+
+
 def identity(n: int, *, sparse: bool = False) -> ExactMatrix:
     """The n x n identity."""
     return ExactMatrix(sp.eye_array(n, format="csr") if sparse else np.eye(n))

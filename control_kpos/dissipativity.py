@@ -143,7 +143,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         x, u, prover = exact_vector(w.x, w.x_exact), exact_vector(w.u, w.u_exact), Prover()
         motion = drift(p.A, x, p.discrete) + exact_product(p.B, u)
         weights = {"wx": prover.vector(p.X, x), "wu": prover.vector(p.U, u), "wz": prover.vector(p.X, motion)}
-        return {**out, "x": numbers(x), "u": numbers(u), "rate": int(p.discrete), **weights}
+        return {**out, "shows": "motion", "x": numbers(x), "u": numbers(u), "rate": int(p.discrete), **weights}
 
     def explain(self) -> str:
         """For which supply rate, at what rate, or why not."""

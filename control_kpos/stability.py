@@ -152,7 +152,7 @@ class LyapunovCertificate(ClaimOnPositivity):
         x = exact_vector(w.x, w.exact)
         moved = drift(self.A, x, self.discrete)
         weights = {"wx": prover.vector(self.X, x), "wz": prover.vector(self.X, moved)}
-        return {**out, "x": numbers(x), "rate": int(self.discrete), **weights}
+        return {**out, "shows": "motion", "x": numbers(x), "rate": int(self.discrete), **weights}
 
     def explain(self) -> str:
         """What has been proven, and at what rate."""

@@ -1,5 +1,6 @@
 """Certificates of every kind for the tests of files and of the checker, small and with data of many sorts."""
 
+import control as ct
 import numpy as np
 
 import control_kpos as kp
@@ -32,6 +33,30 @@ def mixed_nodes():
 LINKS = [[0, 0.5, 0], [0.1, 0, 0.1], [0.2, 0.2, 0]]
 
 PLANT = [[0], [1]], [[1, 0]], [[0]], PAPER, LINE, LINE
+
+SPIRAL = [[-1, 4, 0], [-4, -1, 0], [0, 0, 1]]
+FAMILY = [[[-2, 1], [1, -2]], [["-3", "1/3"], ["0.5", -2]]]
+
+
+def designed(**demands):
+    plant = kp.ConeStateSpace(*kp.examples.mass_spring(), X=PAPER)
+    return kp.state_feedback(plant, **demands).certificate
+
+
+def two_vertices():
+    A, B, _, _ = kp.examples.mass_spring()
+    return [(A, B), (np.array([[0, 1], [-1.2, -0.1]]), B)]
+
+
+def ports():
+    return kp.find_cone(
+        ct.ss([[-1, 4, 0], [-4, -1, 0], [0, 0, -0.2]], [[0.3], [0.2], [1]], [[0.1, 0, 1]], [[0]])
+    ).certificate
+
+
+def supplied(*rates):
+    return network([kp.ConeStateSpace([[-2]], [[1]], [[1]], [[0]])] * 2, [[0, 1], [1, 0]], supply_rates=rates)
+
 
 CERTIFICATES = {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
@@ -68,17 +93,37 @@ CERTIFICATES = {
     "not dissipative for any r": lambda: kp.dissipativity([[1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[-1]),
     "network": lambda: network(mass_springs(), kp.examples.ring(4)),
     "network, algebraic loops": lambda: network(mixed_nodes(), LINKS),
-    "network, given supplies": lambda: network(
-        [kp.ConeStateSpace([[-2]], [[1]], [[1]], [[0]])] * 2,
-        [[0, 1], [1, 0]],
-        supply_rates=[([-1], [0.6]), ([-1.5], [0.9])],
-    ),
+    "network, given supplies": lambda: supplied(([-1], [0.6]), ([-1.5], [0.9])),
+    "network, node not dissipative": lambda: supplied(([-1], [0.4]), ([-1.5], [0.9])),
+    "network, not to be weighted": lambda: supplied(([-1], [1.1]), ([-1.5], [2])),
     "network, unstable": lambda: network(mass_springs(), 30 * kp.examples.ring(4)),
     "network, unstable, algebraic loops": lambda: network(mixed_nodes(), [[0, 0.5, 0], [9, 0, 0.1], [0.2, 0.2, 0]]),
     "network, wrong link": lambda: network(mass_springs(), -kp.examples.ring(4)),
     "network, node not positive": lambda: network(mass_springs(extra=1.0), kp.examples.ring(4)),
+    "network, loop not well posed": lambda: network(mixed_nodes(), [[0, 0.5, 4], [9, 0, 0.1], [4, 0.2, 0]]),
+    "network, discrete": lambda: network(
+        [kp.ConeStateSpace([[0.5]], [[1]], [[1]], [[0]], dt=True)] * 2, [[0, 0.25], [0.25, 0]]
+    ),
+    "cone": lambda: kp.find_cone(SPIRAL).certificate,
+    "cone, by facets": lambda: kp.find_cone(SPIRAL, few="facets").certificate,
+    "cone, discrete": lambda: kp.find_cone([[0.5, 0.4, 0], [-0.4, 0.5, 0], [0, 0, 0.9]], discrete=True).certificate,
+    "cone with ports": ports,
+    "cone and vector for a family": lambda: kp.find_cone(FAMILY).certificate,
+    "feedback, gain bound": lambda: designed(gain_bound=[100.0]),
+    "feedback, common vector": lambda: designed(vertices=two_vertices()),
+    "feedback, disturbance gain": lambda: designed(gain_bound=[50.0], disturbance=([[0], [1]], [[1, 0]])),
+    "Jacobians, common vector": lambda: kp.differential_positivity(FAMILY, kp.orthant(2)),
+    "Jacobians": lambda: kp.differential_positivity([[[-2, 1], [1, 2]], FAMILY[1]], kp.orthant(2)),
+    "Jacobians, discrete": lambda: kp.differential_positivity(
+        [[[0.5, 0.1, 0], [0, 0.5, 0], [0, 0, 0.75]], np.eye(3) / 2], SQUARE, discrete=True
+    ),
+    "Jacobians, one not positive": lambda: kp.differential_positivity(
+        [FAMILY[0], [[-3, 1], [-0.5, -2]]], kp.orthant(2)
+    ),
 }
-# refuted without a proof that stands alone
+# for which no proof that stands alone is written
 FOR_THE_PACKAGE = {
-    "network, ill-posed loop": lambda: network(mixed_nodes(), [[0, 0.5, 4], [9, 0, 0.1], [4, 0.2, 0]]),
+    "no cone": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
+    "any number of nodes": lambda: kp.scale_free_certificate(kp.ConeStateSpace([[-2]], [[1]], [[1]], [[0]])),
+    "no feedback": lambda: kp.state_feedback(kp.ConeStateSpace(*kp.examples.mass_spring())).certificate,
 }

@@ -56,12 +56,45 @@ def scalar(claim, status="PROVED", *, A=-2, B=1, C=1, D=0, v=1, q=-1, r=1, decay
     return {"claim": claim, "status": status, "data": data, "proof": proof}
 
 
-def direction(x, u, rate=0):
-    return {"x": {"array": [x]}, "u": {"array": [u]}, "rate": rate}
+def direction(x, u, rate=0, shows="motion", **more):
+    return {"x": {"array": [x]}, "u": {"array": [u]}, "rate": rate, "shows": shows, **more}
+
+
+def flow(x, u, y, shows="growth", **more):
+    return direction(x, u, shows=shows, y={"array": [y]}, **more)
 
 
 def weights(p, t):
     return {"p": {"array": [p]}, "t": {"array": [t]}}
+
+
+def two_nodes(q, r, y):
+    """Nodes that do nothing, the output of the first linked to the second."""
+    out, plane, zero = scalar("network", "REFUTED"), {"cone": [[2, HALF["cone"][0][1]]]}, {"matrix": [[0, 0], [0, 0]]}
+    out["data"] |= dict.fromkeys("XUY", plane) | dict.fromkeys("ABCD", zero) | {"W": {"matrix": [[0, 0], [1, 0]]}}
+    out["data"] |= {"q": {"array": [q[:1], q[1:]]}, "r": {"tuple": [{"array": r[:1]}, {"array": r[1:]}]}}
+    return {**out, "proof": {"shows": "weights", "rate": 0, "y": {"array": y}}}
+
+
+def feedback(*parts, status="PROVED"):
+    loops = {"tuple": [{"certificate": part} for part in parts]}
+    return {"claim": "feedback", "status": status, "data": {"loops": loops, "others": {"tuple": []}}, "proof": {}}
+
+
+def bound(F, b, status="PROVED"):
+    data = {"X": HALF, "F": {"matrix": [[x] for x in F]}, "bound": {"array": b}}
+    return {"claim": "gain bound", "status": status, "data": data, "proof": {}}
+
+
+def family(matrices, claim="differentially-positive", discrete=False, status="PROVED", v=1, proofs=None, **proof):
+    data = {"A": {"tuple": [{"matrix": [[a]]} for a in matrices]}, "X": HALF, "discrete": discrete}
+    data |= {"v": None if v is None else {"array": [v]}}
+    proofs = [None] * len(matrices) if proofs is None else proofs
+    return {"claim": claim, "status": status, "data": data, "proof": {"P": proofs, **proof}}
+
+
+def crossing(member):
+    return {"member": member, "matrix": "A", "normal": {"matrix": [[1]]}, "ray": 0}
 
 
 def slanted():
@@ -103,6 +136,54 @@ BY_HAND = {
     "loop of gain one": (scalar("network", D=1, r=2, W="1/2", **weights("1/2", 1)), "WRONG"),
     "loop not examined": (scalar("network", D="1/2", r="1.5", W="1/2"), "UNREADABLE"),
     "loop without weight": (scalar("network", D="1/2", r="1.5", W="1/2", **weights(-1, "-1/2")), "WRONG"),
+    "growing network": (scalar("network", "REFUTED", A=-1, W=1, **flow(1, 1, 1)), "REFUTED"),
+    "more input than arrives": (scalar("network", "REFUTED", A=-2, W=1, **flow(1, 2, 1)), "WRONG"),
+    "more output than there is": (scalar("network", "REFUTED", A=-2, W=1, **flow(1, 2, 2)), "WRONG"),
+    "at rest": (scalar("network", "REFUTED", A=-1, W=1, **flow(0, 0, 0)), "WRONG"),
+    "growing behind a loop": (
+        scalar("network", "REFUTED", A=-1, D="1/2", W=1, **flow(1, 2, 2), **weights(2, 1)),
+        "REFUTED",
+    ),
+    "behind a loop of gain one": (
+        scalar("network", "REFUTED", A=-1, D=1, W=1, **flow(1, 1, 1), **weights(1, 1)),
+        "WRONG",
+    ),
+    "weight too small for D": (scalar("network", "REFUTED", D=2, W=0, A=1, **flow(1, 0, 0), **weights(1, 1)), "WRONG"),
+    "weight with room": (scalar("network", "REFUTED", D=1, W=0, A=1, **flow(1, 0, 0), **weights(1, 2)), "REFUTED"),
+    "growing system": (scalar("stable", "REFUTED", A=1, **flow(1, 0, 0)), "UNREADABLE"),
+    "loop": (scalar("network", "REFUTED", D=1, W=1, **flow(0, 1, 1, "loop")), "REFUTED"),
+    "weak loop": (scalar("network", "REFUTED", D="1/2", W=1, **flow(0, 1, 1, "loop")), "WRONG"),
+    "loop without outputs": (scalar("network", "REFUTED", D=1, W=1, **flow(0, 0, 0, "loop")), "WRONG"),
+    "loop and state": (scalar("network", "REFUTED", D=1, W=1, **flow(1, 1, 1, "loop")), "WRONG"),
+    "node with too little supply": (scalar("network", "REFUTED", W=0, r=0, **direction(0, 1)), "REFUTED"),
+    "supply in excess": (scalar("network", "REFUTED", W=2, **flow(0, 0, 1, "weights")), "REFUTED"),
+    "supply used up exactly": (scalar("network", "REFUTED", W=1, **flow(0, 0, 1, "weights")), "WRONG"),
+    "outputs outside": (scalar("network", "REFUTED", W="-2", q=3, **flow(0, 0, -1, "weights")), "WRONG"),
+    "outputs and inputs": (scalar("network", "REFUTED", W=2, **flow(0, 1, 1, "weights")), "WRONG"),
+    "one node in excess, one at rest": (two_nodes([0, -1], [1, 1], [1, 0]), "REFUTED"),
+    "one node in excess, one in need": (two_nodes([-1, -1], [1, 1], [1, 0]), "WRONG"),
+    "no supply rate": (scalar("dissipative", q=None), "UNREADABLE"),
+    "all parts": (feedback(scalar("stable"), scalar("positive")), "PROVED"),
+    "a part that is not": (feedback(scalar("stable"), scalar("stable", A=1)), "WRONG"),
+    "a part refuted": (feedback(scalar("stable"), scalar("stable", "REFUTED", A=0, **direction(1, 0))), "WRONG"),
+    "all parts, refuted": (feedback(scalar("stable"), status="REFUTED"), "WRONG"),
+    "no parts": (feedback(), "WRONG"),
+    "gain at its bound": (bound(["-3"], [3]), "PROVED"),
+    "gain above its bound": (bound(["3.1"], [3]), "WRONG"),
+    "gain below its bound": (bound(["-3.1"], [3]), "WRONG"),
+    "no gain, negative bound": (bound([0], [-1]), "WRONG"),
+    "no gain, bound zero": (bound([0], [0]), "PROVED"),
+    "gain refuted": (bound([1], [3], "REFUTED"), "WRONG"),
+    "family": (family([-1, -2]), "PROVED"),
+    "family with one unstable": (family([-1, 0]), "WRONG"),
+    "family without vector": (family([1, 2], v=None), "PROVED"),
+    "common vector without vector": (family([1, 2], v=None, claim="common vector"), "WRONG"),
+    "family with a proof missing": (family([-1, -2], proofs=[None]), "UNREADABLE"),
+    "empty family": (family([]), "UNREADABLE"),
+    "one of a family leaves": (family([2, -1], discrete=True, status="REFUTED", **crossing(1)), "REFUTED"),
+    "another of the family leaves": (family([2, -1], discrete=True, status="REFUTED", **crossing(0)), "WRONG"),
+    "none of the family": (family([2, -1], discrete=True, status="REFUTED", **crossing(2)), "UNREADABLE"),
+    "no cone": (family([2, -1], "invariant-cone", True, "REFUTED", **crossing(1)), "WRONG"),
     "undecided": (scalar("stable", "UNDECIDED"), "WRONG"),
     "without proof": (scalar("stable", omitted="too long"), "UNREADABLE"),
     "another claim": (scalar("lovely"), "UNREADABLE"),
@@ -240,7 +321,9 @@ def test_frames(tmp_path, capsys):
 # Changes that leave the meaning as it is.
 EQUIVALENT = {
     # p'D <= t' with W Y in U and D U in Y makes t'W y nonnegative, so p'y = 0 is excluded by t'W y < p'y
-    "dot(t, mul(s.W, y)) < dot(p, y) >= 0",
+    "z < 0 <= a",
+    # weights that are zero are not stored
+    "a > 0",
 }
 
 

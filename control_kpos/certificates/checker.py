@@ -1,149 +1,149 @@
-# fmt: off
-"""Check a certificate of the format kpos-certificate/1 in rational arithmetic: python checker.py FILE.
+"""Check a certificate in the format kpos-certificate/1 (docs/certificate_format.md): python checker.py FILE.
 
-One file, Python's standard library, no rounding, nothing of control_kpos.  See docs/certificate_format.md.
-Exit status 0: PROVED.  1: REFUTED, undecided, or not proven by the file.  2: unreadable, or without a proof.
+Exact arithmetic; exit status 0: PROVED, 1: REFUTED, undecided or not proven, 2: unreadable or without a proof.
 """
-# ruff: noqa: D103, E401, I001, RET503, T201
-import hashlib, json, pathlib, re, sys
+import hashlib, json, pathlib, re, sys, types
 from fractions import Fraction
-from types import SimpleNamespace
-TEXT = re.compile(r"-?(\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?|0x[0-9a-f]{1,200000}(/0x[0-9a-f]{1,200000})?)")
+HEX = re.compile(r"(-?0x[0-9a-f]{1,20000}(?![0-9a-f]))\.?([0-9a-f]{0,30})(?:p([+-]\d{1,4})|/0x([0-9a-f]{1,20000}))?")
+DECIMAL = re.compile(r"-?\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?")
 MAPS = {"A": ("X", "X", "P"), "B": ("U", "X", "N"), "C": ("X", "Y", "L"), "D": ("U", "Y", "K"), "W": ("Y", "U", "M")}
-class Wrong(Exception):  # noqa: N818
-    """The file does not prove what it says.  Whatever else is raised means that it cannot be read."""
+VECTORS = {"positive": "", "invariant-cone": "vX", "differentially-positive": "vX", "common vector": "vX",
+           "stable": "vX", "dissipative": "vX qY rU", "disturbance gain": "vX qY rU", "network": "VX QY RU pY tU"}
+REFUTED = {"network": {"growth": "pY tU", "motion": "qY rU", "loop": "", "weights": "qY rU"},
+           "stable": {"motion": ""}, "dissipative": {"motion": "qY rU"}, "positive": {}, "differentially-positive": {}}
+Wrong = type("Wrong", (Exception,), {"__doc__": "Not proven by the file.  All else that is raised: not readable."})
 def need(fact, what, kind: type = Wrong):
     if not fact:
         raise kind(what)
-
 # -- a vector is {index: number}, a matrix {column: vector}, a cone the matrix of its generators
 def number(t):
-    double = re.fullmatch(r"(-?0x[0-9a-f]{1,9})\.?([0-9a-f]{0,30})p([+-]\d{1,4})", t) if isinstance(t, str) else None
-    if double:
-        return int(double[1] + double[2], 16) * Fraction(2) ** (int(double[3]) - 4 * len(double[2]))
-    need(type(t) is int or TEXT.fullmatch(t), f"{str(t)[:40]} is not a number", ValueError)
-    top, _, bottom = str(t).partition("/")
-    return Fraction(int(top, 16), int(bottom or "1", 16)) if "x" in top else Fraction(t)
-def vector(o, n, exact=None):  # `exact` are the numbers that o rounds, if there are any
-    numbers = list(map(number, exact["fractions"] if exact else o["array"]))
+    if x := HEX.fullmatch(str(t)):
+        return int(x[1] + x[2], 16) * Fraction(2) ** (int(x[3] or 0) - 4 * len(x[2])) / int(x[4] or "1", 16)
+    need(type(t) is int or DECIMAL.fullmatch(t), f"{str(t)[:40]} is not a number", ValueError)
+    return Fraction(t)
+def flat(o):  # the numbers in lists of lists, {"array": ...}, {"double": ...}, {"fractions": ...}, {"tuple": ...}
+    o = [*o.values()] if isinstance(o, dict) else o
+    return [x for part in o for x in flat(part)] if isinstance(o, list) else [number(o)]
+def vector(o, n):
+    numbers = flat(o)
     need(len(numbers) == n, f"a vector has {len(numbers)} entries instead of {n}", ValueError)
     return {i: x for i, x in enumerate(numbers) if x}
 def matrix(o, m, n):
-    rows, out = o.get("matrix", []), {}
-    shape = o["shape"] if "sparse" in o else [len(rows), len(rows[0]) if rows else n]
-    need(shape == [m, n] and len(set(map(len, rows))) < 2, f"a matrix is not {m} x {n}", ValueError)
-    for i, j, x in o["sparse"] if "sparse" in o else ((i, j, x) for i, y in enumerate(rows) for j, x in enumerate(y)):
+    rows, out = o.get("matrix"), {}
+    fits = o["shape"] == [m, n] if rows is None else len(rows) == m and all(len(row) == n for row in rows)
+    need(fits, f"a matrix is not {m} x {n}", ValueError)
+    for i, j, x in o["sparse"] if rows is None else ((i, j, x) for i, y in enumerate(rows) for j, x in enumerate(y)):
         need(type(i) is type(j) is int and 0 <= i < m and 0 <= j < n, "an entry out of range", ValueError)
         need(i not in out.setdefault(j, {}), "an entry twice", ValueError)
         out[j][i] = number(x)
-    return out
-def plus(*terms):  # sum of c x over pairs (c, x), without zeros
+    return {j: {i: a for i, a in column.items() if a} for j, column in out.items()}
+def plus(*terms):  # the sum of c x over pairs (c, x) and of c M x over triples (c, M, x), without zeros
     out = {}
-    for c, x in terms:
-        for i, a in x.items():
-            out[i] = out.get(i, 0) + c * a
+    for c, *M, x in terms:
+        for j, b in x.items():
+            for i, a in M[0].get(j, {}).items() if M else ((j, 1),):
+                out[i] = out.get(i, 0) + c * a * b
     return {i: a for i, a in out.items() if a}
-def mul(M, x):
-    return plus(*((c, M[j]) for j, c in x.items() if j in M))
-def dot(x, y):
-    return sum((x[i] * y[i] for i in min(x, y, key=len) if i in x and i in y), Fraction(0))
-
-# -- cones
+def on(S, *terms):  # for every generator x: the sum of c f'x over pairs (c, f) and of c f'M x over triples (c, f, M)
+    rows = ([(c, f, plus((1, *M, x))) for c, f, *M in terms] for x in S.values())
+    return [sum((c * f[i] * a for c, f, y in row for i, a in y.items() if i in f), Fraction(0)) for row in rows]
 def cone(runs, limit):  # the product of cones, each `count` times; pointed because w'x > 0, solid because R Z = I
     product, size = {}, 0
     for count, f in runs:
         p, n = len(f["rays"]), len(f["w"])
-        R = {j: {} for j in range(p)} | matrix({"matrix": list(zip(*f["rays"], strict=True))}, n, p)
-        w, Z = vector({"array": f["w"]}, n), matrix({"matrix": f["Z"]}, p, n)
-        need(all(dot(w, x) > 0 for x in R.values()) and all(mul(R, Z[i]) == {i: 1} for i in range(n)), "a proper cone")
+        R, Z = matrix({"matrix": list(zip(*f["rays"], strict=True))}, n, p), matrix({"matrix": f["Z"]}, p, n)
+        need(min(on(R, (1, vector(f["w"], n)))) > 0, "a pointed cone")
+        need(all(plus((1, R, Z[i])) == {i: 1} for i in range(n)), "a solid cone")
         need(type(count) is int and 0 < count * n <= limit - size, "a size is absurd for this file", ValueError)
         for _ in range(count):
-            product.update({len(product) + j: {size + i: a for i, a in x.items() if a} for j, x in R.items()})
+            product.update({len(product) + j: {size + i: a for i, a in x.items()} for j, x in R.items()})
             size += n
     return product, size
-def member(R, y, w, what, free=None):  # y = R w, w >= 0 except w[free] (without w: w = y): then y is in the cone R
-    w = y if w is None else w
-    need(all(c >= 0 or k == free for k, c in w.items()) and mul(R, w) == y, f"{what} in its cone")
-
-# -- Theorem 1
-def system(d, limit):
-    need(d["discrete"] in (True, False), "discrete is neither true nor false", ValueError)
-    s = SimpleNamespace(n={}, discrete=d["discrete"])
-    for k in "XUY":
-        vars(s)[k], s.n[k] = cone(d[k]["cone"], limit) if d.get(k) else ({}, 0)
+def into(R, M, S, W, what, free=False):  # M maps the cone S into R: M S = R W, W >= 0 except W[i][i] if free
+    W = W and matrix(W, len(R), len(S))
+    for i, x in S.items():
+        y = plus((1, M, x))
+        w = y if W is None else W.get(i, {})  # a vector of an orthant is its own weights
+        need(all(a >= 0 or (free and k == i) for k, a in w.items()) and plus((1, R, w)) == y, f"{what} in its cone")
+def system(d, A, cones):
+    s = types.SimpleNamespace(**{k: R for k, (R, _) in cones.items()}, discrete={False: 0, True: 1}[d["discrete"]])
+    s.n = {k: n for k, (_, n) in cones.items()}
     for k, (source, target, _) in MAPS.items():
-        vars(s)[k] = matrix(d[k], s.n[target], s.n[source]) if d.get(k) else {}
+        vars(s)[k] = matrix(A if k == "A" else d[k], s.n[target], s.n[source]) if d.get(k) else {}
     return s
-def positive(s, proof):  # every matrix maps the cone of its inputs into that of its outputs
-    for k, (source, target, name) in MAPS.items():
-        R, S, M = vars(s)[target], vars(s)[source], vars(s)[k]
-        W = matrix(proof[name], len(R), len(S)) if proof.get(name) else None
-        for i, x in S.items():
-            free = i if k == "A" and not s.discrete else None
-            member(R, mul(M, x), None if W is None else W.get(i, {}), f"{k} times generator {i}", free)
-def violated(s, proof):  # h in the dual cone, a generator x, h'M x < 0; for A in continuous time also h'x = 0
-    source, target, _ = MAPS[proof["matrix"]]
-    h, x = matrix(proof["normal"], s.n[target], 1)[0], vars(s)[source][proof["ray"]]
-    need(all(dot(h, y) >= 0 for y in vars(s)[target].values()), "the normal supports the cone")
-    on_facet = proof["matrix"] != "A" or s.discrete or dot(h, x) == 0
-    need(on_facet and dot(h, mul(vars(s)[proof["matrix"]], x)) < 0, f"{proof['matrix']} leaves the cone")
-
-# -- Theorems 2 to 4
-def decreasing(s, v, q, r, rate):  # v'x > 0, v'A x - q'C x < 0 and at most -rate v'x, v'B u <= r'u + q'D u
-    for x in s.X.values():
-        a, z = dot(v, x), dot(v, mul(s.A, x)) - s.discrete * dot(v, x) - dot(q, mul(s.C, x))
-        need(a > 0 and z < 0 <= rate and z + rate * a <= 0, "v'x decreases at the stated rate")
-    for u in s.U.values() if r is not None else ():
-        need(dot(v, mul(s.B, u)) <= dot(r, u) + dot(q, mul(s.D, u)), "the supply covers the input")
-def growing(s, claim, e, q, r):  # x in X with z = A x + B u - rate x in X, although the claim wants all to decay
+def crossed(s, e):  # h in the dual cone, a generator x, h'M x < 0; for A in continuous time also h'x = 0
+    k, (source, target, _) = e["matrix"], MAPS[e["matrix"]]
+    h, x = matrix(e["normal"], s.n[target], 1)[0], {0: vars(s)[source][e["ray"]]}
+    need(min(on(vars(s)[target], (1, h))) >= 0 > on(x, (1, h, vars(s)[k]))[0], f"{k} crosses a supporting plane")
+    need(k != "A" or s.discrete or on(x, (1, h)) == [0], "the generator lies on the plane")
+def moving(s, shows, e, q, r):  # x, u, y against which no storage, or no weights of the nodes, help
     x, u, y = (vector(e[k], s.n[n]) if e.get(k) else {} for k, n in ("xX", "uU", "yY"))
-    z, out = plus((1, mul(s.A, x)), (1, mul(s.B, u)), (-number(e["rate"]), x)), plus((1, mul(s.C, x)), (1, mul(s.D, u)))
-    spare = plus((1, mul(s.W, y)), (-1, u)) if claim == "network" else u
-    more = plus((1, out), (-1, y)) if y else {}
-    for name, R, w in (("wx", s.X, x), ("wz", s.X, z), ("wu", s.U, spare), ("wy", s.Y, more)):
-        member(R, w, matrix(e[name], len(R), 1).get(0, {}) if e.get(name) else None, name)
-    supply = dot(q, out) + dot(r or {}, u)
-    need(number(e["rate"]) >= s.discrete and (x or (claim == "dissipative" and (z or supply < 0))), "growth")
-    need(claim == "network" or (supply <= 0 and (r is not None or not u)), "no supply for the witness")
+    z, out = plus((1, s.A, x), (1, s.B, u), (-number(e["rate"]), x)), plus((1, s.C, x), (1, s.D, u))
+    spare, supply = plus((1, s.W, y), (-1, u)), sum(on({0: out}, (1, q)) + on({0: u}, (1, r or {})))
+    places = {"x": (s.X, x), "u": (s.U, u), "y": (s.Y, y), "z": (s.X, z), "W": (s.U, spare),
+              "C": (s.Y, plus((1, out), (-1, y)))}
+    names, fact = {
+        "growth": ("xzWC", x),
+        "loop": ("yWC", y and not x),
+        "motion": ("xuz", (x or z or supply) and supply <= 0 and (r is not None or not u)),
+        "weights": ("y", shows == "weights" and not u and idle(s, e, y, spare))}[shows]
+    for k in names:
+        into(places[k][0], {0: places[k][1]}, {0: {0: 1}}, e.get("w" + k), f"w{k}")
+    need(fact and number(e["rate"]) >= s.discrete, "the witness")
+def idle(s, e, y, u):  # q'y + r'u >= 0 at every node and > 0 at one
+    ys, us = (iter([x.get(i, 0) for i in range(s.n[k])]) for k, x in (("Y", y), ("U", u)))
+    nodes = zip(*(e[k].get("tuple") or e[k]["array"] for k in "qr"), strict=True)
+    supply = [sum(a * next(ys) for a in flat(q)) + sum(a * next(us) for a in flat(r)) for q, r in nodes]
+    return min(supply) >= 0 < max(supply)
+def prove(s, claim, proved, e):
+    if "normal" in e:
+        return need(not proved and claim in REFUTED, "the claim") or crossed(s, e)
+    for k, (source, target, name) in MAPS.items():  # Theorem 1
+        into(vars(s)[target], vars(s)[k], vars(s)[source], e.get(name), k, free=k == "A" and not s.discrete)
+    shows, vectors = (claim, VECTORS[claim]) if proved else (e["shows"], REFUTED[claim][e["shows"]])
+    given = {k.lower(): vector(e.get(k + "_exact") or e[k], s.n[n]) for k, n in vectors.split() if e[k] or k in "qQR"}
+    v, q, r, p, t = map(given.get, "vqrpt")
+    if shows in ("network", "growth") and any(s.D.values()):  # the algebraic loop u = W D u contracts
+        loop = zip(on(s.Y, (1, t, s.W), (-1, p)), on(s.Y, (1, p)))
+        need(all(z < 0 < a for z, a in loop) and max(on(s.U, (1, p, s.D), (-1, t))) <= 0, "p'D <= t' and t'W < p'")
+    need(v or not proved or claim in ("positive", "invariant-cone", "differentially-positive"), "v is there")
+    if not v:
+        return proved or moving(s, shows, e, q or {}, r)
+    rate, drift = flat(e.get("decay_rate", 0))[0], on(s.X, (1, v, s.A), (-s.discrete, v), (-1, q or {}, s.C))
+    need(all(a > 0 > z and z + rate * a <= 0 <= rate for a, z in zip(on(s.X, (1, v)), drift)), "v'x decreases")
+    need(q is None or all(z <= 0 for z in on(s.U, (1, v, s.B), (-1, r), (-1, q, s.D))), "the supply covers the input")
+    need(claim != "network" or all(z <= 0 for z in on(s.Y, (1, q), (1, r, s.W))), "the nodes balance")
 def verify(c, limit):  # what the data say counts before what the proof says
-    claim, proved, e = c["claim"], c["status"] == "PROVED", c["proof"] | c["data"]
+    claim, proved, d, e = c["claim"], c["status"] == "PROVED", c["data"], c["proof"] | c["data"]
     need(c["status"] in ("PROVED", "REFUTED"), f"the file itself says {c['status']}")
     need("omitted" not in e, f"it leaves out its proof: {e.get('omitted')}", ValueError)
-    s = system(c["data"], limit)
-    if "normal" in e:
-        return need(not proved, "the claim") or violated(s, e)
-    positive(s, e)
-    keys = {"positive": "", "stable": "vX", "dissipative": "vX qY rU", "network": "VX QY RU pY tU"}[claim].split()
-    given = {k.lower(): vector(e[k], s.n[n], e.get(k + "_exact")) for k, n in keys if e[k]}
-    v, q, r, p, t = map(given.get, "vqrpt")
-    if claim == "network" and any(any(x.values()) for x in s.D.values()):  # the algebraic loop u = W D u contracts
-        need(all(dot(p, mul(s.D, u)) <= dot(t, u) for u in s.U.values()), "p'D <= t'")
-        need(all(dot(t, mul(s.W, y)) < dot(p, y) > 0 for y in s.Y.values()), "t'W < p'")
-    if claim == "positive" or not proved:
-        return need(proved, "the claim") if claim == "positive" else growing(s, claim, e, q or {}, r)
-    decreasing(s, v, q or {}, r, number(e["decay_rate"]["double"]))
-    need(claim != "network" or all(dot(q, y) + dot(r, mul(s.W, y)) <= 0 for y in s.Y.values()), "the nodes balance")
-
-# -- files
-def refuse(text):
-    raise ValueError(f"{text[:40]} is not allowed in a certificate")
+    if claim == "feedback":
+        parts = [part["certificate"] for k in ("loops", "others") for part in d[k]["tuple"]]
+        need(proved and parts and all(part["status"] == "PROVED" for part in parts), "all parts")
+        return [verify(part, limit // len(parts)) for part in parts]
+    if claim == "gain bound":
+        (X, n), b = cone(d["X"]["cone"], limit), flat(d["bound"])
+        sizes = (abs(a) <= b[i] for x in X.values() for i, a in plus((1, matrix(d["F"], len(b), n), x)).items())
+        return need(proved and min(b) >= 0 and all(sizes), "|F x| <= bound")
+    family = list(zip(d["A"]["tuple"], e["P"], strict=True)) if d["A"].get("tuple") else [(d["A"], e.get("P"))]
+    cones = {k: cone(d[k]["cone"], limit) if d.get(k) else ({}, 0) for k in "XUY"}
+    for A, P in family if proved else [family[e.get("member", 0)]]:
+        prove(system(d, A, cones), claim, proved, e | {"P": P})
 def unique(pairs):
-    return dict(pairs) if len(dict(pairs)) == len(pairs) else refuse("a key that occurs twice")
-def check(text):
-    c = json.loads(text, parse_float=refuse, parse_constant=refuse, object_pairs_hook=unique,
-                   parse_int=lambda t: int(t) if len(t) < 21 else refuse(t))
-    need(c["format"] == "kpos-certificate/1", "of another format", ValueError)
-    data = json.dumps(c["data"], sort_keys=True, separators=(",", ":"))
-    need(c["digest"] == "sha256:" + hashlib.sha256(data.encode()).hexdigest(), "the data have the stated digest")
-    verify(c, len(text) + 10**5)
-    return c["status"], c["claim"]
+    need(len(dict(pairs)) == len(pairs), "a key occurs twice", ValueError)
+    return dict(pairs)
 def main(path):
     try:
-        status, claim = check(pathlib.Path(path).read_text(encoding="utf-8"))
-    except Wrong as reason:
-        return print(f"WRONG      {path}: not proven: {reason}") or 1
-    except Exception as x:  # noqa: BLE001 - whatever a hostile file provokes
-        return print(f"UNREADABLE {path}: {type(x).__name__}: {str(x)[:200]}") or 2
-    return print(f"{status:10s} {path}: {claim}") or int(status != "PROVED")
+        text = pathlib.Path(path).read_text(encoding="utf-8")
+        c = json.loads(text, parse_float=int, parse_constant=int,  # int refuses points, exponents and NaN
+                       parse_int=lambda t: int(t if len(t) < 21 else "too long"), object_pairs_hook=unique)
+        need(c["format"] == "kpos-certificate/1", "of another format", ValueError)
+        data = json.dumps(c["data"], sort_keys=True, separators=(",", ":"))
+        need(c["digest"] == "sha256:" + hashlib.sha256(data.encode()).hexdigest(), "the data have the stated digest")
+        verify(c, len(text) + 10**5)
+    except Exception as x:  # whatever a hostile file provokes
+        word, status = ("WRONG", 1) if isinstance(x, Wrong) else ("UNREADABLE", 2)
+        return print(f"{word:10s} {path}: {type(x).__name__}: {str(x)[:200]}") or status
+    return print(f"{c['status']:10s} {path}: {c['claim']}") or int(c["status"] != "PROVED")
 if __name__ == "__main__":
     sys.exit(main(sys.argv[-1]))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -24,12 +24,24 @@ from ..errors import CertificateFileError
 _FREE_DIMENSION = 10**5
 _LONG = 10**18
 _SHORT_DECIMAL = 10**15
-_TEXT = re.compile(r"-?(\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?|0x[0-9a-f]{1,200000}(/0x[0-9a-f]{1,200000})?)")
+_TEXT = re.compile(r"-?(\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
 _DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,9})\.?([0-9a-f]{0,30})p([+-]\d{1,4})")
 
 _records: dict[str, type] = {}
 
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Written:
+    """Something that is JSON data already.
+
+    Attributes
+    ----------
+    content : dict
+    """
+
+    content: dict[str, Any]
 
 
 def register_record(cls: type[T]) -> type[T]:
@@ -79,6 +91,8 @@ class Encoder:
             return self.matrix(value)
         if isinstance(value, Cone):
             return {"cone": self.encode_cone(value)}
+        if isinstance(value, Written):
+            return value.content
         if isinstance(value, tuple) and value and all(isinstance(item, Fraction) for item in value):
             return {"fractions": [number_text(item) for item in value]}
         if isinstance(value, (tuple, list)):

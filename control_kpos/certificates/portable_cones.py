@@ -18,7 +18,7 @@ from ..cones import Cone, Orthant, PolyhedralCone, ProductCone, orthant, product
 from ..cones.elimination import echelon
 from ..errors import CertificateFileError, KposError
 from ..rational_programs import solve_exactly
-from .encoding import exact_rows, nested_text
+from .encoding import Written, exact_rows, nested_text
 
 Rationals = NDArray[np.object_]
 # Above this dimension exact inverses are longer than a file should be.
@@ -48,6 +48,21 @@ def _encode_factor(cone: Cone) -> dict[str, Any]:
     return out if Z is None else {**out, "w": nested_text(w.tolist()), "Z": nested_text(Z.tolist())}
 
 
+def encode_generators(rays: ExactMatrix, w: NDArray[np.float64]) -> Written:
+    """The cone of given generators, of which w is positive on all, without its facets."""
+    rows = portable_rows(rays)
+    out = {"rays": nested_text(rows.tolist()), "w": nested_text(w.tolist())}
+    Z = spanning_inverse(rays, rows)
+    return Written({"cone": [[1, out if Z is None else {**out, "Z": nested_text(Z.tolist())}]]})
+
+
+def given_generators(cone: Cone) -> ExactMatrix:
+    """The generators that stand in a file, in the order in which they stand there."""
+    if isinstance(cone, PolyhedralCone):
+        return cone._conversion.generators
+    return ExactMatrix(cone.exact_rays.values.toarray()) if cone.exact_rays.is_sparse else cone.exact_rays
+
+
 def portable_rows(m: ExactMatrix) -> Rationals:
     """Rows as fractions: exactly, with lengths that are those of the doubles up to a power of two."""
     values = np.asarray(m.values.toarray() if m.is_sparse else m.values)
@@ -70,14 +85,21 @@ def opposite_facets(cone: Cone, rays: Rationals) -> tuple[Rationals, Rationals]:
 
 def right_inverse(cone: Cone, rays: Rationals) -> Rationals | None:
     """Z with rays' Z = I, or None above the dimension where it would be too long."""
-    n = cone.dim
+    if len(rays) != cone.dim or cone.dim > LARGE:
+        return spanning_inverse(cone.exact_rays, rays)
+    H, height = opposite_facets(cone, rays)
+    return H / height[:, None]
+
+
+def spanning_inverse(exact_rays: ExactMatrix, rays: Rationals) -> Rationals | None:
+    """Z with rays' Z = I from the first generators that span, or None where there is none that is short enough."""
+    n = rays.shape[1]
     if n > LARGE:
         return None
-    if len(rays) == n:
-        H, height = opposite_facets(cone, rays)
-        return H / height[:, None]
-    ints = cone.exact_rays.rows_as_integers(np.arange(len(rays)))
+    ints = exact_rays.rows_as_integers(np.arange(len(rays)))
     chosen = echelon(ints).pivot_rows
+    if len(chosen) < n:
+        return None
     found = solve_exactly(ints[chosen].T, np.eye(n, dtype=int).astype(object))
     if found is None:
         return None

@@ -21,7 +21,7 @@ from ..cones import Cone, Orthant, ProductCone, orthant
 from ..errors import TooLargeError
 from ..rational_programs import exact_feasibility
 from .encoding import encode_triplets, nested_text, number_text
-from .portable_cones import LARGE, opposite_facets, portable_rows
+from .portable_cones import LARGE, opposite_facets, portable_rows, spanning_inverse
 
 Rationals = NDArray[np.object_]
 # Digits written, and work spent, before a proof is left out of a file.
@@ -29,6 +29,7 @@ _BITS = 10**8
 _PROGRAMS = 3000
 _WORK = 10**8
 _BLOCKS = 2 * 10**5
+_REPAIRS = 3 * 10**5
 _HALF_LINE = orthant(1)
 
 
@@ -98,6 +99,37 @@ class Prover:
             out += [(block.ray + int(k), 0, weights[k]) for k in np.flatnonzero(weights)]
         self._count(out)
         return _encoded(out, (target.n_rays, 1))
+
+    def repaired(self, rays: ExactMatrix, images: Rationals, guess: ExactMatrix, *, invariance: bool = False) -> Any:
+        """Weights of vectors in a cone of which generators are all that is known, as JSON data.
+
+        Parameters
+        ----------
+        rays : ExactMatrix, shape (N, n)
+        images : ndarray of Fraction, shape (n, c)
+            The vectors, one a column.
+        guess : ExactMatrix, shape (N, c)
+            Weights up to rounding.
+        invariance : bool
+            c = N, and the weights on the diagonal are free.
+        """
+        rows = portable_rows(rays)
+        if images.shape[1] * rows.size > _REPAIRS:
+            raise ProofOmittedError("exact weights for so many generators would take too long")
+        weights = guess.fractions()
+        missing = images - rows.T @ weights
+        rest = np.flatnonzero(missing.any(axis=0))
+        if rest.size:
+            Z = spanning_inverse(rays, rows)
+            if Z is None:
+                raise ProofOmittedError(f"exact weights are written up to dimension {LARGE}")
+            weights[:, rest] += Z @ missing[:, rest]
+        allowed = np.eye(*weights.shape, dtype=bool) if invariance else np.zeros(weights.shape, dtype=bool)
+        for j in np.flatnonzero(((weights < 0) & ~allowed).any(axis=0)):
+            weights[:, j] = self._column(rows, images[:, j], int(j) if invariance else None, interior=False)
+        entries = [(int(i), int(j), weights[i, j]) for i, j in zip(*np.nonzero(weights), strict=True)]
+        self._count(entries)
+        return _encoded(entries, weights.shape)
 
     def _count(self, entries: Sequence[tuple[int, int, Any]]) -> None:
         self._bits += sum(

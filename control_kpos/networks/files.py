@@ -20,11 +20,20 @@ from ..cones import Cone, product
 from ..errors import DataError
 from .blocks import Index, take_blocks
 from .model import NetworkModel, NodeStack
-from .witnesses import CouplingViolation, NetworkInstability, NodeViolation
+from .witnesses import (
+    AlgebraicLoop,
+    CouplingViolation,
+    NetworkInstability,
+    NodeNotDissipative,
+    NodeViolation,
+    NoWeights,
+)
 
 _KINDS = ("X", "U", "Y")
 _BLOCKS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
 _DENSE = 4 * 10**6
+# What has to lie in a cone for each kind of witness.
+_PLACED = {"growth": "xzWC", "loop": "yWC", "motion": "xzu", "weights": "y"}
 
 
 def describe(model: NetworkModel) -> dict[str, Any]:
@@ -140,8 +149,6 @@ def evidence(
         normal = facets, broken.facet, model.offsets[target], witness.node
         ray = _first_ray(model, source, witness.node) + broken.ray
         return {**out, **_violation(model, name, normal, cones[_KINDS[target]], ray)}
-    if witness is not None and not isinstance(witness, NetworkInstability):
-        raise proofs.ProofOmittedError(f"{type(witness).__name__} is for control_kpos alone")
     A, B, C, D = (_side_by_side(model, name) for name in _BLOCKS)
     X, U, Y = (cones[name] for name in _KINDS)
     prover = proofs.Prover()
@@ -150,15 +157,15 @@ def evidence(
         out[name] = prover.inclusion(target, M, source)
     if loop is not None:
         out["p"], out["t"] = (proofs.numbers(_fractions(part)) for part in loop)
-    if isinstance(witness, NetworkInstability):
-        x, u, y = map(_fractions, witness.vectors)
-        moved = proofs.product(A, x) + proofs.product(B, u) - Fraction(witness.rate) * x
+    if witness is not None:
+        shows, x, u, y, rate = _motion(model, witness)
+        moved = proofs.product(A, x) + proofs.product(B, u) - rate * x
+        extra = proofs.product(model.coupling, y) - u
         spare = proofs.product(C, x) + proofs.product(D, u) - y
-        out["wx"], out["wz"] = prover.vector(X, x), prover.vector(X, moved)
-        out["wu"], out["wy"] = prover.vector(U, proofs.product(model.coupling, y) - u), prover.vector(Y, spare)
-        out.update(x=proofs.numbers(x), u=proofs.numbers(u), y=proofs.numbers(y))
-        out["rate"] = proofs.numbers(np.array([Fraction(witness.rate)], dtype=object))["array"][0]
-        return out
+        places = {"x": (X, x), "z": (X, moved), "u": (U, u), "y": (Y, y), "W": (U, extra), "C": (Y, spare)}
+        out.update({f"w{name}": prover.vector(*places[name]) for name in _PLACED[shows]})
+        out.update({name: proofs.numbers(vector) for name, vector in (("x", x), ("u", u), ("y", y))})
+        return {**out, "shows": shows, "rate": proofs.numbers(np.array([rate], dtype=object))["array"][0]}
     if vectors and sigma is not None:
         for (name, vector), kind in zip(vectors.items(), (0, 1, 2), strict=True):
             weight = proofs.exact_vector(np.asarray(sigma)[model.owners(kind)])
@@ -169,6 +176,27 @@ def evidence(
 def _fractions(values: Any) -> Any:
     """Doubles or fractions as fractions."""
     return np.array([Fraction(value) for value in values], dtype=object)
+
+
+def _motion(model: NetworkModel, witness: Any) -> tuple[str, Any, Any, Any, Fraction]:
+    """What a witness shows, with x, u, y and the rate of the large system in which it shows it."""
+    x, u, y = (_fractions([0] * total) for total in model.totals)
+    rate = Fraction(int(model.discrete))
+    if isinstance(witness, NetworkInstability):
+        x, u, y = map(_fractions, witness.vectors)
+        return "growth", x, u, y, Fraction(witness.rate)
+    if isinstance(witness, AlgebraicLoop):
+        y, u = map(_fractions, witness.vectors)
+        return "loop", x, u, y, rate
+    if isinstance(witness, NoWeights):
+        return "weights", x, u, _fractions(witness.y), rate
+    if isinstance(witness, NodeNotDissipative):
+        part = witness.violation
+        for whole, kind, own, exact in ((x, 0, part.x, part.x_exact), (u, 1, part.u, part.u_exact)):
+            first = int(model.offsets[kind][witness.node])
+            whole[first : first + len(own)] = proofs.exact_vector(own, exact)
+        return "motion", x, u, y, rate
+    raise proofs.ProofOmittedError(f"{type(witness).__name__} is for control_kpos alone")
 
 
 def _first_ray(model: NetworkModel, kind: int, node: int) -> int:

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, as_stack
 from ..certificates.exact import BilinearForms
 from ..certificates.files import register_record
+from ..certificates.proofs import ProofOmittedError, Prover, violation
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
 
@@ -117,6 +118,40 @@ class DifferentialCertificate(Certificate):
         if not self.discrete:
             out.append(Condition("h'x = 0", BilinearForms(h, None, x), "=="))
         return out
+
+    def contents(self) -> dict[str, Any]:
+        """Jacobians that are known are named A, one matrix each."""
+        out = self.data()
+        if self.source == "sampled" or np.any(self.radii):
+            return out
+        del out["centres"], out["radii"]
+        return {"A": tuple(_layer(self.centres, s) for s in range(self.centres.shape[0])), **out}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> DifferentialCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        rest = dict(contents)
+        if "A" in rest:
+            rest["centres"] = as_stack(rest.pop("A"))
+            rest["radii"] = np.zeros(rest["centres"].shape)
+        return cls.settle(**rest)
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights of A x_i for every Jacobian A; or the facet that one of them crosses."""
+        w, prover, count = self.witness, Prover(), self.centres.shape[0]
+        if self.source == "sampled" or np.any(self.radii):
+            raise ProofOmittedError("Jacobians that are enclosed or sampled are for control_kpos alone")
+        if w is None:
+            layers = (_layer(self.centres, s) for s in range(count))
+            return {"P": [prover.inclusion(self.X, A, self.X, invariance=not self.discrete) for A in layers]}
+        member = next(s for s in range(count) if np.array_equal(self.centres.values[s], w.centre))
+        return {"P": [None] * count, "member": member, **violation("A", self.X.exact_facets, w.facet, w.ray)}
 
     @property
     def is_strict(self) -> bool:
