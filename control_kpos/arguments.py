@@ -96,6 +96,31 @@ def words(value: Any, name: str) -> str | None:
     raise DataError(f"{name} is {found(value)}; give text.")
 
 
+def dimensions(value: Any) -> int | None:
+    """Number of dimensions of a number or array_like; None if it is ragged or no array at all.
+
+    >>> dimensions([[1, 2], [3, 4]]), dimensions([[1, 2], [3]])
+    (2, None)
+    """
+    try:
+        return int(np.ndim(value))
+    except Exception:  # noqa: BLE001  (conversion runs code of the object, which may raise anything)
+        return None
+
+
+def places(value: Any, name: str) -> list[str | int]:
+    """Places or names of signals, given one by one or in a list.
+
+    >>> places("y", "outputs"), places([0, "u"], "inputs")
+    (['y'], [0, 'u'])
+    """
+    chosen = [value] if isinstance(value, (str, int, np.integer)) else items(value, name)
+    for item in chosen:
+        if isinstance(item, (bool, np.bool_)) or not isinstance(item, (str, int, np.integer)):
+            raise DataError(f"{name} holds {found(item)}; give places (0, 1, ...) or names.")
+    return [item if isinstance(item, str) else int(item) for item in chosen]
+
+
 def file_path(value: Any, name: str = "path") -> Path:
     """A path; never a number, which would be an open file of somebody else.
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ..arguments import dimensions
 from ..arrays import ExactMatrix, exact_matrix, sparse_matrix
 from ..errors import ConeMismatchError, DataError, ShapeError
 from .model import NetworkModel
@@ -59,7 +60,8 @@ def _largest(model: NetworkModel) -> str:
 
 def is_graph(coupling: Any) -> bool:
     """True for networkx graphs, without importing networkx."""
-    return all(hasattr(coupling, name) for name in ("is_multigraph", "is_directed", "edges", "nodes"))
+    kind = type(coupling)  # an instance may answer anything
+    return all(hasattr(kind, name) for name in ("is_multigraph", "is_directed", "edges", "nodes"))
 
 
 def _from_graph(graph: Any, model: NetworkModel) -> ExactMatrix:
@@ -106,7 +108,7 @@ def _has_blocks(coupling: Any) -> bool:
     if not isinstance(coupling, (list, tuple)):
         return False
     entries = [b for row in coupling if isinstance(row, (list, tuple)) for b in row]
-    return any(b is None or sp.issparse(b) or (not isinstance(b, str) and np.ndim(b) == 2) for b in entries)
+    return any(b is None or sp.issparse(b) or (not isinstance(b, str) and dimensions(b) == 2) for b in entries)
 
 
 def _from_blocks(coupling: Any, model: NetworkModel) -> ExactMatrix:
@@ -122,7 +124,7 @@ def _from_blocks(coupling: Any, model: NetworkModel) -> ExactMatrix:
     rows, columns, data = [], [], []
     for j, row in enumerate(coupling):
         for k, block in enumerate(row):
-            if block is None or (np.ndim(block) == 0 and not sp.issparse(block) and block == 0):
+            if block is None or (dimensions(block) == 0 and not sp.issparse(block) and block == 0):
                 continue
             name = f"coupling[{j}][{k}]"
             exact = ExactMatrix(sparse_matrix(block, name)) if sp.issparse(block) else exact_matrix(block, name)

@@ -18,9 +18,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
+from ..arguments import found
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.result import Status, all_hold
-from ..errors import ConeMismatchError, ShapeError, TimebaseError
+from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from . import conditions as on
 from .blocks import Floats, apply, inverse, is_zero
 from .certificate import NetworkCertificate, flat, per_node
@@ -88,6 +89,8 @@ class Overlay:
 
     def identity(self, position: int) -> int:
         """Identity of the node at a position."""
+        if isinstance(position, (bool, np.bool_)) or not isinstance(position, (int, np.integer)):
+            raise DataError(f"node is {found(position)}; give the number of a node.")
         if not -self.n_nodes <= position < self.n_nodes:
             raise ShapeError(f"node {position} does not exist; the nodes are numbered 0 to {self.n_nodes - 1}.")
         out = position % self.n_nodes

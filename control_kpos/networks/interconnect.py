@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
+from ..arguments import places
 from ..arrays import ExactMatrix
 from ..errors import ShapeError
 from ..statespace import ConeStateSpace
@@ -105,21 +106,21 @@ def _select(model: NetworkModel, chosen: Sequence[int | str] | int | str | None,
     count = model.totals[kind]
     if chosen is None:
         return np.arange(count)
-    items = [chosen] if isinstance(chosen, (str, int, np.integer)) else list(chosen)
+    picked = places(chosen, what)
     known: dict[str, list[int]] = {}
-    if any(isinstance(item, str) for item in items):
+    if any(isinstance(item, str) for item in picked):
         for place, label in enumerate(model.signal_names(kind)):
             known[label] = [place]
         for j, node in enumerate(model.names):
             known.setdefault(node, list(range(int(model.offsets[kind][j]), int(model.offsets[kind][j + 1]))))
     out: list[int] = []
-    for item in items:
+    for item in picked:
         if isinstance(item, str):
             if item not in known:
                 raise ShapeError(f"{what} names {item!r}, which is neither one of the {count} {what} nor a node.")
             out += known[item]
-        elif -count <= int(item) < count:
-            out.append(int(item) % count)
+        elif -count <= item < count:
+            out.append(item % count)
         else:
             raise ShapeError(f"{what} holds {item}; there are {count} {what}.")
     if len(set(out)) != len(out):

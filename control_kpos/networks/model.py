@@ -20,6 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..arguments import items
 from ..arrays import ExactMatrix
 from ..certificates.files import register_record
 from ..errors import ShapeError, TimebaseError
@@ -216,8 +217,8 @@ def gather(
     TimebaseError
         Nodes with different timebases.
     """
-    items: list[Any] = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else list(systems)
-    if not items:
+    given: list[Any] = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else items(systems, "systems")
+    if not given:
         raise ShapeError("systems is empty; a network needs at least one node.")
     dt: Timebase = None
     first: str | None = None
@@ -225,7 +226,7 @@ def gather(
     stacks: list[NodeStack] = []
     members: list[Index] = []
     count = 0
-    for position, item in enumerate(items):
+    for position, item in enumerate(given):
         if isinstance(item, NodeStack):
             stacks.append(item)
             members.append(np.arange(count, count + len(item)))

@@ -8,9 +8,10 @@ from typing import Any
 
 from control import StateSpace
 
+from ..arguments import flag, found, items, real_number, words
 from ..cards import card
 from ..certificates.result import Status
-from ..errors import ShapeError, UndecidedError
+from ..errors import DataError, ShapeError, UndecidedError
 from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from .blocks import Index
@@ -23,6 +24,9 @@ from .inherited import LocalCertificate, inherit
 from .model import NetworkModel, NodeStack, gather
 from .responses import NetworkResponses
 from .witnesses import NetworkInstability
+
+# Brackets are not sought narrower than this: rounding is in the way.
+_NARROWEST = 1e-13
 
 
 class ConeNetwork(NetworkResponses):
@@ -132,6 +136,7 @@ class ConeNetwork(NetworkResponses):
         -------
         AbscissaCertificate
         """
+        relative = max(real_number(relative, "relative", positive=True), _NARROWEST)
         with Reporter(self._progress) as report:
             return bracket(self.model, relative, report)
 
@@ -280,7 +285,11 @@ class ConeNetwork(NetworkResponses):
         """
         overlay = self._changes()
         return overlay.room_for(
-            self._single(system), [overlay.identity(k) for k in sources], [overlay.identity(j) for j in targets]
+            self._single(system),
+            *(
+                [overlay.identity(k) for k in items(given, name)]
+                for given, name in ((sources, "sources"), (targets, "targets"))
+            ),
         )
 
     def _changes(self) -> Overlay:
@@ -296,7 +305,10 @@ class ConeNetwork(NetworkResponses):
 
     @staticmethod
     def _identified(overlay: Overlay, *links: Mapping[int, Any] | None) -> list[dict[int, Any]]:
-        return [{overlay.identity(int(k)): w for k, w in (link or {}).items()} for link in links]
+        for link, name in zip(links, ("incoming", "outgoing"), strict=True):
+            if not (link is None or isinstance(link, Mapping)):
+                raise DataError(f"{name} is {found(link)}; give a dictionary of weights by the number of the node.")
+        return [{overlay.identity(k): w for k, w in (link or {}).items()} for link in links]
 
     def _changed(self, overlay: Overlay) -> ConeNetwork:
         if overlay.covered:
@@ -313,6 +325,7 @@ class ConeNetwork(NetworkResponses):
         use_prefix_suffix : bool
             As in python-control.
         """
+        name, use_prefix_suffix = words(name, "name"), flag(use_prefix_suffix, "use_prefix_suffix")
         out = ConeNetwork(self.model, external=self._external, find=self._find, progress=self._progress)
         if "certificate" in self.__dict__:
             out.__dict__["certificate"] = self.certificate

@@ -10,9 +10,10 @@ import numpy as np
 from control.config import defaults
 from numpy.typing import ArrayLike
 
+from ..arguments import places
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.files import register_record
-from ..cones import Cone, orthant
+from ..cones import Cone, as_cone, orthant
 from ..errors import ConeMismatchError, ShapeError
 from .blocks import exact_take
 
@@ -76,9 +77,9 @@ def stack(
     D: ArrayLike | None = None,
     dt: Timebase = None,
     *,
-    X: Cone | None = None,
-    U: Cone | None = None,
-    Y: Cone | None = None,
+    X: Cone | ArrayLike | None = None,
+    U: Cone | ArrayLike | None = None,
+    Y: Cone | ArrayLike | None = None,
     names: Sequence[str] | None = None,
 ) -> NodeStack:
     """Many nodes of one size as stacked arrays, for networks up to millions of nodes.
@@ -94,7 +95,7 @@ def stack(
     dt : float, bool or None
         0 for continuous time, a positive number or True for discrete time; the default is
         python-control's, 0.
-    X, U, Y : Cone, optional
+    X, U, Y : Cone, or array_like of its generators, optional
         Shared by all nodes; the nonnegative orthants if not given.
     names : sequence of str, optional
         One name per node.
@@ -139,13 +140,13 @@ def stack(
             matrices[name] = exact_take(matrices[name], np.zeros(count, dtype=np.intp))
     cones = {}
     for name, cone, size in (("X", X, n), ("U", U, m), ("Y", Y, q)):
-        cones[name] = orthant(size) if cone is None else cone
+        cones[name] = orthant(size) if cone is None else as_cone(cone, name)
         if cones[name].dim != size:
             raise ConeMismatchError(
                 f"{name} is a cone in dimension {cones[name].dim}, but the nodes need dimension {size}."
             )
         cones[name].require_proper(name)
-    labels = tuple(str(name) for name in names) if names is not None else ()
+    labels = tuple(str(name) for name in places(names, "names")) if names is not None else ()
     if labels and (len(labels) != count or len(set(labels)) != count):
         raise ShapeError(
             f"names has {len(labels)} entries ({len(set(labels))} distinct); {count} nodes need {count} distinct names."

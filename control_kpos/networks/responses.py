@@ -11,7 +11,8 @@ import scipy.sparse.linalg as spla
 from control import TimeResponseData
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import exact_matrix, vector
+from ..arguments import dimensions, flag, places, real_number, whole_number
+from ..arrays import dense, exact_matrix, vector
 from ..errors import DataError, ShapeError, TooLargeError
 from ..progress import Reporter
 from .abscissa import descend
@@ -52,8 +53,7 @@ class NetworkResponses(NetworkShell):
         """
         if k is None:
             return np.linalg.eigvals(self.A).astype(complex) if self.nstates else np.zeros(0, dtype=complex)
-        if not 0 < k <= self.nstates:
-            raise ShapeError(f"k is {k}; it must be between 1 and the number of states, {self.nstates}.")
+        k = whole_number(k, "k", least=1, most=self.nstates, outside=ShapeError)
         if self.nstates <= max(400, 2 * k + 2):
             values = np.linalg.eigvals(self.sparse_A.toarray()).astype(complex)
         else:
@@ -120,7 +120,7 @@ class NetworkResponses(NetworkShell):
         times = sample_times(T, self.dt)
         x0 = self._initial_state(X0)
         rows = self._chosen_outputs(outputs)
-        keep = self.nstates * len(times) <= 20_000_000 if states is None else bool(states)
+        keep = self.nstates * len(times) <= 20_000_000 if states is None else flag(states, "states")
         if (len(rows) + keep * self.nstates) * len(times) > RESPONSE_LIMIT:
             raise TooLargeError(
                 f"a response of {len(rows)} outputs{' and all states' if keep else ''} at {len(times)} times is "
@@ -167,10 +167,11 @@ class NetworkResponses(NetworkShell):
         times = sample_times(T, self.dt)
         rows = self._chosen_outputs(outputs)
         coo = sp.coo_array(self.model.W)
-        if np.ndim(delays) == 0 and not sp.issparse(delays):
-            tau = np.full(coo.nnz, float(vector(np.array([delays]), "delays")[0]))
+        refine = whole_number(refine, "refine", least=1)
+        if dimensions(delays) == 0:
+            tau = np.full(coo.nnz, real_number(delays, "delays"))
         else:
-            table: Any = delays if sp.issparse(delays) else exact_matrix(delays, "delays").values
+            table: Any = exact_matrix(delays, "delays").values
             if table.shape != coo.shape:
                 raise ShapeError(
                     f"delays is {table.shape[0]} x {table.shape[1]}; it must be a number or {coo.shape[0]} x "
@@ -180,22 +181,19 @@ class NetworkResponses(NetworkShell):
         if not (tau >= 0).all() or not np.isfinite(tau).all():
             raise DataError("delays must be finite and not negative.")
         with Reporter(self._progress) as report:
-            y = delayed(
-                self.model, times, self._initial_state(X0), tau, max(1, int(refine)), self._outputs[rows], report
-            )
+            y = delayed(self.model, times, self._initial_state(X0), tau, refine, self._outputs[rows], report)
         return self._response(times, y, None, None, rows)
 
     def _initial_state(self, X0: ArrayLike) -> Floats:
-        if np.ndim(X0) == 0:
-            return np.full(self.nstates, float(vector(np.array([X0]), "X0")[0]))
-        values = np.asarray(exact_matrix(np.ravel(np.asarray(X0)), "X0", ndim=1).values)
-        return vector(values, "X0", self.nstates)
+        if dimensions(X0) == 0:
+            return np.full(self.nstates, real_number(X0, "X0"))
+        return vector(dense(exact_matrix(X0, "X0").values).ravel(), "X0", self.nstates)
 
     def _input_samples(self, U: ArrayLike | None, count: int) -> Floats | None:
         if U is None:
             return None
-        samples = np.asarray(exact_matrix(U, "U").values)
-        if np.ndim(U) == 0:
+        samples = dense(exact_matrix(U, "U").values)
+        if dimensions(U) == 0:
             samples = np.full((self.ninputs, count), float(samples[0, 0]))
         if samples.shape != (self.ninputs, count):
             raise ShapeError(
@@ -207,14 +205,13 @@ class NetworkResponses(NetworkShell):
     def _chosen_outputs(self, outputs: Sequence[int | str] | int | str | None) -> Index:
         if outputs is None:
             return np.arange(self.noutputs)
-        chosen = [outputs] if isinstance(outputs, (str, int, np.integer)) else list(outputs)
-        places = []
-        for item in chosen:
-            place = self.output_index.get(item) if isinstance(item, str) else int(item)
+        chosen = []
+        for item in places(outputs, "outputs"):
+            place = self.output_index.get(item) if isinstance(item, str) else item
             if place is None or not -self.noutputs <= place < self.noutputs:
                 raise ShapeError(f"outputs names {item!r}, which is none of the {self.noutputs} outputs.")
-            places.append(place % self.noutputs)
-        return np.array(places, dtype=np.intp)
+            chosen.append(place % self.noutputs)
+        return np.array(chosen, dtype=np.intp)
 
     def _response(self, times: Floats, y: Floats, x: Floats | None, u: Floats | None, rows: Index) -> TimeResponseData:
         named = self.model.n_nodes <= READABLE

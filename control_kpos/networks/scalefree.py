@@ -15,15 +15,16 @@ from typing import Any, ClassVar
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import ExactMatrix, vector
+from ..arguments import real_number
+from ..arrays import ExactMatrix, exact_matrix, vector
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Certificate, Condition, Status
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..statespace import ConeStateSpace
-from .blocks import Floats
+from .blocks import Floats, Index
 from .certificate import NetworkCertificate, flat, per_node
 from .certify import certify
-from .coupling import read_coupling
+from .coupling import is_graph, read_coupling
 from .model import NetworkModel, NodeStack, gather
 from .network import ConeNetwork
 from .solvers import PortSystem
@@ -96,8 +97,11 @@ class OutWeightCertificate(Certificate):
         ----------
         coupling : array_like or sparse matrix, shape (N, N)
         """
-        W = sp.csr_array(coupling) if sp.issparse(coupling) else sp.csr_array(np.asarray(coupling, dtype=float))
-        if not self or W.shape[0] != W.shape[1] or (W.data < 0).any() or not np.isfinite(W.data).all():
+        exact = exact_matrix(coupling, "coupling")
+        if not exact.is_double:
+            raise DataError("coupling holds fractions; give doubles, which are compared exactly.")
+        W = sp.csr_array(exact.values)
+        if not self or W.shape[0] != W.shape[1] or (W.data < 0).any():
             return False
         ones = ExactMatrix(np.ones((1, W.shape[0] + 1)))
         table = sp.csr_array(sp.vstack([W, sp.csr_array(np.full((1, W.shape[1]), -self.weight))], format="csr"))
@@ -120,9 +124,8 @@ class OutWeightCertificate(Certificate):
             Its certificate holds copies of the local v, r, q, proven for this coupling; if they do not
             cover it, it is found anew when first asked for.
         """
-        size = len(types) if types is not None else _size(coupling)
-        kinds = np.zeros(size, dtype=np.intp) if types is None else np.asarray(types, dtype=np.intp)
         local = self.local
+        kinds = np.zeros(_size(coupling), dtype=np.intp) if types is None else _kinds(types)
         if kinds.size and not (kinds.min() >= 0 and kinds.max() < local.model.n_nodes):
             raise ShapeError(
                 f"types must name one of the {local.model.n_nodes} node types, 0 to {local.model.n_nodes - 1}."
@@ -171,7 +174,16 @@ class OutWeightCertificate(Certificate):
 
 
 def _size(coupling: Any) -> int:
-    return len(coupling.nodes) if hasattr(coupling, "nodes") else int(np.shape(coupling)[0])
+    if is_graph(coupling):
+        return len(coupling.nodes)
+    return exact_matrix(coupling, "coupling").shape[0]
+
+
+def _kinds(types: Any) -> Index:
+    kinds = np.asarray(vector(types, "types"))
+    if not (kinds == np.round(kinds)).all():
+        raise DataError("types holds numbers that are not whole; give the number of the type of every node.")
+    return kinds.astype(np.intp)
 
 
 def scale_free_certificate(
@@ -225,9 +237,7 @@ def scale_free_certificate(
         gains = np.concatenate([g.ravel() for g in PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G])
         top = float(gains.max())
         weight = (1 - 1e-9) / top if np.isfinite(top) and top > 0 else 1.0
-    weight = float(vector([weight], "weight")[0])
-    if weight < 0:
-        raise DataError(f"weight is {weight:g}; out-weights are not negative.")
+    weight = real_number(weight, "weight", nonnegative=True)
     model = bare.with_coupling(ExactMatrix(sp.csr_array(weight * sp.eye_array(count))))
     if count == 1 and weight > 0:
         local = certify(model)

@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from control import StateSpace
 from numpy.typing import NDArray
 
+from ..arguments import words
 from ..cones import Cone, product
 from ..errors import DataError, TooLargeError
 from ..progress import Target
@@ -46,7 +47,7 @@ class NetworkShell(StateSpace):
         progress: Target = None,
     ) -> None:
         # StateSpace.__init__ would ask for dense matrices; set up what the classes above it need.
-        self.name = self._name_or_default(name)
+        self.name = self._name_or_default(words(name, "name"))
         self._overlay = overlay
         if model is not None:
             self.__dict__["model"] = model

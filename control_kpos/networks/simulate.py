@@ -18,8 +18,9 @@ import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
+from ..arguments import dimensions, real_number
 from ..arrays import vector
-from ..errors import DataError, ShapeError
+from ..errors import DataError, ShapeError, TooLargeError
 from .blocks import Floats, Index, apply
 from .closedloop import ClosedLoop
 from .model import NetworkModel
@@ -32,6 +33,10 @@ _TAIL = 1e-13
 _STIFF = 300_000
 
 
+# Samples beyond this fill the memory.
+_MOST_SAMPLES = 10**8
+
+
 def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.float64]:
     """Evenly spaced sample times from an array, or from a final time.
 
@@ -41,10 +46,10 @@ def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.
         No times, times that are not evenly spaced and increasing, or (discrete time) not dt apart.
     """
     step = (1.0 if dt is True else float(dt)) if dt else None
-    if np.ndim(T) == 0:
-        end = float(vector(np.array([T]), "T")[0])
-        if not end > 0:
-            raise DataError(f"T is {end:g}; the final time must be positive.")
+    if dimensions(T) == 0:
+        end = real_number(T, "T", positive=True)
+        if step and end / step > _MOST_SAMPLES:
+            raise TooLargeError(f"T is {end:g}, which is more than {_MOST_SAMPLES} steps of {step:g}.")
         return np.arange(float(round(end / step) + 1)) * step if step else np.linspace(0.0, end, count)
     times = vector(T, "T")
     if times.size == 0:
@@ -269,7 +274,7 @@ def delayed(
     steps = (len(times) - 1) * refine
     h = float(times[-1] - times[0]) / steps if steps else 1.0
     advance = [_linear_hold(s.A.values, s.B.values, h) for s in model.stacks]
-    lag = delays / h
+    lag = np.minimum(delays / h, steps + 1)  # y does not change before t = 0
     reach = int(np.ceil(lag.max(initial=0.0))) + 2
     whole = np.floor(lag).astype(np.intp)
     share = lag - whole

@@ -8,9 +8,10 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
+from ..arguments import items
 from ..arrays import vector
 from ..certificates.result import Status
-from ..dissipativity import dissipativity_of
+from ..dissipativity import DissipativityCertificate, dissipativity_of
 from ..errors import ShapeError
 from ..linear_programs import solve
 from . import conditions as on
@@ -31,20 +32,18 @@ def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Floats, Floats]
     ShapeError
         Not one pair (q_j, r_j) per node, or vectors of the wrong length.
     """
-    items = list(rates)
-    if len(items) != model.n_nodes:
-        raise ShapeError(f"supply_rates has {len(items)} entries; {model.n_nodes} nodes need one pair (q_j, r_j) each.")
+    given = items(rates, "supply_rates")
+    if len(given) != model.n_nodes:
+        raise ShapeError(f"supply_rates has {len(given)} entries; {model.n_nodes} nodes need one pair (q_j, r_j) each.")
     m, n_out = np.diff(model.offsets[1]), np.diff(model.offsets[2])
     qs, rs = [], []
-    for j, item in enumerate(items):
-        if hasattr(item, "q") and hasattr(item, "r"):  # a DissipativityCertificate
-            q, r = item.q, item.r
-        else:
-            if not isinstance(item, (tuple, list)) or len(item) != 2:
-                raise ShapeError(f"supply_rates[{j}] must be a pair (q, r).")
-            q, r = item
-        qs.append(vector(np.atleast_1d(q), f"q in supply_rates[{j}]", int(n_out[j])))
-        rs.append(vector(np.atleast_1d(r), f"r in supply_rates[{j}]", int(m[j])))
+    for j, item in enumerate(given):
+        pair: Any = (item.q, item.r) if isinstance(item, DissipativityCertificate) else item
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise ShapeError(f"supply_rates[{j}] must be a pair (q, r).")
+        q, r = pair
+        qs.append(vector(q, f"q in supply_rates[{j}]", int(n_out[j])))
+        rs.append(vector(r, f"r in supply_rates[{j}]", int(m[j])))
     return np.concatenate(qs), np.concatenate(rs)
 
 

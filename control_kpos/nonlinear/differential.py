@@ -21,7 +21,7 @@ import numpy as np
 from control import NonlinearIOSystem, StateSpace
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import flag, items, seconds, whole_number
+from ..arguments import dimensions, flag, items, seconds, whole_number
 from ..arrays import ExactMatrix, dense, exact_matrix
 from ..certificates.result import Status
 from ..cones import Cone, as_cone
@@ -109,7 +109,7 @@ def differential_positivity(
 
 
 def _vertices(data: Any, X: Cone) -> ExactMatrix:
-    given = [data] if _is_matrix(data) else items(data, "jacobians")
+    given = [data] if dimensions(data) == 2 else items(data, "jacobians")
     if not given:
         raise ShapeError("jacobians is empty; give at least one matrix.")
     read = [exact_matrix(item, f"jacobians[{s}]") for s, item in enumerate(given)]
@@ -121,13 +121,6 @@ def _vertices(data: Any, X: Cone) -> ExactMatrix:
     if all(m.is_double for m in read):
         return ExactMatrix(np.array([dense(m.values) for m in read]))
     return ExactMatrix.from_fractions(np.array([m.fractions() for m in read], dtype=object))
-
-
-def _is_matrix(data: Any) -> bool:
-    try:
-        return np.ndim(data) == 2
-    except Exception:  # noqa: BLE001  (ragged; or the object's own conversion, which may raise anything)
-        return False
 
 
 def _settled(
