@@ -80,6 +80,7 @@ def design_network(A, W):
     return kp.network_feedback(nodes, W, gain_bound=15, rate=0.1)
 
 
+@pytest.mark.filterwarnings("ignore::control_kpos.ActuatorLossWarning")
 @pytest.mark.parametrize(("nodes", "at_most", "rounds"), [(10_000, 1.0, 3), (100_000, 10.0, 1)])
 def test_network(contest, size, nodes, at_most, rounds):
     A, W = random_network(size(nodes, 100))

@@ -16,6 +16,7 @@ from .cones import product as product
 from .dissipativity import DissipativityCertificate as DissipativityCertificate
 from .dissipativity import SupplyViolation as SupplyViolation
 from .dissipativity import dissipativity as dissipativity
+from .errors import ActuatorLossWarning as ActuatorLossWarning
 from .errors import CertificateFileError as CertificateFileError
 from .errors import ConeMismatchError as ConeMismatchError
 from .errors import DataError as DataError

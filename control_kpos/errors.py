@@ -1,4 +1,4 @@
-"""Errors that say which argument is wrong, what was found, and what to do.
+"""Errors and warnings that say which argument is wrong, what was found, and what to do.
 
 All of them are `ValueError` subclasses: python-control's `feedback` swallows `TypeError` and
 `AttributeError`, and a refused cone must never turn into a silently different result.
@@ -47,3 +47,7 @@ class FalseClaimError(CertificateFileError):
 
 class SolverError(KposError):
     """No usable solver, or one that is not installed."""
+
+
+class ActuatorLossWarning(UserWarning):
+    """A certified gain is safe only as long as its actuators keep most of their effect."""

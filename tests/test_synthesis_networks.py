@@ -10,6 +10,9 @@ import control_kpos as kp
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 
+# the mass on a spring is positive on this cone with feedback only
+pytestmark = pytest.mark.filterwarnings("ignore::control_kpos.ActuatorLossWarning")
+
 
 def node(k=1.0):
     return kp.ConeStateSpace([[0, 1], [-k, 0]], [[0], [1]], [[1, 0]], 0, X=PAPER)
@@ -139,6 +142,24 @@ def test_weakened_local_gains():
         assert weakened(s + rng.uniform(size=30) * (1 - s)).certificate
     assert not weakened(0.5 * s).certificate
     assert "%" in d.explain()
+
+
+def test_a_warning_names_the_node_that_weak_actuators_take_out_of_its_cone():
+    tank = kp.ConeStateSpace([[1.0]], [[1.0]], [[1.0]], 0)
+    with pytest.warns(kp.ActuatorLossWarning, match=r"% of its local gain, node 1 .* at 1 of 3 nodes") as caught:
+        d = kp.network_feedback([tank, node(), tank], 0.1 * ring(3), rate=0.2)
+    assert caught[0].filename == __file__
+    assert f"{100 * d.certified_fraction[1]:.4g} %" in str(caught[0].message)
+    assert d.certified_fraction[1] > d.certified_fraction[0] > 0
+
+
+@pytest.mark.filterwarnings("error")
+def test_no_warning_where_nodes_stay_positive_with_weak_actuators():
+    tank = kp.ConeStateSpace([[1.0]], [[1.0]], [[1.0]], 0)  # unstable without feedback, but positive
+    d = kp.network_feedback([tank] * 3, 0.1 * ring(3), rate=0.2)
+    assert d and (d.certified_fraction > 0).all()
+    refused = kp.network_feedback([node()] * 3, ring(3), gain_bound=4)
+    assert refused.status is kp.Status.REFUTED
 
 
 def test_rounding_of_large_networks_is_stated():

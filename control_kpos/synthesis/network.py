@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from typing import Any
 
@@ -12,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import flag
 from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
-from ..errors import DataError, NotProperConeError, ShapeError
-from ..networks.certificate import flat
+from ..errors import ActuatorLossWarning, DataError, NotProperConeError, ShapeError
 from ..networks.coupling import read_coupling
 from ..networks.model import NetworkModel, NodeStack, gather
 from ..networks.network import ConeNetwork
@@ -25,7 +25,7 @@ from .one_shot import design_on_simplicial
 from .plant import read_plant
 from .result import DesignResult, Nearest
 from .state import read_rate, read_time_limit
-from .weakening import interval_starts
+from .weakening import loss_of_positivity, node_fractions
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,8 @@ BOUNDED = "largest |F_j x_k| relative to its bound"
 _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
 _NODES_TRIED, _SECONDS_EACH = 50, 10.0
-_SLACK = 0.05
+# What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
+_SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
 # Bounds on gains are numbers of a linear program.
 _LARGEST_BOUND = 1e100
 
@@ -74,12 +75,19 @@ def network_feedback(
     DesignResult
         `F` of shape (N, m, n) (a tuple of arrays if nodes differ in size; shape (m, n) if uniform), `closed_loop` a
         network as from `feedback_interconnect`, `certificate` its Theorem-4 certificate, `certified_fraction` of
-        shape (N,).  REFUTED if some node alone cannot be made positive and stable, or leaves its cones.
+        shape (N,) for all nodes weakened at once.  REFUTED if some node alone cannot be made positive and stable, or
+        leaves its cones.
 
     Raises
     ------
     ShapeError, DataError, ConeMismatchError, NotProperConeError, TimebaseError, SolverError
         Arguments that do not fit together; a node with feedthrough or a state cone that is not simplicial.
+
+    Warns
+    -----
+    ActuatorLossWarning
+        If weakening a local gain breaks invariance of its node, so that a failing actuator takes the guarantees of the
+        whole network with it; with the smallest fraction of the gain that is still certified, and the node.
 
     Notes
     -----
@@ -90,9 +98,9 @@ def network_feedback(
     Examples
     --------
     >>> import control_kpos as kp, numpy as np
-    >>> node = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    >>> tanks = kp.ConeStateSpace([[-1, 1], [1, -1]], [[0], [1]], [[1, 0]], 0)
     >>> ring = np.roll(np.eye(5), 1, axis=1)
-    >>> d = kp.network_feedback([node] * 5, ring, rate=0.5)
+    >>> d = kp.network_feedback([tanks] * 5, ring, rate=0.5)
     >>> bool(d), d.F.shape, d.decay_rate >= 0.5
     (True, (5, 1, 2), True)
     """
@@ -106,16 +114,28 @@ def network_feedback(
     _require_nodes(model, uniform)
     bound = _read_bound(gain_bound, model)
     with Reporter(progress) as report:
-        lp = Programs(solver, limit, report)
-        lp.stage(f"{model.n_nodes} nodes")
-        program = NetworkProgram(model, bound, uniform, lp, MARGINS[0])
-        result = _design(model, program, bound, float(target), lp)
-        if not result:
-            program = NetworkProgram(model, bound, uniform, lp, MARGINS[1])
-            result = _design(model, program, bound, float(target), lp)
-        if result or result.message:
-            return result
-        return _explain_failure(model, program, bound, float(target), program.start(float(target))[1], lp)
+        result, alarm = _designed(model, bound, uniform, float(target), Programs(solver, limit, report))
+    if alarm:
+        warnings.warn(alarm, ActuatorLossWarning, stacklevel=2)
+    return result
+
+
+def _designed(
+    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs
+) -> tuple[DesignResult, str]:
+    """The design, and a warning about weakened gains or ""."""
+    lp.stage(f"{model.n_nodes} nodes")
+    result = DesignResult(Status.UNDECIDED)
+    # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
+    for margin in MARGINS if bound is not None else MARGINS[1:]:
+        program = NetworkProgram(model, bound, uniform, lp, margin)
+        result, alarm = _design(model, program, bound, rate, lp)
+        if result:
+            return result, alarm
+    if result.message:
+        return result, ""
+    program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1])
+    return _explain_failure(model, program, bound, rate, program.start(rate)[1], lp), ""
 
 
 def _require_nodes(model: NetworkModel, uniform: bool) -> None:
@@ -156,16 +176,14 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
 
 def _design(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
-) -> DesignResult:
+) -> tuple[DesignResult, str]:
     start, _ = program.start(rate)
     if start is None:
-        return DesignResult(Status.UNDECIDED)
+        return DesignResult(Status.UNDECIDED), ""
     points, limit = [start], 1.0
     if bound is None:
         slim, limit = program.smallest_gain(rate, start)
-        # with a little more gain there is room for margins
-        roomy, _ = program.start(rate, limit * (1 + _SLACK)) if limit > 0 else (None, "")
-        points = [p for p in (roomy, slim, start) if p is not None]
+        points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
     for x in points:
         for digits in _DIGITS:
             if lp.left <= 0:
@@ -174,9 +192,18 @@ def _design(
             result = _certified(model, program, bound, rate, x, digits, limit)
             if result is not None:
                 return result
-    return DesignResult(
-        Status.UNDECIDED, limit=limit, message="gains were found, but the network they make could not be proven."
-    )
+    message = "gains were found, but the network they make could not be proven."
+    return DesignResult(Status.UNDECIDED, limit=limit, message=message), ""
+
+
+def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: float, lp: Programs) -> Floats | None:
+    """A point with a little more gain than the smallest, and as wide margins as that allows."""
+    for margin in _WIDE if limit > 0 else ():
+        wide = NetworkProgram(model, None, program.uniform, lp, margin)
+        point, _ = wide.start(rate, limit * (1 + _SLACK))
+        if point is not None:
+            return point
+    return None
 
 
 def _certified(
@@ -187,7 +214,7 @@ def _certified(
     x: Floats,
     digits: int,
     limit: float,
-) -> DesignResult | None:
+) -> tuple[DesignResult, str] | None:
     gains = [round_to(F, digits) for F in program.gains(x)]
     if program.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
@@ -210,7 +237,7 @@ def _certified(
         tight = network.spectral_abscissa()[1]
         if not -tight >= rate:
             return None
-    fraction = _fractions(model, gains, certificate)
+    invariant, fraction = node_fractions(model, gains, certificate)
     notes = [] if exact else [_rounding_note(program, gains, closed)]
     weakest = int(np.argmax(fraction))
     if fraction[weakest] > 0:
@@ -218,7 +245,7 @@ def _certified(
             f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most "
             f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
         )
-    return DesignResult(
+    result = DesignResult(
         Status.PROVED,
         _shaped(model, program, gains),
         network,
@@ -230,6 +257,7 @@ def _certified(
         fraction,
         notes=tuple(notes),
     )
+    return result, loss_of_positivity(model, invariant, fraction)
 
 
 def round_to(F: Floats, digits: int) -> Floats:
@@ -287,29 +315,6 @@ def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: Network
         if safe
         else "The certificate is about the doubles of A + B F, which differ from the exact sum in the last place."
     )
-
-
-def _fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -> Floats:
-    """Smallest certified fraction of the local gain, node by node; all nodes may be weakened at once."""
-    v = flat(certificate.v, model, 0)
-    block_b, block_c = model.block_matrices[1], model.block_matrices[2]
-    received = block_c.T @ (model.WT @ (block_b.T @ v))
-    out = np.zeros(model.n_nodes)
-    for s, index, F, v_j, c_j in zip(
-        model.stacks, model.members, gains, model.split(v, 0), model.split(received, 0), strict=True
-    ):
-        rays = np.asarray(s.X.rays)
-        facets = np.asarray(s.X.facets)
-        A, BF = np.asarray(s.A.values), np.einsum("jam,jmb->jab", np.asarray(s.B.values), F)
-        where = np.ones_like(s.X.incidence) if model.discrete else np.asarray(s.X.incidence)
-        constant = np.einsum("ia,jab,kb->jik", facets, A, rays, optimize=True)[:, where]
-        slope = np.einsum("ia,jab,kb->jik", facets, BF, rays, optimize=True)[:, where]
-        drift = A - np.eye(s.sizes[0]) if model.discrete else A
-        fall = -(np.einsum("ja,jab,kb->jk", v_j, drift, rays, optimize=True) + c_j @ rays.T)
-        fall_slope = -np.einsum("ja,jab,kb->jk", v_j, BF, rays, optimize=True)
-        ends = interval_starts(np.concatenate([constant, fall], axis=1), np.concatenate([slope, fall_slope], axis=1))
-        out[index] = ends
-    return out
 
 
 def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -> Any:

@@ -25,8 +25,8 @@ from .ratio import Solver, first_point, minimise_ratio, satisfies
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Relative to the size of the nodes: decay demanded beyond the required one, margins of invariance.
-_STRICT, MARGINS = 1e-6, (1e-3, 1e-6)
+# Relative to the size of the nodes: decay demanded beyond the required one, margins of invariance, widest first.
+_STRICT, MARGINS = 1e-6, (1e-1, 1e-3, 1e-6)
 # From this many variables on, the interior point method without crossover is faster than the simplex method.
 _LARGE = 4000
 

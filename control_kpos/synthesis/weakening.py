@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..networks.certificate import flat
+from ..networks.model import NetworkModel
 from ..stability import LyapunovCertificate
 from .acceptance import Accepted
 from .plant import Floats, Plant
@@ -48,3 +50,41 @@ def interval_starts(constant: Floats, slope: Floats) -> Floats:
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.where(falling, -constant / slope * (1 + _GUARD), 0.0)
     return np.clip(np.nan_to_num(ends, nan=1.0, posinf=1.0).max(axis=1, initial=0.0), 0.0, 1.0)
+
+
+def node_fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -> tuple[Floats, Floats]:
+    """Smallest fractions of the local gains that keep the node invariant, and the network certified, node by node.
+
+    All nodes may be weakened at once.
+    """
+    v = flat(certificate.v, model, 0)
+    block_b, block_c = model.block_matrices[1], model.block_matrices[2]
+    received = block_c.T @ (model.WT @ (block_b.T @ v))
+    invariant, certified = np.zeros(model.n_nodes), np.zeros(model.n_nodes)
+    for s, index, F, v_j, c_j in zip(
+        model.stacks, model.members, gains, model.split(v, 0), model.split(received, 0), strict=True
+    ):
+        rays = np.asarray(s.X.rays)
+        facets = np.asarray(s.X.facets)
+        A, BF = np.asarray(s.A.values), np.einsum("jam,jmb->jab", np.asarray(s.B.values), F)
+        where = np.ones_like(s.X.incidence) if model.discrete else np.asarray(s.X.incidence)
+        constant = np.einsum("ia,jab,kb->jik", facets, A, rays, optimize=True)[:, where]
+        slope = np.einsum("ia,jab,kb->jik", facets, BF, rays, optimize=True)[:, where]
+        drift = A - np.eye(s.sizes[0]) if model.discrete else A
+        fall = -(np.einsum("ja,jab,kb->jk", v_j, drift, rays, optimize=True) + c_j @ rays.T)
+        fall_slope = -np.einsum("ja,jab,kb->jk", v_j, BF, rays, optimize=True)
+        invariant[index] = interval_starts(constant, slope)
+        certified[index] = np.maximum(invariant[index], interval_starts(fall, fall_slope))
+    return invariant, certified
+
+
+def loss_of_positivity(model: NetworkModel, invariant: Floats, fraction: Floats) -> str:
+    """What to warn of: the node whose invariance suffers first from a weaker gain."""
+    if not invariant.any():
+        return ""
+    first = int(np.argmax(invariant))
+    return (
+        f"below {100 * fraction[first]:.4g} % of its local gain, {model.name_of(first)} is no longer certified to stay "
+        "in its state cone, and then nothing is certified about the network; weakened gains break positivity at "
+        f"{np.count_nonzero(invariant)} of {model.n_nodes} nodes (certified_fraction holds the limit of each)."
+    )
