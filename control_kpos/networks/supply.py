@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..arguments import items
-from ..arrays import vector
+from ..arrays import ExactMatrix, vector
 from ..certificates.result import Status
 from ..dissipativity import DissipativityCertificate, dissipativity_of
 from ..errors import ShapeError
 from ..linear_programs import solve
+from ..rational_programs import exact_feasibility, primitive_fractions
 from . import conditions as on
 from .blocks import Floats, inverse
 from .certificate import NetworkCertificate, per_node
@@ -22,6 +25,11 @@ from .model import NetworkModel
 from .witnesses import NodeNotDissipative, NoWeights, node_positivity
 
 SupplyRates: TypeAlias = Sequence[Any]
+# sigma, or outputs y that exclude every sigma
+Proposal: TypeAlias = tuple[Floats | None, Floats | None]
+
+# Entries of (III') up to which its weights are sought in rational arithmetic.
+_EXACT_ENTRIES = 2000
 
 
 def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Floats, Floats]:
@@ -72,19 +80,18 @@ def certify_rates(model: NetworkModel, q: Floats, r: Floats) -> NetworkCertifica
     if witness is not None or v is None:
         return NetworkCertificate.settle(model=model, witness=witness, loop_weights=loop, **rates)
     rate = max(provable_rate(model, v, q, discrete=model.discrete), 0.0)
+    common = {"model": model, "loop_weights": loop, **rates}
+    weighted = {"v": per_node(v, model, 0), "decay_rate": rate}
     gains = balance_matrix(model, q, r)
-    draft = None
-    for sigma in weights(gains, model.n_nodes):
-        draft = NetworkCertificate.settle(
-            model=model, v=per_node(v, model, 0), sigma=sigma, decay_rate=rate, loop_weights=loop, **rates
-        )
-        if draft.status is Status.PROVED:
-            return draft
-    for y in obstructions(model, gains):
-        refuted = NetworkCertificate.settle(model=model, witness=NoWeights(y), loop_weights=loop, **rates)
-        if refuted.status is Status.REFUTED:
-            return refuted
-    return draft or NetworkCertificate.settle(model=model, loop_weights=loop, **rates)
+    found = NetworkCertificate.settle(**common)
+    for sigma, y in itertools.chain(weights(gains), obstructions(model, gains), exact_weights(model, q, r)):
+        if y is not None:
+            found = NetworkCertificate.settle(**common, witness=NoWeights(y))
+        elif sigma is not None:
+            found = NetworkCertificate.settle(**common, **weighted, sigma=sigma)
+        if found.status is not Status.UNDECIDED:
+            return found
+    return found
 
 
 def storages(model: NetworkModel, q: Floats, r: Floats) -> tuple[Floats | None, NodeNotDissipative | None]:
@@ -130,33 +137,66 @@ def balance_matrix(model: NetworkModel, q: Floats, r: Floats) -> sp.csr_array:
     return sp.csr_array(on.output_generators(model).values @ (own + model.WT @ given))
 
 
-def weights(gains: sp.csr_array, count: int) -> Any:
-    """Candidates for sigma: ones, then the weights of largest relative slack."""
-    yield np.ones(count)
+def weights(gains: sp.csr_array) -> Iterator[Proposal]:
+    """Candidates for sigma: ones, then with slack in all rows, then with slack in every row that can have it."""
+    height, count = gains.shape
+    yield np.ones(count), None
     size = np.maximum(np.asarray(abs(gains).sum(axis=1)).ravel(), 1e-300)
     scaled = sp.csr_array(sp.diags_array(1 / size) @ gains)
-    rows = sp.hstack([scaled, np.ones((scaled.shape[0], 1))], format="csr")
-    for top in (1e4, 1e9):
-        cost = np.zeros(count + 1)
-        cost[-1] = -1.0
-        bounds = np.concatenate([np.ones(count), [0.0]]), np.concatenate([np.full(count, top), [1.0]])
-        found = solve(cost, rows, np.zeros(scaled.shape[0]), bounds=bounds, method="simplex" if count < 2000 else "ipm")
-        if found and found.x[-1] > 0:
-            yield found.x[:-1]
+    for slack, most in _slacks(height):
+        rows = sp.hstack([scaled, slack], format="csr")
+        cost = np.concatenate([np.zeros(count), -np.ones(slack.shape[1])])
+        for top in (1e4, 1e9):
+            lower = np.concatenate([np.ones(count), np.zeros(slack.shape[1])])
+            upper = np.concatenate([np.full(count, top), np.full(slack.shape[1], most)])
+            method = "simplex" if count < 2000 else "ipm"
+            found = solve(cost, rows, np.zeros(height), bounds=(lower, upper), method=method)
+            if found and found.x[count:].any() and (found.x[:count] > 0).all():
+                yield found.x[:count], None
 
 
-def obstructions(model: NetworkModel, gains: sp.csr_array) -> Any:
-    """Candidates for y in Y whose supply is negative at no node."""
+def obstructions(model: NetworkModel, gains: sp.csr_array) -> Iterator[Proposal]:
+    """Candidates for y in Y whose supply is positive at every node, then at every node where it can be."""
     count, nodes = gains.shape
     generators = on.output_generators(model).values
-    transposed = sp.csr_array(gains.T)
-    for strict in (True, False):
-        if strict:
-            rows = sp.hstack([-transposed, np.ones((nodes, 1))], format="csr")
-            cost = np.concatenate([np.zeros(count), [-1.0]])
-        else:
-            rows, cost = -transposed, -np.asarray(gains.sum(axis=1)).ravel()
-        upper = np.concatenate([np.ones(count), [1.0]]) if strict else np.ones(count)
+    for slack, most in _slacks(nodes):
+        rows = sp.hstack([-gains.T, slack], format="csr")
+        cost = np.concatenate([np.zeros(count), -np.ones(slack.shape[1])])
+        upper = np.concatenate([np.ones(count), np.full(slack.shape[1], most)])
         found = solve(cost, rows, np.zeros(nodes), bounds=(0.0, upper))
         if found:
-            yield generators.T @ np.maximum(found.x[:count], 0.0)
+            yield None, generators.T @ np.maximum(found.x[:count], 0.0)
+
+
+def _slacks(height: int) -> Iterator[tuple[sp.csr_array, float]]:
+    """One slack for all rows, then one for each, with the most that is rewarded."""
+    yield sp.csr_array(np.ones((height, 1))), 1.0
+    yield sp.eye_array(height, format="csr"), 1e-3
+
+
+def exact_weights(model: NetworkModel, q: Floats, r: Floats) -> Iterator[Proposal]:
+    """sigma, or y in Y that excludes it, as whole numbers from a rational program; nothing if that is too long.
+
+    By Tucker's theorem some sigma >= 1 satisfies (III') unless a y in Y has a supply that is negative at no node and
+    positive at one.
+    """
+    height = sum(len(s) * s.Y.n_rays for s in model.stacks)
+    if height * model.n_nodes > _EXACT_ENTRIES:
+        return
+    generators = _fractions(on.output_generators(model))
+    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(ExactMatrix(q))[:, None], 0)
+    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(ExactMatrix(r))[:, None], 0)
+    gains = generators @ (own + _fractions(model.coupling).T @ given)
+    unit = np.array([[Fraction(int(i == j)) for j in range(height)] for i in range(height)], dtype=object)
+    x, y = exact_feasibility(np.concatenate([gains, unit], axis=1), -gains.sum(axis=1))
+    yield (None if x is None else _whole(x[: model.n_nodes] + 1)), (None if y is None else _whole(y @ generators))
+
+
+def _fractions(m: ExactMatrix) -> Any:
+    return (ExactMatrix(m.values.toarray()) if m.is_sparse else m).fractions()
+
+
+def _whole(x: Any) -> Floats | None:
+    """A positive multiple of x in whole numbers that are doubles, or None."""
+    whole = primitive_fractions(x)
+    return whole.astype(float) if all(abs(v) <= 2**53 for v in whole) else None
