@@ -299,10 +299,12 @@ def sparse_matrix(data: Any, name: str) -> sp.csr_array:
         raise DataError(f"{name} is complex; control_kpos takes real numbers only.")
     if data.dtype.kind not in "fiub":
         raise DataError(f"{name} holds {data.dtype.name} data; give real numbers.")
-    if data.dtype.kind in "iu" and data.nnz and np.abs(data.data).max() > 2**53:
-        raise DataError(f"{name} holds integers above 2**53, which doubles cannot represent; rescale.")
     if data.ndim != 2:
         raise ShapeError(f"{name} has {data.ndim} dimension(s); it must have 2.")
+    if data.format in ("dok", "lil", "dia"):  # whose data are no plain array of the entries
+        data = data.tocoo()
+    if data.dtype.kind in "iu" and data.nnz and np.abs(data.data).max() > 2**53:
+        raise DataError(f"{name} holds integers above 2**53, which doubles cannot represent; rescale.")
     if data.format in ("csr", "csc", "bsr"):
         try:
             data.check_format(full_check=True)
@@ -312,7 +314,7 @@ def sparse_matrix(data: Any, name: str) -> sp.csr_array:
         for axis, (index, size) in enumerate(zip(data.coords, data.shape, strict=True)):
             if index.min() < 0 or index.max() >= size:
                 raise ShapeError(f"{name} has an entry outside its {data.shape} shape along axis {axis}.")
-    _require_finite(np.asarray(data.data, dtype=np.float64).ravel(), f"{name}.data") if data.format != "lil" else None
+    _require_finite(np.asarray(data.data, dtype=np.float64).ravel(), f"{name}.data")
     out = sp.csr_array(data, dtype=np.float64, copy=True)
     out.sum_duplicates()
     out.eliminate_zeros()

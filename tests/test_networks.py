@@ -191,6 +191,8 @@ def test_forms_of_coupling_agree():
         messy.tocsc(),
         sp.lil_matrix(W),
         sp.bsr_array(W),
+        sp.dok_array(W),
+        sp.dia_array(sp.csr_array(W)),
         graph,
         numbered,
         blocks,
