@@ -89,6 +89,9 @@ def test_time_limit_and_progress():
     find_cone(family, time_limit=1.0, restarts=10**6, progress=said.append)
     assert time.monotonic() - start < 15
     assert said
+    said.clear()
+    find_cone(family, time_limit=0.1, progress=False)
+    assert not said
 
 
 def test_same_seed_same_cone():
@@ -139,6 +142,31 @@ def test_robust_design_serves_every_vertex():
     assert design
     for As, Bs in vertices:
         assert kp.linear_lyapunov(As + Bs @ design.F, design.cone)
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("m", [1, 2])
+def test_robust_designs_move_cone_and_gain_together(m, discrete):
+    rng = np.random.default_rng(30 + m)
+    A, B = rng.standard_normal((3, 3)), rng.standard_normal((3, m))
+    corners = [
+        (A * (1 + 0.05 * rng.choice([-1, 1], A.shape)), B * (1 + 0.05 * rng.choice([-1, 1], B.shape))) for _ in range(6)
+    ]
+    dt = True if discrete else 0
+    plant = ct.ss(A, B, np.eye(3), 0, dt)
+    design = design_cone_and_feedback(plant, vertices=corners, time_limit=30)
+    assert design and design.certificate.check() and design.cone.is_simplicial
+    for As, Bs in [(A, B), *corners]:
+        assert kp.linear_lyapunov(As + Bs @ design.F, design.cone, discrete=discrete)
+
+
+def test_progress_of_a_design():
+    A, B = np.array([[0.0, 1], [-1, 0]]), np.array([[0.0], [1]])
+    said: list[str] = []
+    far = [(A, B), (-A, -B), (3 * A, -B)]  # no gain serves both signs of B
+    assert not design_cone_and_feedback((A, B), vertices=far, time_limit=1, progress=said.append)
+    assert any("margin" in line for line in said)
+    design_cone_and_feedback((A, B), vertices=far, time_limit=0.5, progress=False)
 
 
 def test_uncontrollable_and_bad_plants():

@@ -2,9 +2,10 @@
 
 If (A, B) is controllable, poles can be placed at real distinct numbers, and the simplicial cone of that
 spectrum is invariant; so a cone and a gain always exist.  Existence is cheap, robustness is not: the
-perturbed loops keep a cone only if the dominant pole stays real and well separated, hence pole patterns
-with an isolated dominant pole are tried from gentle to aggressive.  At each cone the smallest gain is
-then found by the linear program of `control_kpos.synthesis`, for all vertices at once.
+perturbed loops keep a cone only if the dominant pole stays real and well separated.  From pole patterns with an
+isolated dominant pole, from gentle to aggressive, cone and gain are therefore moved together (`joint`) until all
+vertices are served.  At the cone the smallest gain is then found by the linear program of
+`control_kpos.synthesis`, for all vertices at once.
 """
 
 from __future__ import annotations
@@ -21,19 +22,23 @@ import scipy.signal as ss
 from control import StateSpace
 from numpy.typing import NDArray
 
+from ..arguments import items, seconds, whole_number
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.result import Certificate, Status
 from ..cones import Cone, PolyhedralCone
 from ..errors import ConeMismatchError, DataError, ShapeError
+from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from ..synthesis import state_feedback
-from .commutator import simplicial_descent
 from .explicit import modal_cone
-from .family import find_common
 from .find import square
+from .joint import joint_descent
 from .modes import modes
 
 Array = NDArray[np.float64]
+
+# Random pole patterns of the robust search after the ones listed.
+_RANDOM = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +93,12 @@ class CodesignResult:
 
 
 def design_cone_and_feedback(
-    sys: Any, vertices: Sequence[Any] | None = None, *, time_limit: float = 60.0, seed: int = 0
+    sys: Any,
+    vertices: Sequence[Any] | None = None,
+    *,
+    time_limit: float = 60.0,
+    seed: int = 0,
+    progress: Target = None,
 ) -> CodesignResult:
     """Find a proper cone X and a gain F so that A + B F leaves X invariant and is stable.
 
@@ -102,6 +112,9 @@ def design_cone_and_feedback(
         Seconds.
     seed : int
         Of the random starts of the robust search.
+    progress : callable or bool, optional
+        Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
+        terminal or a notebook; False: never; True: also where nobody seems to watch.
 
     Returns
     -------
@@ -125,10 +138,13 @@ def design_cone_and_feedback(
     >>> design.status.name, design.cone.is_simplicial
     ('PROVED', True)
     """
-    end = time.monotonic() + time_limit
+    end, seed = time.monotonic() + seconds(time_limit), whole_number(seed, "seed")
     A, B, dt = _plant(sys, "sys")
     discrete = dt is not None and (dt is True or dt != 0)
-    pairs = [_plant(item, f"vertices[{k}]")[:2] for k, item in enumerate(vertices or [])]
+    pairs = [
+        _plant(item, f"vertices[{k}]")[:2]
+        for k, item in enumerate([] if vertices is None else items(vertices, "vertices"))
+    ]
     for k, (Ak, Bk) in enumerate(pairs):
         if Ak.shape != A.shape or Bk.shape != B.shape:
             raise ShapeError(
@@ -148,19 +164,25 @@ def design_cone_and_feedback(
                 "Design for the controllable part, or use state_feedback with a cone of your own."
             ),
         )
-    best: CodesignResult | None = None
-    values = [(np.asarray(a.values), np.asarray(b.values)) for a, b in [(A, B), *pairs]]
-    for gain in _gains(values[0][0], values[0][1], discrete, bool(pairs)):
-        if time.monotonic() > end:
-            break
-        for R in _cones(values, gain, discrete, seed, end, bool(pairs)):
-            found = _polished(source, R, pairs, max(end - time.monotonic(), 0.1))
-            if found and (best is None or _size(found) < _size(best)):
-                best = found
-            if found:
+    matrices = np.array([np.asarray(a.values) for a, _ in [(A, B), *pairs]])
+    inputs = np.array([np.asarray(b.values) for _, b in [(A, B), *pairs]])
+
+    def remaining() -> float:
+        return end - time.monotonic()
+
+    with Reporter(progress) as report:
+        for k, F in enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)):
+            if remaining() <= 0:
                 break
-        if best is not None:
-            return best
+            R = _starting_cone(matrices[0] + inputs[0] @ F, discrete)
+            if R is not None and pairs:
+                R, _, margin = joint_descent(matrices, inputs, R, F, discrete=discrete, remaining=remaining)
+                report(f"poles {k}: margin {margin:.3g}")
+                R = R if margin > 0 else None
+            found = None if R is None else _polished(source, R, pairs, max(remaining(), 0.1))
+            if found:
+                return found
+            report(f"poles {k}: no cone and gain")
     return CodesignResult(
         Status.UNDECIDED,
         explanation=(
@@ -194,13 +216,15 @@ def _controllable(A: Array, B: Array) -> int:
     return int(np.linalg.matrix_rank(np.column_stack(blocks), tol=1e-12 * len(A)))
 
 
-def _gains(A: Array, B: Array, discrete: bool, robust: bool) -> Iterator[Array]:
+def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
     """Gains that place real distinct poles, the dominant one isolated."""
-    n = len(A)
+    n, rng = len(A), np.random.default_rng(seed)
     values = np.linalg.eigvals(A)
     if discrete:
         for top, ratio in ((0.8, 0.8), (0.6, 0.6), (0.5, 0.4), (0.9, 0.9), (0.3, 0.5)):
             yield from _placed(A, B, top * ratio ** np.arange(n))
+        for _ in range(_RANDOM if robust else 0):
+            yield from _placed(A, B, rng.uniform(0.1, 0.95) * np.cumprod(rng.uniform(0.2, 0.95, n)))
         return
     size = float(np.median(np.abs(values))) or 1.0
     size = max(size, 1e-3 * (float(np.abs(values).max()) or 1.0))
@@ -233,6 +257,9 @@ def _gains(A: Array, B: Array, discrete: bool, robust: bool) -> Iterator[Array]:
         else:
             poles = -size * first * ratio ** np.arange(n)
         yield from _placed(A, B, poles)
+    for _ in range(_RANDOM if robust else 0):
+        poles = -size * 10 ** rng.uniform(-1.5, 1) * np.cumprod(np.append(1.0, rng.uniform(1.2, 4, n - 1)))
+        yield from _placed(A, B, poles)
 
 
 def _placed(A: Array, B: Array, poles: NDArray[np.floating]) -> Iterator[Array]:
@@ -249,36 +276,11 @@ def _placed(A: Array, B: Array, poles: NDArray[np.floating]) -> Iterator[Array]:
         yield F
 
 
-def _cones(
-    pairs: list[tuple[Array, Array]], F: Array, discrete: bool, seed: int, end: float, robust: bool
-) -> Iterator[Array]:
-    """Simplicial cones (generators as columns) of the closed loops."""
-    loops = np.array([A + B @ F for A, B in pairs])
-    m = modes(loops[0], discrete=discrete)
-    start = None if m is None else modal_cone(m, discrete=discrete, max_rays=len(loops[0]))
-    if start is None:
-        return
-    R = start.R / np.linalg.norm(start.R, axis=0)
-    if not robust:
-        yield R
-        return
-    scaled = np.array([L / np.abs(L).max() for L in loops])
-    moved, margin = simplicial_descent(scaled, R, discrete=discrete, remaining=lambda: min(3.0, end - time.monotonic()))
-    if margin > 0:
-        yield moved
-    yield R
-    if margin > -0.3 and end > time.monotonic():
-        found, _, _ = find_common(
-            ExactMatrix(loops),
-            discrete=discrete,
-            max_rays=len(R),
-            seed=seed,
-            restarts=6,
-            time_limit=min(3.0, end - time.monotonic()),
-            progress=None,
-        )
-        if found and found.rays is not None:
-            yield np.asarray(found.rays.values).T
+def _starting_cone(A: Array, discrete: bool) -> Array | None:
+    """The simplicial cone of a closed loop with real poles, generators as columns of length 1."""
+    m = modes(A, discrete=discrete)
+    found = None if m is None else modal_cone(m, discrete=discrete, max_rays=len(A))
+    return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
 
 
 def _polished(
@@ -293,7 +295,3 @@ def _polished(
         return None
     poles = np.linalg.eigvals(source.A + source.B @ design.F)
     return CodesignResult(Status.PROVED, cone, np.asarray(design.F), design.closed_loop, design.certificate, poles)
-
-
-def _size(result: CodesignResult) -> float:
-    return float(np.abs(result.F).max()) if result.F is not None else np.inf

@@ -74,20 +74,28 @@ def _images(matrices: Array, R: Array) -> Array:
 
 def _margin(matrices: Array, R: Array, discrete: bool) -> float:
     P = _images(matrices, R)
-    return float(P[:, _required(len(R), discrete)].min())
+    return float(P[:, required_entries(len(R), discrete)].min())
 
 
-def _required(n: int, discrete: bool) -> NDArray[np.bool_]:
+def required_entries(n: int, discrete: bool) -> NDArray[np.bool_]:
+    """Entries of P that must be nonnegative."""
     return np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)
+
+
+def commutator_rows(P: Array) -> Array:
+    """P E - E P as a linear function of E; shape (M, n, n, n^2)."""
+    count, n, _ = P.shape
+    eye = np.eye(n)
+    # Row (s, i, j), column (a, b): d(P E - E P)_ij / dE_ab = P_ia [j = b] - [i = a] P_bj.
+    rows = np.einsum("sia,jb->sijab", P, eye) - np.einsum("ia,sbj->sijab", eye, P)
+    return rows.reshape(count, n, n, n * n)
 
 
 def _step(matrices: Array, R: Array, radius: float, discrete: bool, limit: float) -> Array | None:
     P = _images(matrices, R)
     n = len(R)
-    eye = np.eye(n)
-    # Row (s, i, j), column (a, b): d(P E - E P)_ij / dE_ab = P_ia [j = b] - [i = a] P_bj.
-    rows = np.einsum("sia,jb->sijab", P, eye) - np.einsum("ia,sbj->sijab", eye, P)
-    required = _required(n, discrete)
+    rows = commutator_rows(P)
+    required = required_entries(n, discrete)
     rows = rows[:, required].reshape(-1, n * n)
     values = P[:, required].reshape(-1)
     # Entries that are safe whatever E does within the radius need no row.
@@ -95,7 +103,7 @@ def _step(matrices: Array, R: Array, radius: float, discrete: bool, limit: float
     rows, values = rows[near], values[near]
     cost = np.zeros(n * n + 1)
     cost[-1] = -1.0
-    heights = np.concatenate([np.kron(np.ones((1, n)), eye), np.zeros((n, 1))], axis=1)
+    heights = np.concatenate([np.kron(np.ones((1, n)), np.eye(n)), np.zeros((n, 1))], axis=1)
     upper = np.full(n * n + 1, radius)
     upper[-1] = 1.0
     answer = solve(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
@@ -23,11 +24,23 @@ from .reduction import extreme_generators
 from .single import as_stack, balancing_units, flatness
 
 Array = NDArray[np.float64]
-Progress = Callable[[str], None]
 
 # Attempts at rounding a cone that is invariant without margin to simple fractions.
 _NEARLY = 1e-5
 _DENOMINATORS = (1, 12, 1000)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """Random starts of a search: their seed, how many, and when to stop (`time.monotonic`)."""
+
+    seed: int
+    restarts: int
+    deadline: float
+
+    def remaining(self) -> float:
+        """Seconds left."""
+        return self.deadline - time.monotonic()
 
 
 def find_common(
@@ -35,37 +48,30 @@ def find_common(
     *,
     discrete: bool,
     max_rays: int | None,
-    seed: int,
-    restarts: int,
-    time_limit: float,
-    progress: Progress | None,
+    effort: Effort,
+    report: Callable[[str], None],
 ) -> tuple[ConeCertificate, Array | None, float]:
     """Certificate, separators and conditioning of a common cone.
 
     Every attempt is put to the proof; the certificate is REFUTED only with a proven obstruction.
     """
-    end = time.monotonic() + time_limit
-
-    def remaining() -> float:
-        return end - time.monotonic()
-
-    say = progress or (lambda _: None)
+    remaining = effort.remaining
     units = _units(matrices)
     balanced = np.asarray(matrices.values) * units / units[:, None]
     known = [modes(A, discrete=discrete) for A in balanced]
     obstruction = family_obstruction(matrices, [_unscaled(m, units) for m in known], discrete=discrete)
     if obstruction is not None:
-        say(f"excluded: {obstruction}")
+        report(f"excluded: {obstruction}")
         return ConeCertificate.settle(matrices=matrices, discrete=discrete, witness=obstruction), None, np.inf
     nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
     if any(m is None for m in known):
         return nothing, None, np.inf
     normal, e, w = _aligned(balanced, [m for m in known if m is not None], discrete)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(effort.seed)
     best = -np.inf
-    for attempt, R in enumerate(_starts(normal, e, w, rng, discrete, restarts, max_rays)):
+    for attempt, R in enumerate(_starts(normal, e, w, rng, discrete, effort.restarts, max_rays)):
         if remaining() <= 0:
-            say(f"time limit of {time_limit:g} s reached after {attempt} starts")
+            report(f"time limit reached after {attempt} starts")
             break
         if R.shape[1] == R.shape[0]:
             R, margin = simplicial_descent(normal, R, discrete=discrete, remaining=remaining)
@@ -73,7 +79,7 @@ def find_common(
             place = moving_descent(normal, R, w, discrete=discrete, remaining=remaining)
             R, margin = (R, -np.inf) if place is None else (place.X, place.margin)
         best = max(best, margin)
-        say(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
+        report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
         if margin < -_NEARLY:
             continue
         for rays in _roundings(R, units, margin):

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, Literal
 
 import numpy as np
 from control import StateSpace, TransferFunction
 
+from ..arguments import choice, flag, items, seconds, whole_number
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Status
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
+from ..progress import Reporter, Target
 from .certificate import ConeCertificate
 from .existence import layer, spectral_obstruction, transposed
 from .explicit import fewest_rays
-from .family import find_common
+from .family import Effort, find_common
 from .generated import proper_cone
 from .modes import dominant_index
 from .port_obstruction import port_obstruction
@@ -41,7 +44,7 @@ def find_cone(
     seed: int = 0,
     restarts: int = 200,
     time_limit: float = 30.0,
-    progress: Callable[[str], None] | None = None,
+    progress: Target = None,
 ) -> FoundCone:
     """Find a proper polyhedral cone X that A leaves invariant, or prove that there is none.
 
@@ -65,9 +68,10 @@ def find_cone(
     seed, restarts : int
         Random starts of the search for a family.
     time_limit : float
-        Seconds for a family.
-    progress : callable, optional
-        Called with a sentence after each start of a search for a family.
+        Seconds for a family; inf for no limit.
+    progress : callable or bool, optional
+        Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
+        terminal or a notebook; False: never; True: also where nobody seems to watch.
 
     Returns
     -------
@@ -97,23 +101,30 @@ def find_cone(
     >>> print(find_cone([[0, 1], [-1, 0]]).explain())
     No invariant proper polyhedral cone exists: the rightmost eigenvalues 0 ± 1i are not real, and ...
     """
-    if few not in ("rays", "facets"):
-        raise DataError(f'few is {few!r}; it must be "rays" or "facets".')
+    by_facets = choice(few, "few", ("rays", "facets")) == "facets"
+    most = None if max_rays is None else whole_number(max_rays, "max_rays", least=1)
+    timed = None if discrete is None else flag(discrete, "discrete")
+    effort = Effort(
+        whole_number(seed, "seed"), whole_number(restarts, "restarts"), time.monotonic() + seconds(time_limit)
+    )
     if isinstance(A, TransferFunction):
         raise DataError("A is a transfer function, which has no state; convert it with control.ss first.")
     if _is_family(A):
-        if contains is not None or within is not None or few == "facets":
+        if contains is not None or within is not None or by_facets:
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
-        return _common(family(A, "A"), max_rays, bool(discrete), seed, restarts, time_limit, progress)
+        matrices = family(A, "A")
+        with Reporter(progress) as report:
+            return _common(matrices, most, bool(timed), effort, report)
     if isinstance(A, StateSpace):
-        matrix, vectors, normals, discrete = _of_system(A, contains, within, discrete)
+        matrix, vectors, normals, timed = _of_system(A, contains, within, timed)
     else:
         matrix = square(A, "A")
         n = matrix.shape[0]
         vectors, normals = _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets")
     if vectors.shape[0] or normals.shape[0]:
-        return _with_ports(matrix, vectors, normals, max_rays, bool(discrete))
-    return _one(matrix, max_rays, bool(discrete), few)
+        with Reporter(progress) as report:
+            return _with_ports(matrix, vectors, normals, most, bool(timed), report)
+    return _one(matrix, most, bool(timed), by_facets)
 
 
 def _is_family(A: Any) -> bool:
@@ -124,10 +135,10 @@ def _is_family(A: Any) -> bool:
 
 def family(data: Any, name: str) -> ExactMatrix:
     """Read several square matrices of one size, or systems, as a stack."""
-    items = list(data)
-    if not items:
+    given = items(data, name)
+    if not given:
         raise ShapeError(f"{name} is an empty family; give at least one matrix.")
-    read = [square(getattr(x, "A", x), f"{name}[{s}]") for s, x in enumerate(items)]
+    read = [square(getattr(x, "A", x), f"{name}[{s}]") for s, x in enumerate(given)]
     for s, matrix in enumerate(read):
         if matrix.shape != read[0].shape:
             raise ShapeError(
@@ -138,23 +149,11 @@ def family(data: Any, name: str) -> ExactMatrix:
 
 
 def _common(
-    matrices: ExactMatrix,
-    max_rays: int | None,
-    discrete: bool,
-    seed: int,
-    restarts: int,
-    time_limit: float,
-    progress: Callable[[str], None] | None,
+    matrices: ExactMatrix, max_rays: int | None, discrete: bool, effort: Effort, report: Callable[[str], None]
 ) -> FoundCone:
     bound = max(lower_bound(layer(matrices, s), discrete=discrete) for s in range(matrices.shape[0]))
     certificate, separators, conditioning = find_common(
-        matrices,
-        discrete=discrete,
-        max_rays=max_rays,
-        seed=seed,
-        restarts=restarts,
-        time_limit=time_limit,
-        progress=progress,
+        matrices, discrete=discrete, max_rays=max_rays, effort=effort, report=report
     )
     if certificate.status is not Status.REFUTED:
         _require_rays(max_rays, bound)
@@ -230,7 +229,12 @@ def _nonzero(rows: ExactMatrix) -> ExactMatrix | None:
 
 
 def _with_ports(
-    A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, max_rays: int | None, discrete: bool
+    A: ExactMatrix,
+    vectors: ExactMatrix,
+    normals: ExactMatrix,
+    max_rays: int | None,
+    discrete: bool,
+    report: Callable[[str], None],
 ) -> FoundCone:
     signs = BilinearForms(normals, None, vectors).signs() if normals.shape[0] and vectors.shape[0] else np.zeros((0, 0))
     if (signs < 0).any():
@@ -241,7 +245,9 @@ def _with_ports(
             "lies in the other. Change the sign of an input or output, or choose other ones."
         )
     bound = lower_bound(A, discrete=discrete)
-    certificate, separators, conditioning = find_with_ports(A, vectors, normals, discrete=discrete, max_rays=max_rays)
+    certificate, separators, conditioning = find_with_ports(
+        A, vectors, normals, discrete=discrete, max_rays=max_rays, report=report
+    )
     if certificate and certificate.rays is not None and certificate.right_inverse is not None:
         cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
         return FoundCone(certificate, cone, bound, conditioning)
@@ -257,10 +263,14 @@ def _with_ports(
 
 def _require_rays(max_rays: int | None, bound: int) -> None:
     if max_rays is not None and max_rays < bound:
-        raise DataError(
-            f"max_rays is {max_rays}, but every invariant polyhedral cone of this matrix has at least {bound} rays "
-            f"(and as many facets); ask for max_rays >= {bound}."
-        )
+        raise _too_few(max_rays, bound)
+
+
+def _too_few(max_rays: int | None, bound: int) -> DataError:
+    return DataError(
+        f"max_rays is {max_rays}, but every invariant polyhedral cone of this matrix has at least {bound} rays "
+        f"(and as many facets); ask for max_rays >= {bound}."
+    )
 
 
 def square(data: Any, name: str) -> ExactMatrix:
@@ -271,9 +281,8 @@ def square(data: Any, name: str) -> ExactMatrix:
     return ExactMatrix(matrix.values.toarray()) if matrix.is_sparse else matrix
 
 
-def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, few: str) -> FoundCone:
+def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, by_facets: bool) -> FoundCone:
     bound = lower_bound(A, discrete=discrete)
-    by_facets = few == "facets"
     searched = transposed(A) if by_facets else A
     if max_rays is not None and max_rays < bound:
         certificate, separators, conditioning = None, None, np.inf
@@ -289,8 +298,7 @@ def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, few: str) -> Foun
             refuted = ConeCertificate.settle(matrices=as_stack([A]), discrete=discrete, witness=obstruction)
             return FoundCone(refuted, None, bound, np.inf)
     if certificate is None:
-        _require_rays(max_rays, bound)
-        raise DataError(f"max_rays must be a positive number, not {max_rays}.")
+        raise _too_few(max_rays, bound)
     if not certificate or certificate.rays is None or certificate.right_inverse is None:
         return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
     cone: Cone = proper_cone(certificate.rays, separators, certificate.right_inverse)

@@ -120,7 +120,7 @@ def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Ra
         zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
         held = ExactMatrix.from_fractions(np.concatenate([inner, zeros], axis=1))
         nothing = ExactMatrix(np.zeros((0, basis.shape[1])))
-        outer, _, _ = find_with_ports(joined, held, nothing, discrete=False, max_rays=None)
+        outer, _, _ = find_with_ports(joined, held, nothing, discrete=False, max_rays=None, report=lambda _: None)
     else:
         outer, _, _ = find_single(joined, discrete=False, max_rays=None)
     if not outer or outer.rays is None:

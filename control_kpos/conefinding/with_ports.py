@@ -6,7 +6,7 @@ start along a boundary or where the dominant eigenvalue is repeated; orbits into
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import scipy.sparse as sp
@@ -37,7 +37,13 @@ _FIRST = (0.5, 0.1, 0.02, 0.004)
 
 
 def find_with_ports(
-    A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, *, discrete: bool, max_rays: int | None
+    A: ExactMatrix,
+    vectors: ExactMatrix,
+    normals: ExactMatrix,
+    *,
+    discrete: bool,
+    max_rays: int | None,
+    report: Callable[[str], None],
 ) -> tuple[ConeCertificate, Array | None, float]:
     """Certificate (PROVED or UNDECIDED), separators and conditioning.
 
@@ -55,6 +61,8 @@ def find_with_ports(
     if s is None or any(on_boundary):
         attempts[1:] = attempts[:0:-1]
     for certificate, separators in (found for attempt in attempts for found in attempt):
+        rays = 0 if certificate.rays is None else certificate.rays.shape[0]
+        report(f"a cone with {rays} rays: {'proved' if certificate else 'not proven'}")
         if certificate and certificate.rays is not None:
             return certificate, separators, flatness((np.asarray(certificate.rays.values) / search.units).T)
     return search.certificate(), None, np.inf
