@@ -30,18 +30,23 @@ def flag(value: Any, name: str) -> bool:
 
 
 def whole_number(
-    value: Any, name: str, *, least: int = 0, most: int | None = None, outside: type[KposError] = DataError
+    value: Any,
+    name: str,
+    *,
+    least: int | None = 0,
+    most: int | None = None,
+    outside: type[KposError] = DataError,
 ) -> int:
-    """An integer, of at least `least` and, if given, at most `most`; the error `outside` says that it is not.
+    """An integer, of at least `least` and at most `most`; the error `outside` says that it is not.
 
     >>> whole_number(np.int64(3), "n", least=1)
     3
     """
+    limits = "" if least is None else f", at least {least}" if most is None else f", from {least} to {most}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise DataError(f"{name} is {found(value)}; it must be a whole number, at least {least}.")
-    if value < least or (most is not None and value > most):
-        limits = f"at least {least}" if most is None else f"from {least} to {most}"
-        raise outside(f"{name} is {found(value)}; it must be a whole number, {limits}.")
+        raise DataError(f"{name} is {found(value)}; it must be a whole number{limits}.")
+    if (least is not None and value < least) or (most is not None and value > most):
+        raise outside(f"{name} is {found(value)}; it must be a whole number{limits}.")
     return int(value)
 
 

@@ -207,6 +207,7 @@ class NetworkModel:
 
 def gather(
     systems: NodeStack | ConeStateSpace | Iterable[NodeStack | ConeStateSpace],
+    name: str = "systems",
 ) -> tuple[tuple[NodeStack, ...], tuple[Index, ...], Timebase]:
     """Sort nodes into stacks of one size and equal cones; return stacks, node numbers and timebase.
 
@@ -217,9 +218,9 @@ def gather(
     TimebaseError
         Nodes with different timebases.
     """
-    given: list[Any] = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else items(systems, "systems")
+    given: list[Any] = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else items(systems, name)
     if not given:
-        raise ShapeError("systems is empty; a network needs at least one node.")
+        raise ShapeError(f"{name} is empty; a network needs at least one node.")
     dt: Timebase = None
     first: str | None = None
     groups: dict[Any, list[tuple[int, ConeStateSpace]]] = {}
@@ -243,16 +244,15 @@ def gather(
             groups.setdefault(key, []).append((count, item))
         else:
             raise ShapeError(
-                f"systems[{position}] is a {type(item).__name__}; give ConeStateSpace objects or the result of "
-                "kp.stack."
+                f"{name}[{position}] is a {type(item).__name__}; give ConeStateSpace objects or the result of kp.stack."
             )
         if item.dt is not None:
             if first is not None and not same_timebase(dt, item.dt):
                 raise TimebaseError(
-                    f"systems[{position}] has dt = {item.dt}, but {first} has dt = {dt}; bring all nodes to one "
+                    f"{name}[{position}] has dt = {item.dt}, but {first} has dt = {dt}; bring all nodes to one "
                     "sampling time."
                 )
-            dt, first = (item.dt if first is None or dt is True else dt), first or f"systems[{position}]"
+            dt, first = (item.dt if first is None or dt is True else dt), first or f"{name}[{position}]"
         count += len(item) if isinstance(item, NodeStack) else 1
     for nodes in _merge_equal_cones(groups):
         stacks.append(_stacked([s for _, s in nodes], [j for j, _ in nodes]))

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
 from control import StateSpace
 
-from ..arguments import flag, found, items, real_number, words
+from ..arguments import flag, found, items, real_number, whole_number, words
 from ..cards import card
 from ..certificates.result import Status
 from ..errors import DataError, ShapeError, UndecidedError
@@ -27,6 +27,11 @@ from .witnesses import NetworkInstability
 
 # Brackets are not sought narrower than this: rounding is in the way.
 _NARROWEST = 1e-13
+
+
+def _require_numbers(nodes: Iterable[Any], name: str) -> list[int]:
+    """Numbers of nodes; of nodes that do not exist, `Overlay.identity` tells."""
+    return [whole_number(node, f"{name}: a node", least=None) for node in nodes]
 
 
 class ConeNetwork(NetworkResponses):
@@ -136,7 +141,7 @@ class ConeNetwork(NetworkResponses):
         -------
         AbscissaCertificate
         """
-        relative = max(real_number(relative, "relative", positive=True), _NARROWEST)
+        relative = min(max(real_number(relative, "relative", positive=True), _NARROWEST), 1.0)
         with Reporter(self._progress) as report:
             return bracket(self.model, relative, report)
 
@@ -287,7 +292,7 @@ class ConeNetwork(NetworkResponses):
         return overlay.room_for(
             self._single(system),
             *(
-                [overlay.identity(k) for k in items(given, name)]
+                [overlay.identity(k) for k in _require_numbers(items(given, name), name)]
                 for given, name in ((sources, "sources"), (targets, "targets"))
             ),
         )
@@ -297,7 +302,7 @@ class ConeNetwork(NetworkResponses):
         return certificate.overlay if isinstance(certificate, LocalCertificate) else Overlay.of(certificate)
 
     def _single(self, system: ConeStateSpace | NodeStack) -> NodeStack:
-        stacks, _, _ = gather(system)
+        stacks, _, _ = gather(system, "system")
         if len(stacks) != 1 or len(stacks[0]) != 1:
             raise ShapeError("give one node; add several one after the other.")
         check_timebase(stacks[0], self.dt)
@@ -308,6 +313,7 @@ class ConeNetwork(NetworkResponses):
         for link, name in zip(links, ("incoming", "outgoing"), strict=True):
             if not (link is None or isinstance(link, Mapping)):
                 raise DataError(f"{name} is {found(link)}; give a dictionary of weights by the number of the node.")
+            _require_numbers(link or {}, name)
         return [{overlay.identity(k): w for k, w in (link or {}).items()} for link in links]
 
     def _changed(self, overlay: Overlay) -> ConeNetwork:

@@ -15,6 +15,7 @@ from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.files import register_record
 from ..cones import Cone, as_cone, orthant
 from ..errors import ConeMismatchError, ShapeError
+from ..system_data import require_timebase
 from .blocks import exact_take
 
 Timebase: TypeAlias = "float | bool | None"
@@ -151,5 +152,6 @@ def stack(
         raise ShapeError(
             f"names has {len(labels)} entries ({len(set(labels))} distinct); {count} nodes need {count} distinct names."
         )
+    require_timebase(dt)
     dt = defaults["control.default_dt"] if dt is None else dt
     return NodeStack(**matrices, **cones, dt=dt, names=labels)

@@ -24,6 +24,8 @@ from .solvers import PortSystem
 
 # Numbers a response may hold before it has to be narrowed down.
 RESPONSE_LIMIT = 200_000_000
+# Steps per sample.
+_FINEST = 10_000
 
 
 class NetworkResponses(NetworkShell):
@@ -129,10 +131,11 @@ class NetworkResponses(NetworkShell):
             )
         samples = self._input_samples(U, len(times))
         inputs = None if samples is None else (self.sparse_B, samples)
-        with Reporter(self._progress) as report:
+        with Reporter(self._progress) as report, np.errstate(all="ignore"):
             y, x = respond(self.loop, times, x0, inputs, self._outputs[rows], keep, report)
         if samples is not None and self.model.has_feedthrough:
             y = y + self.sparse_D[rows] @ samples
+        _require_finite(y)
         return self._response(times, y, x, samples, rows)
 
     def delayed_response(
@@ -167,7 +170,7 @@ class NetworkResponses(NetworkShell):
         times = sample_times(T, self.dt)
         rows = self._chosen_outputs(outputs)
         coo = sp.coo_array(self.model.W)
-        refine = whole_number(refine, "refine", least=1)
+        refine = whole_number(refine, "refine", least=1, most=_FINEST)
         if dimensions(delays) == 0:
             tau = np.full(coo.nnz, real_number(delays, "delays"))
         else:
@@ -180,8 +183,9 @@ class NetworkResponses(NetworkShell):
             tau = np.asarray(sp.csr_array(table)[coo.coords[0], coo.coords[1]], dtype=float).ravel()
         if not (tau >= 0).all() or not np.isfinite(tau).all():
             raise DataError("delays must be finite and not negative.")
-        with Reporter(self._progress) as report:
+        with Reporter(self._progress) as report, np.errstate(all="ignore"):
             y = delayed(self.model, times, self._initial_state(X0), tau, refine, self._outputs[rows], report)
+        _require_finite(y)
         return self._response(times, y, None, None, rows)
 
     def _initial_state(self, X0: ArrayLike) -> Floats:
@@ -228,6 +232,11 @@ class NetworkResponses(NetworkShell):
             sysname=self.name,
             plot_inputs=False,
         )
+
+
+def _require_finite(y: Floats) -> None:
+    if not np.isfinite(y).all():
+        raise DataError("the response leaves the range of doubles; choose a shorter T, or smaller X0 and U.")
 
 
 def rightmost(network: NetworkShell, k: int) -> NDArray[np.complex128]:

@@ -181,7 +181,7 @@ def _size(coupling: Any) -> int:
 
 def _kinds(types: Any) -> Index:
     kinds = np.asarray(vector(types, "types"))
-    if not (kinds == np.round(kinds)).all():
+    if not ((kinds == np.round(kinds)) & (np.abs(kinds) < 2**31)).all():
         raise DataError("types holds numbers that are not whole; give the number of the type of every node.")
     return kinds.astype(np.intp)
 
@@ -223,7 +223,7 @@ def scale_free_certificate(
     >>> certificate.status.name, certificate.covers([[0, 20], [21, 0]]), certificate.covers([[2, 20], [20, 0]])
     ('PROVED', True, False)
     """
-    stacks, members, dt = gather(nodes)
+    stacks, members, dt = gather(nodes, "nodes")
     for s in stacks:
         if s.sizes[1:] != (1, 1) or not (s.U.rays[0, 0] > 0 and s.Y.rays[0, 0] > 0):
             raise ConeMismatchError(

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..arguments import words
 from ..cones import Cone, product
 from ..errors import DataError, TooLargeError
-from ..progress import Target
+from ..progress import Reporter, Target
 from .blocks import Index
 from .closedloop import ClosedLoop
 from .edits import Overlay
@@ -57,6 +57,7 @@ class NetworkShell(StateSpace):
         self._repr_format = None
         self.params: dict[str, Any] = {}
         self._current_params: dict[str, Any] = {}
+        Reporter(progress)  # refuses what is no target
         self._progress = progress
 
     @cached_property

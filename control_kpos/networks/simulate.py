@@ -35,6 +35,8 @@ _STIFF = 300_000
 
 # Samples beyond this fill the memory.
 _MOST_SAMPLES = 10**8
+# Quotients of shorter times overflow.
+_SHORTEST = 1e-250
 
 
 def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.float64]:
@@ -48,6 +50,8 @@ def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.
     step = (1.0 if dt is True else float(dt)) if dt else None
     if dimensions(T) == 0:
         end = real_number(T, "T", positive=True)
+        if end < _SHORTEST:
+            raise DataError(f"T is {end:g}; choose a unit of time in which it is not below {_SHORTEST:g}.")
         if step and end / step > _MOST_SAMPLES:
             raise TooLargeError(f"T is {end:g}, which is more than {_MOST_SAMPLES} steps of {step:g}.")
         return np.arange(float(round(end / step) + 1)) * step if step else np.linspace(0.0, end, count)
@@ -55,7 +59,7 @@ def sample_times(T: ArrayLike | float, dt: Any, count: int = 200) -> NDArray[np.
     if times.size == 0:
         raise ShapeError("T is empty; give sample times or a final time.")
     gaps = np.diff(times)
-    if gaps.size and not (gaps.min() > 0 and np.ptp(gaps) <= 1e-6 * gaps.mean()):
+    if gaps.size and not (gaps.min() > _SHORTEST and np.ptp(gaps) <= 1e-6 * gaps.mean()):
         raise DataError("T must increase in equal steps.")
     if step and gaps.size and abs(gaps.mean() - step) > 1e-6 * step:
         raise DataError(f"T has steps of {gaps.mean():g}, but the sampling time is {step:g}.")
