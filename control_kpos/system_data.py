@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,7 +87,7 @@ def read_matrix(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
 
 def require_timebase(dt: Any) -> None:
     """Refuse what is no timebase; python-control lets NaN and inf through."""
-    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt <= np.finfo(float).max)):
+    if not (dt is None or (isinstance(dt, (bool, int, float)) and 0 <= dt <= sys.float_info.max)):
         raise TimebaseError(
             f"invalid timebase, dt = {found(dt)}: give 0 for continuous time, a sampling time or True for discrete "
             "time, or None."

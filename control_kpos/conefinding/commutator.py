@@ -74,7 +74,7 @@ def _images(matrices: Array, R: Array) -> Array:
 
 def _margin(matrices: Array, R: Array, discrete: bool) -> float:
     P = _images(matrices, R)
-    return float(P[:, required_entries(len(R), discrete)].min())
+    return float(P[:, required_entries(len(R), discrete)].min(initial=np.inf))
 
 
 def required_entries(n: int, discrete: bool) -> NDArray[np.bool_]:

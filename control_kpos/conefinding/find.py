@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from control import StateSpace, TransferFunction
 
-from ..arguments import choice, flag, items, seconds, whole_number
+from ..arguments import choice, dimensions, flag, items, seconds, whole_number
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Status
@@ -112,7 +112,7 @@ def find_cone(
     if _is_family(A):
         if contains is not None or within is not None or by_facets:
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
-        matrices = family(A, "A")
+        matrices, timed = family(A, "A"), _timed(A, timed)
         with Reporter(progress) as report:
             return _common(matrices, most, bool(timed), effort, report)
     if isinstance(A, StateSpace):
@@ -129,8 +129,22 @@ def find_cone(
 
 def _is_family(A: Any) -> bool:
     if isinstance(A, (list, tuple)):
-        return not A or any(isinstance(x, StateSpace) or np.ndim(x) == 2 for x in A)
-    return getattr(A, "ndim", 2) == 3
+        return not A or any(isinstance(x, StateSpace) or dimensions(x) == 2 for x in A)
+    return dimensions(A) == 3
+
+
+def _timed(members: Any, timed: bool | None) -> bool | None:
+    """Whether the time of a family is discrete: the systems in it know."""
+    for s, item in enumerate(members):
+        if isinstance(item, StateSpace) and item.dt is not None:
+            own = bool(item.dt)
+            if timed is not None and own != timed:
+                kind = "discrete" if timed else "continuous"
+                raise TimebaseError(
+                    f"A[{s}] has dt = {item.dt}, but the others, or the argument discrete, say {kind} time."
+                )
+            timed = own
+    return timed
 
 
 def family(data: Any, name: str) -> ExactMatrix:
