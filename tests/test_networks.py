@@ -454,6 +454,18 @@ def test_large_networks_refuse_dense_matrices_and_say_what_to_do():
     assert isinstance(response, ct.TimeResponseData) and response.outputs.shape == (2, 200)
 
 
+@pytest.mark.parametrize(
+    "ask", [lambda n: n(0j), ct.dcgain, lambda n: ct.frequency_response(n, [1.0]), ct.ss2tf, ct.tf]
+)
+def test_what_would_fill_the_memory_is_refused_before_it_does(ask):
+    """python-control makes arrays of states squared, or lists of ports squared, before it looks at A."""
+    n = 20_000
+    nodes = kp.stack(A=-np.ones((n, 1, 1)), B=np.ones((n, 1, 1)), C=np.ones((n, 1, 1)))
+    net = kp.feedback_interconnect(nodes, sp.eye_array(n, k=1, format="csr") * 0.5)
+    with pytest.raises(kp.TooLargeError, match="forced_response"):
+        ask(net)
+
+
 def _ring(n):
     return sp.csr_array((np.ones(n), (np.arange(n), (np.arange(n) + 1) % n)), shape=(n, n))
 

@@ -126,6 +126,31 @@ class NetworkShell(StateSpace):
             )
         return getattr(self, f"sparse_{name}").toarray()
 
+    def horner(self, x: Any, warn_infinite: bool = True) -> NDArray[np.complex128]:
+        """Frequency response; python-control's own method, but refused before it fills the memory.
+
+        Raises
+        ------
+        TooLargeError
+            More than `DENSE_STATES` states.
+        """
+        if self.nstates > DENSE_STATES:
+            raise TooLargeError(
+                f"the frequency response of this network with {self.nstates} states would take dense matrices (limit "
+                f"{DENSE_STATES}); use forced_response() with a few outputs, or solve with x I - sparse_A."
+            )
+        return super().horner(x, warn_infinite)
+
+    def _generic_name_check(self) -> bool:
+        # python-control asks this before it converts a system, and then makes a list for each pair of an input and an
+        # output before it looks at A
+        if self.nstates > DENSE_STATES and self.ninputs * self.noutputs > DENSE_STATES**2:
+            raise TooLargeError(
+                f"{self.ninputs} x {self.noutputs} transfer functions of this network with {self.nstates} states are "
+                "refused; select inputs= and outputs=, or use forced_response()."
+            )
+        return super()._generic_name_check()
+
     @property
     def sparse_A(self) -> sp.csr_array:
         """Closed-loop matrix, shape (nstates, nstates)."""
