@@ -214,6 +214,9 @@ def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400)
     Cutting a part away lowers what the others receive, so parts are removed until none has to be: single
     generators of simplicial cones, whole nodes of others.
     """
+    ahead = apply_loop(model, x) - rate * x
+    if all(is_inside(model, part, dual=False, strict=False) for part in (x, ahead)):
+        return x  # rounding to shares would cost digits
     shares = [_shares(s, part) for s, part in zip(model.stacks, model.split(x, 0), strict=True)]
     for _ in range(rounds):
         x = model.join([_combined(s, a) for s, a in zip(model.stacks, shares, strict=True)], 0)
@@ -275,7 +278,7 @@ def _sharper(model: NetworkModel, here: Approach, x: Floats) -> Iterator[tuple[F
     best = x
     for _ in range(3):
         system = PortSystem(model, here.shift)
-        after, _ = system.primal(best, 1e-14, guess=best / (here.shift - here.theta), near=True)
+        after, _ = system.primal(best, 1e-14, guess=best / max(here.shift - here.theta, 1e-300), near=True)
         if not is_inside(model, after, dual=False):
             break
         best = after / np.abs(after).max()

@@ -12,16 +12,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..certificates.result import Certificate, Condition, Status
+from ..certificates.result import Certificate, Condition, Status, all_hold
 from ..errors import DataError
 from . import conditions as on
 from .abscissa import Progress, descend, slow_state
 from .blocks import Floats
 from .certificate import PerNode, dissipation, flat, per_node
 from .certify import growth_witness, loop_weights, provable_rate, supply_rates
+from .components import strong_parts
 from .localised import localised_peak
 from .model import NetworkModel
-from .witnesses import NetworkInstability, below_abscissa
+from .rational import bracket_exactly
+from .witnesses import Exact, LoopWeights, NetworkInstability, below_abscissa, exact_vectors, positive_parts
+
+# Widths by which the lower side gives way where rounding leaves its proof no room.
+_RETREATS = (0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -37,7 +42,8 @@ class AbscissaCertificate(Certificate):
     below : NetworkInstability
         x, u, y prove the lower side.
     loop_weights : tuple of two ndarrays, or None
-        As in `NetworkCertificate`.
+    exact : tuple of three tuples of Fraction, or None
+        Both as in `NetworkCertificate`.
     """
 
     claim: ClassVar[str] = "network abscissa"
@@ -49,7 +55,8 @@ class AbscissaCertificate(Certificate):
     r: PerNode | None = None
     q: PerNode | None = None
     below: NetworkInstability | None = None
-    loop_weights: tuple[Floats, Floats] | None = None
+    loop_weights: LoopWeights = None
+    exact: Exact = None
 
     def conditions(self) -> Sequence[Condition]:
         if self.v is None or self.r is None or self.q is None or self.below is None:
@@ -57,7 +64,7 @@ class AbscissaCertificate(Certificate):
         if self.below.rate != self.lower or not np.any(self.below.x):
             raise DataError("below does not belong to the lower end.")
         model = self.model
-        v, r, q = flat(self.v, model, 0), flat(self.r, model, 1), flat(self.q, model, 2)
+        v, r, q = exact_vectors([flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))], self.exact)
         lower = below_abscissa(model, self.below, self.loop_weights)
         if lower is None:
             raise DataError("loop_weights are missing although some D is not zero.")
@@ -87,21 +94,37 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
     loop = loop_weights(model)
     if model.has_feedthrough and loop is None:
         return AbscissaCertificate.settle(model=model)
-    sides = _both_sides(model, relative, progress)
+    found = _proven(model, relative, progress, loop)
+    if found and found.upper - found.lower <= 2 * relative * abs(found.upper):
+        return found
+    exact = bracket_exactly(model, relative, loop) if all_hold(positive_parts(model)) else None
+    return found if exact is None else AbscissaCertificate.settle(model=model, **exact)
+
+
+def _proven(model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights) -> AbscissaCertificate:
+    """What the descent finds, the lower side lowered until rounding leaves room for its proof."""
+    with np.errstate(all="ignore"):  # candidates that overflow are not proven
+        sides = _both_sides(model, relative, progress)
+    found = AbscissaCertificate.settle(model=model)
     if sides is None:
-        return AbscissaCertificate.settle(model=model)
-    (v, r, q), x, lower = sides
+        return found
+    (v, r, q), x, rate = sides
     upper = -provable_rate(model, v, q, discrete=False)
-    return AbscissaCertificate.settle(
-        model=model,
-        lower=lower,
-        upper=upper,
-        v=per_node(v, model, 0),
-        r=per_node(r, model, 1),
-        q=per_node(q, model, 2),
-        below=growth_witness(model, x, lower),
-        loop_weights=loop,
-    )
+    for retreat in _RETREATS:
+        lower = rate - retreat * relative * abs(rate)
+        found = AbscissaCertificate.settle(
+            model=model,
+            lower=lower,
+            upper=upper,
+            v=per_node(v, model, 0),
+            r=per_node(r, model, 1),
+            q=per_node(q, model, 2),
+            below=growth_witness(model, x, lower),
+            loop_weights=loop,
+        )
+        if found:
+            break
+    return found
 
 
 def _both_sides(
@@ -109,9 +132,16 @@ def _both_sides(
 ) -> tuple[tuple[Floats, Floats, Floats], Floats, float] | None:
     """Supply rates for the upper side; a state and its rate for the lower side."""
     start = 1.0 if model.discrete else 0.0
-    peak = localised_peak(model, start, relative, progress)
+    parts = strong_parts(model)
+    inner = model if parts is None else parts.inner
+    peak = localised_peak(inner, start, relative, progress) if parts is None else None
     if peak is not None:
         return supply_rates(model, peak.v), peak.x, peak.rate
-    found = descend(model, start, relative=relative, progress=progress)
-    slow = None if found is None else slow_state(model, found, relative)
-    return None if found is None or slow is None else (supply_rates(model, found.v), *slow)
+    found = descend(inner, start, relative=relative, progress=progress)
+    if found is None:
+        return None
+    slow = slow_state(model, found, relative) if parts is None else parts.slow_state(found, relative)
+    if slow is None:
+        return None
+    v = found.v if parts is None else parts.joined(found.v, found.c)
+    return None if v is None else (supply_rates(model, v), *slow)

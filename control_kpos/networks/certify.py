@@ -23,6 +23,7 @@ from . import conditions as on
 from .abscissa import Approach, Progress, descend, growing_part, interior, is_inside, mix, slow_state
 from .blocks import Floats, Index, exact_take
 from .certificate import NetworkCertificate, per_node
+from .components import strong_parts
 from .model import NetworkModel
 from .rational import certify_exactly
 from .solvers import PortSystem, direct_loop
@@ -74,7 +75,8 @@ def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCer
     if model.has_feedthrough and loop is None:
         found = NetworkCertificate.settle(model=model, witness=algebraic_witness(model))
     else:
-        found = unstable(model, least, loop, progress)
+        with np.errstate(all="ignore"):  # candidates that overflow are not proven
+            found = unstable(model, least, loop, progress)
     return found if found.status is not Status.UNDECIDED else certify_exactly(model, loop)
 
 
@@ -317,16 +319,21 @@ def growth_witness(model: NetworkModel, x: Floats, rate: float) -> NetworkInstab
 
 
 def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Progress | None) -> NetworkCertificate:
-    """The certificate refuted by a growing direction, or UNDECIDED."""
+    """The certificate refuted by a growing direction, or UNDECIDED; PROVED if the descent ends below the margin."""
+    parts = strong_parts(model)
+    inner = model if parts is None else parts.inner
 
     def attempt(a: Approach) -> NetworkInstability | None:
         if not a.theta > least:
             return None
         near = a.shift - a.theta < 0.5 * (a.theta - least)
         tries = [
-            (growing_part(model, a.x / np.abs(a.x).max(), rate, 20), rate) for rate in (0.5 * (a.theta + least), least)
+            (growing_part(inner, a.x / np.abs(a.x).max(), rate, 20), rate) for rate in (0.5 * (a.theta + least), least)
         ]
-        slow = slow_state(model, a, 0.1 * (a.theta - least) / abs(a.theta)) if near and tries[-1][0] is None else None
+        slow = None
+        if near and tries[-1][0] is None:
+            relative = 0.1 * (a.theta - least) / abs(a.theta)
+            slow = slow_state(model, a, relative) if parts is None else parts.slow_state(a, relative)
         for x, rate in tries if slow is None else [slow]:
             if x is not None and rate >= least:
                 w = growth_witness(model, x, rate)
@@ -342,10 +349,11 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
         done.extend([] if w is None else [w])
         return bool(done) or a.shift < least
 
-    final = descend(model, least, relative=1e-10, stop=stop, progress=progress)
+    final = descend(inner, least, relative=1e-10, stop=stop, progress=progress)
     if final is not None and final.shift < least:
-        certificate = settle(model, supply_rates(model, final.v), loop)
-        if certificate.status is Status.PROVED:
+        v = final.v if parts is None else parts.joined(final.v, final.c)
+        certificate = None if v is None else settle(model, supply_rates(model, v), loop)
+        if certificate is not None and certificate.status is Status.PROVED:
             return certificate
     witness = done[0] if done else None
     return NetworkCertificate.settle(model=model, loop_weights=loop, witness=witness)

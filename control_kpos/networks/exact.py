@@ -61,18 +61,13 @@ class Outcome:
     port: Rationals
 
 
-def decide_network(model: NetworkModel) -> Outcome | None:
-    """Stability of the algebraic loop and of the closed loop of a positive network; None if that takes too long."""
-    return None if sum(model.totals[:2]) > EXACT_SIZE else _Coordinates(model).decide(ports_only=False)
+class ExactNetwork:
+    """M of a positive network in coordinates in which simplicial cones are orthants.
 
-
-def decide_loop(model: NetworkModel) -> Outcome | None:
-    """The same for the algebraic loop u = W D u alone; `state` is empty."""
-    return None if model.totals[1] > EXACT_SIZE else _Coordinates(model).decide(ports_only=True)
-
-
-class _Coordinates:
-    """M in coordinates in which simplicial cones are orthants.
+    Parameters
+    ----------
+    model : NetworkModel
+        Of at most `EXACT_SIZE` states and inputs.
 
     Attributes
     ----------
@@ -110,21 +105,39 @@ class _Coordinates:
             (_, states), (_, inputs) = self.frames[gk]
             self._put(u, model.places[gk][0][place[k]], W @ source.C.fractions()[place[k]] @ states)
             self._put(u, model.places[gk][1][place[k]] + n, W @ source.D.fractions()[place[k]] @ inputs)
-        rest = np.arange(0 if model.discrete else n, len(self.M))
-        self.M[rest, rest] -= 1
+        self.M[np.arange(n, len(self.M)), np.arange(n, len(self.M))] -= 1
 
     def _put(self, rows: Index, columns: Index, blocks: Rationals) -> None:
         if blocks.size:
             self.M[rows[:, :, None], columns[:, None, :]] = blocks
 
-    def decide(self, *, ports_only: bool) -> Outcome | None:
-        """See `decide_network` and `decide_loop`."""
-        first = self.split if ports_only else 0
-        parts = self._parts(first)
-        w = np.full(len(self.M), Fraction(0), dtype=object)
+    def decide(self, shift: float) -> Outcome | None:
+        """Whether the algebraic loop contracts and the spectral abscissa is below the shift; None if too long."""
+        M = self.M.copy()
+        diagonal = np.arange(self.split)
+        M[diagonal, diagonal] -= Fraction(shift)
+        return self._decide(M, self._parts(0), 0)
+
+    def decide_loop(self) -> Outcome | None:
+        """Whether the algebraic loop u = W D u contracts; `state` is empty."""
+        return self._decide(self.M, self._parts(self.split), self.split)
+
+    def estimate(self) -> float:
+        """The spectral abscissa in floating point, part by part; the algebraic loop must contract."""
+        top = -np.inf
+        for part in self._parts(0):
+            count = int((part < self.split).sum())
+            S = np.array([[float(value) for value in row] for row in self.M[np.ix_(part, part)]])
+            if count:
+                closed = S[:count, :count] - S[:count, count:] @ np.linalg.solve(S[count:, count:], S[count:, :count])
+                top = max(top, float(np.linalg.eigvals(closed).real.max()))
+        return top
+
+    def _decide(self, M: Rationals, parts: list[Index], first: int) -> Outcome | None:
+        w = np.full(len(M), Fraction(0), dtype=object)
         for part in parts:
             cone = self._cone(part)
-            decided = _decide_part(self.M[np.ix_(part, part)], cone)
+            decided = _decide_part(M[np.ix_(part, part)], cone)
             if decided is None:
                 return None
             stable, vector = decided
@@ -132,9 +145,8 @@ class _Coordinates:
                 w[:] = Fraction(0)
                 w[part] = vector
                 return self._outcome(False, w, first)
-            rays = cone.rays
-            # every node heard by those before it pays for what it does to them
-            burden, slack = rays @ (w @ self.M[:, part]), rays @ (vector @ self.M[np.ix_(part, part)])
+            # every part pays for what it does to those before it
+            burden, slack = cone.rays @ (w @ M[:, part]), cone.rays @ (vector @ M[np.ix_(part, part)])
             factor = max((Fraction(b) / -s for b, s in zip(burden, slack, strict=True)), default=Fraction(0))
             w[part] = vector * Fraction(2) ** max(0, _exponent(factor) + 2)
         return self._outcome(True, w, first)
@@ -151,7 +163,7 @@ class _Coordinates:
         return Outcome(stable, parts[0][: 0 if first else None], parts[1])
 
     def _parts(self, first: int) -> list[Index]:
-        """Strongly connected sets of coordinates, each after all those that it influences."""
+        """Strongly connected sets of coordinates from `first` on, each after all those that it influences."""
         rows, columns = np.nonzero(self.M[first:, first:])
         size = len(self.M)
         at = (self.group[rows + first], self.group[columns + first])

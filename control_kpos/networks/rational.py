@@ -16,7 +16,7 @@ from ..rational_programs import primitive_fractions
 from ..stability import transpose
 from . import conditions as on
 from .certificate import NetworkCertificate, per_node
-from .exact import Outcome, Rationals, decide_loop, decide_network
+from .exact import EXACT_SIZE, ExactNetwork, Outcome, Rationals
 from .model import NetworkModel
 from .witnesses import AlgebraicLoop, LoopWeights, NetworkInstability, with_exact
 
@@ -36,30 +36,80 @@ def certify_exactly(model: NetworkModel, loop: LoopWeights) -> NetworkCertificat
     NetworkCertificate
         UNDECIDED for larger networks, and where cones that are not simplicial ask for programs too long.
     """
+    if sum(model.totals[:2]) > EXACT_SIZE:
+        return NetworkCertificate.settle(model=model, loop_weights=loop)
+    network = ExactNetwork(model)
     if model.has_feedthrough and loop is None:
-        direct = decide_loop(model)
+        direct = network.decide_loop()
         if direct is None or not direct.stable:
             witness = None if direct is None else _algebraic(model, direct.port)
             return NetworkCertificate.settle(model=model, witness=witness)
         loop = _loop_weights(model, direct.port)
-    found = decide_network(model)
+    least = 1.0 if model.discrete else 0.0
+    found = network.decide(least)
     if found is None:
         return NetworkCertificate.settle(model=model, loop_weights=loop)
     if found.stable:
-        return _stable(model, found, loop)
-    x, u = _together(found.state, found.port)
-    (x_, u_, y_), exact = with_exact((x, u, _outputs(model, x, u)))
-    witness = NetworkInstability(x_, u_, y_, 1.0 if model.discrete else 0.0, exact)
-    return NetworkCertificate.settle(model=model, loop_weights=loop, witness=witness)
+        sigma = np.ones(model.n_nodes)
+        return NetworkCertificate.settle(model=model, **_falling(model, found), sigma=sigma, loop_weights=loop)
+    return NetworkCertificate.settle(model=model, loop_weights=loop, witness=_growing(model, found, least))
 
 
-def _stable(model: NetworkModel, found: Outcome, loop: LoopWeights) -> NetworkCertificate:
+def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> dict[str, Any] | None:
+    """Both sides of a bracket of the spectral abscissa, as fields of an `AbscissaCertificate`; None if too long.
+
+    Parameters
+    ----------
+    model : NetworkModel
+        Positive, and with an algebraic loop that contracts.
+    relative : float
+        Width of the bracket, relative to the abscissa or to 2^-40 of the size of A, whichever is larger.
+    loop : tuple or None
+        Proof that the algebraic loop contracts.
+    """
+    if sum(model.totals[:2]) > EXACT_SIZE:
+        return None
+    network = ExactNetwork(model)
+    about = network.estimate()
+    if not np.isfinite(about):
+        return None
+    tiny = 2.0**-40 * max(float(np.abs(s.A.values).max()) for s in model.stacks) + 1e-300
+    ends: dict[bool, tuple[float, Outcome]] = {}
+    step = 0.4 * relative * max(abs(about), tiny)
+    for _ in range(200):
+        if len(ends) == 2:
+            lower, upper = ends[False][0], ends[True][0]
+            at = 0.5 * (lower + upper)
+            if upper - lower <= relative * max(abs(at), tiny) or at in (lower, upper):
+                break
+        elif not ends:
+            at = about + step
+        else:  # outwards until the other side is found
+            at, step = (about - step, 8 * step) if True in ends else (about + step, 8 * step)
+        found = network.decide(at)
+        if found is None:
+            return None
+        ends[found.stable] = at, found
+    if len(ends) < 2:
+        return None
+    (lower, below), (upper, above) = ends[False], ends[True]
+    sides = {**_falling(model, above), "below": _growing(model, below, lower)}
+    return {"lower": lower, "upper": upper, **sides, "loop_weights": loop}
+
+
+def _falling(model: NetworkModel, found: Outcome) -> dict[str, Any]:
+    """v, r, q and exact of a stable outcome."""
     v, r = found.state, found.port
-    size = Fraction(2) ** _exponent(max(v))
+    size = Fraction(2) ** _exponent(max(abs(value) for value in v))
     vectors, exact = with_exact((v / size, r / size, _asked(model, -r) / size))
     v_, r_, q_ = (per_node(part, model, kind) for kind, part in enumerate(vectors))
-    sigma = np.ones(model.n_nodes)
-    return NetworkCertificate.settle(model=model, v=v_, r=r_, q=q_, sigma=sigma, loop_weights=loop, exact=exact)
+    return {"v": v_, "r": r_, "q": q_, "exact": exact}
+
+
+def _growing(model: NetworkModel, found: Outcome, rate: float) -> NetworkInstability:
+    x, u = _together(found.state, found.port)
+    (x_, u_, y_), exact = with_exact((x, u, _outputs(model, x, u)))
+    return NetworkInstability(x_, u_, y_, rate, exact)
 
 
 def _algebraic(model: NetworkModel, port: Rationals) -> AlgebraicLoop:
