@@ -120,6 +120,69 @@ def test_discrete_time_network():
     assert np.abs(np.linalg.eigvals(d.closed_loop.A)).max() <= 0.9 + 1e-9
 
 
+def in_other_units(systems, states, inputs):
+    """Nodes with x scaled by `states` and u by `inputs`, node by node; cones go along."""
+    out = []
+    for sys, S, e in zip(systems, states, inputs, strict=True):
+        A, B, C = (np.asarray(M) for M in (sys.A, sys.B, sys.C))
+        X = kp.PolyhedralCone(sys.X.rays * S)
+        out.append(kp.ConeStateSpace(S[:, None] * A / S, S[:, None] * B / e, C / S, 0, X=X))
+    return out
+
+
+@pytest.mark.parametrize("demands", [{}, {"gain_bound": 12.0}], ids=["smallest gain", "bounded"])
+@pytest.mark.parametrize("decades", [3, 6])
+def test_units_of_the_nodes_only_scale_the_gains(decades, demands):
+    rng = np.random.default_rng(decades)
+    nodes = [node(k) for k in (0.5, 1.0, 2.0, 1.5)]
+    states = [2.0 ** rng.integers(-3.3 * decades, 3.3 * decades, size=2) for _ in nodes]
+    W = sp.csr_array(ring(4) + 0.3 * ring(4) @ ring(4))
+    d = kp.network_feedback(nodes, W, rate=0.5, **demands)
+    e = kp.network_feedback(in_other_units(nodes, states, np.ones(4)), W, rate=0.5, **demands)
+    assert d and e and e.check() and e.decay_rate >= 0.5
+    assert e.value == pytest.approx(d.value, rel=0.02)
+    for S, F, G, sys in zip(states, d.F, e.F, nodes, strict=True):
+        used = np.abs(G @ (sys.X.rays * S).T).max()
+        assert used <= demands.get("gain_bound", 1.06 * d.limit)
+        closed = sys.A + sys.B @ (G * S)
+        assert kp.linear_lyapunov(closed, sys.X)
+        if not demands:
+            np.testing.assert_allclose(np.abs((G * S) @ sys.X.rays.T).max(), np.abs(F @ sys.X.rays.T).max(), rtol=0.1)
+
+
+def test_units_of_the_inputs_only_scale_the_gains():
+    nodes, inputs = [node(k) for k in (0.5, 2.0, 1.0)], np.array([1e6, 1e-6, 1.0])
+    W = ring(3).toarray()
+    plain = kp.network_feedback(nodes, W, rate=0.5, gain_bound=9.0)
+    scaled = in_other_units(nodes, np.ones((3, 2)), inputs)
+    d = kp.network_feedback(scaled, W * inputs[:, None], rate=0.5, gain_bound=9 * inputs)
+    assert d and d.check() and d.decay_rate >= 0.5
+    assert d.value == pytest.approx(plain.value, rel=0.05)
+
+
+def test_a_grid_in_si_units():
+    """Angles of 1e-6 beside powers of 1e6 on the orthant, where the generators do not follow the units."""
+    rng = np.random.default_rng(0)
+    nodes = []
+    for _ in range(30):
+        A = rng.uniform(0.1, 1, size=(3, 3))
+        np.fill_diagonal(A, -A.sum(axis=1) + [0.4, 0, 0])
+        S = np.array([1e-6, 1.0, 1e6])
+        nodes.append(kp.ConeStateSpace(S[:, None] * A / S, S[:, None] * [[1.0], [0.0], [0.0]], [[0, 0, 1] / S], 0))
+    d = kp.network_feedback(nodes, 0.05 * ring(30), rate=0.05)
+    assert d and d.check() and d.decay_rate >= 0.05
+
+
+def test_gains_are_measured_at_the_generators_of_each_node():
+    long = kp.ConeStateSpace(node(), X=kp.PolyhedralCone([[0, 4], [0.5, -1]]))  # the same cone
+    d = kp.network_feedback([node(), long], ring(2), rate=0.5, gain_bound=[9, 27])
+    assert d
+    for F, sys, bound in zip(d.F, (node(), long), (9, 27), strict=True):
+        assert np.abs(F @ sys.X.rays.T).max() <= bound
+    refused = kp.network_feedback([node(), long], ring(2), gain_bound=[9, 6])
+    assert refused.status is kp.Status.REFUTED and "node 1" in refused.message
+
+
 def test_uniform_gain_for_nodes_that_differ():
     stack, W, _ = random_network(40, weight=0.5)
     d = kp.network_feedback(stack, W, uniform=True, rate=0.2)

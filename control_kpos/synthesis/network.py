@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import flag
 from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
+from ..cones import PolyhedralCone
 from ..errors import ActuatorLossWarning, DataError, NotProperConeError, ShapeError
 from ..networks.coupling import read_coupling
 from ..networks.model import NetworkModel, NodeStack, gather
@@ -21,6 +23,7 @@ from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from .backend import Programs, SolverChoice
 from .network_program import MARGINS, NetworkProgram
+from .network_units import generator_lengths
 from .one_shot import design_on_simplicial
 from .plant import read_plant
 from .result import DesignResult, Nearest
@@ -108,33 +111,36 @@ def network_feedback(
     target = read_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
-    stacks, members, dt = gather(systems)
+    single = isinstance(systems, (NodeStack, ConeStateSpace))
+    given = [systems] if single or not isinstance(systems, Iterable) else list(systems)
+    stacks, members, dt = gather(given)
     empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
     model = empty.with_coupling(read_coupling(coupling, empty))
     _require_nodes(model, uniform)
     bound = _read_bound(gain_bound, model)
+    lengths = generator_lengths(given, model, [np.asarray(s.X.rays, dtype=float) for s in model.stacks])
     with Reporter(progress) as report:
-        result, alarm = _designed(model, bound, uniform, float(target), Programs(solver, limit, report))
+        result, alarm = _designed(model, bound, uniform, float(target), Programs(solver, limit, report), lengths)
     if alarm:
         warnings.warn(alarm, ActuatorLossWarning, stacklevel=2)
     return result
 
 
 def _designed(
-    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs
+    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, lengths: list[Floats]
 ) -> tuple[DesignResult, str]:
     """The design, and a warning about weakened gains or ""."""
     lp.stage(f"{model.n_nodes} nodes")
     result = DesignResult(Status.UNDECIDED)
     # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
     for margin in MARGINS if bound is not None else MARGINS[1:]:
-        program = NetworkProgram(model, bound, uniform, lp, margin)
+        program = NetworkProgram(model, bound, uniform, lp, margin, lengths)
         result, alarm = _design(model, program, bound, rate, lp)
         if result:
             return result, alarm
     if result.message:
         return result, ""
-    program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1])
+    program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
     return _explain_failure(model, program, bound, rate, program.start(rate)[1], lp), ""
 
 
@@ -199,7 +205,7 @@ def _design(
 def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: float, lp: Programs) -> Floats | None:
     """A point with a little more gain than the smallest, and as wide margins as that allows."""
     for margin in _WIDE if limit > 0 else ():
-        wide = NetworkProgram(model, None, program.uniform, lp, margin)
+        wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
         point, _ = wide.start(rate, limit * (1 + _SLACK))
         if point is not None:
             return point
@@ -218,7 +224,10 @@ def _certified(
     gains = [round_to(F, digits) for F in program.gains(x)]
     if program.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
-    used = [np.abs(np.einsum("jma,ka->jmk", F, g.rays)) for F, g in zip(gains, program.parts, strict=True)]
+    used = [
+        np.abs(np.einsum("jma,ka->jmk", F, g.rays)) * g.lengths[:, None, :]
+        for F, g in zip(gains, program.parts, strict=True)
+    ]
     value = max(float(u.max(initial=0.0)) for u in used)
     if bound is not None:
         bounds = model.split(bound, 1)
@@ -335,7 +344,7 @@ def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -
 def _explain_failure(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, message: str, lp: Programs
 ) -> DesignResult:
-    refuted = _blocking_node(model, bound, lp)
+    refuted = _blocking_node(model, program, bound, lp)
     if refuted is not None:
         return refuted
     nearest = None
@@ -344,7 +353,7 @@ def _explain_failure(
         if start is not None:
             nearest = Nearest(decay_rate=program.largest_rate(start)[1])
     if nearest is None and bound is not None:
-        free = NetworkProgram(model, None, program.uniform, lp)
+        free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
         start, _ = free.start(rate)
         if start is not None:
             nearest = Nearest(gain_bound=free.smallest_gain(rate, start)[1])
@@ -352,13 +361,16 @@ def _explain_failure(
     return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
 
 
-def _blocking_node(model: NetworkModel, bound: Floats | None, lp: Programs) -> DesignResult | None:
+def _blocking_node(
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, lp: Programs
+) -> DesignResult | None:
     """A node that cannot be made positive and stable even alone: then no network with it can."""
     seen: set[bytes] = set()
     bounds = None if bound is None else model.split(bound, 1)
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
-            key = np.asarray(s.A.values[place]).tobytes() + np.asarray(s.B.values[place]).tobytes()
+            own = program.parts[g].lengths[place]
+            key = b"".join(np.asarray(M).tobytes() for M in (s.A.values[place], s.B.values[place], own))
             if key in seen:
                 continue
             seen.add(key)
@@ -366,7 +378,8 @@ def _blocking_node(model: NetworkModel, bound: Floats | None, lp: Programs) -> D
                 return None
             lp.stage(f"{model.name_of(j)} alone")
             node = node_system(s, place)
-            plant = read_plant(node, None, gain_bound=None if bounds is None else bounds[g][place])
+            X = s.X if (own == 1).all() else PolyhedralCone(program.parts[g].rays * own[:, None])
+            plant = read_plant(node, X, gain_bound=None if bounds is None else bounds[g][place])
             result = design_on_simplicial(plant, 0.0, lp.on_highs(_SECONDS_EACH))
             if result.status is Status.REFUTED:
                 return replace(result, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")

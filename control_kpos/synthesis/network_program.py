@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..linear_programs import Solution
 from ..networks.model import NetworkModel, NodeStack
+from .network_units import input_units, state_units
 from .ratio import Solver, first_point, minimise_ratio, satisfies
 
 Floats = NDArray[np.float64]
@@ -32,9 +33,19 @@ _LARGE = 4000
 
 
 class Geometry:
-    """Generators and matching facets of a stack's cone, and its matrices in these coordinates."""
+    """Generators and matching facets of a stack's cone, and its matrices in these coordinates.
 
-    def __init__(self, stack: NodeStack) -> None:
+    Attributes
+    ----------
+    HAT, HB, CT : ndarray, shapes (N, n, n), (N, n, m), (N, q, n)
+        A, B and C, with states in their units.
+    HZ : ndarray, shape (N, n, m)
+        B with inputs in their units as well.
+    lengths : ndarray, shape (N, n)
+        Of the generators at which gains are measured.
+    """
+
+    def __init__(self, stack: NodeStack, lengths: Floats | None = None) -> None:
         X = stack.X
         self.rays = np.asarray(X.rays, dtype=float)
         order = np.argmin(np.asarray(X.incidence), axis=0)
@@ -44,6 +55,21 @@ class Geometry:
         self.HAT = np.einsum("ia,jab,kb->jik", self.facets, self.A, self.rays, optimize=True)
         self.HB = np.einsum("ia,jam->jim", self.facets, self.B, optimize=True)
         self.CT = np.einsum("jqa,ka->jqk", self.C, self.rays, optimize=True)
+        self.units, self.input_units = np.ones(self.HAT.shape[:2]), np.ones(self.HB.shape[::2])
+        self.lengths = np.ones(self.HAT.shape[:2]) if lengths is None else lengths
+        self.HZ = self.HB
+
+    def use(self, units: Floats) -> None:
+        """Change to other units of the states, and to suitable ones of the inputs."""
+        self.units = units
+        self.HAT = self.HAT * units[:, None, :] / units[:, :, None]
+        self.HB, self.CT = self.HB / units[:, :, None], self.CT * units[:, None, :]
+        self.input_units = input_units(self.HAT, self.HB)
+        self.HZ = self.HB * self.input_units[:, None, :]
+
+    def measure(self) -> Floats:
+        """|F t_k| per unit of z / xi, shape (N, n, m)."""
+        return (self.lengths / self.units)[:, :, None] * self.input_units[:, None, :]
 
 
 class NetworkProgram:
@@ -60,17 +86,33 @@ class NetworkProgram:
     lp : callable
     margin : float
         Demanded of invariance, relative to the size of each row.
+    lengths : list of ndarray, shape (N, n), optional
+        Of the generators at which gains are measured, stack by stack.
     """
 
     def __init__(
-        self, model: NetworkModel, gain_bound: Floats | None, uniform: bool, lp: Solver, margin: float = MARGINS[-1]
+        self,
+        model: NetworkModel,
+        gain_bound: Floats | None,
+        uniform: bool,
+        lp: Solver,
+        margin: float = MARGINS[-1],
+        lengths: list[Floats] | None = None,
     ) -> None:
-        self.model, self.uniform, self.margin = model, uniform, margin
-        self.parts = [Geometry(s) for s in model.stacks]
+        self.model, self.uniform, self.margin, self.lengths = model, uniform, margin, lengths
+        given = [None] * len(model.stacks) if lengths is None else lengths
+        self.parts = [Geometry(s, own) for s, own in zip(model.stacks, given, strict=True)]
         self.xi, self.z, self.size = self._variables()
         self.lp = lp if self.size < _LARGE else lambda *data, **more: lp(*data, **more, method="ipm")
         self.bound = None if gain_bound is None else model.split(gain_bound, 1)
-        self.scale = max(float(max(np.abs(g.HAT).max(), np.abs(g.HB).max(initial=0.0))) for g in self.parts)
+        if not uniform:
+            for g, units in zip(self.parts, state_units([g.HAT for g in self.parts], self._links()), strict=True):
+                g.use(units)
+        rows = [np.abs(g.HAT).max(axis=2).ravel() for g in self.parts]
+        pushes = [np.abs(g.HZ).max(axis=2, initial=0.0).ravel() for g in self.parts]
+        sizes = [np.where(row > 0, row, push) for row, push in zip(rows, pushes, strict=True)]
+        self.sizes = np.concatenate(sizes)
+        self.scale = float(self.sizes.max())
 
     def _variables(self) -> tuple[list[Index], list[Index], int]:
         """Columns of xi (N, n) and z (N, n, m) per stack; all xi come first."""
@@ -106,12 +148,12 @@ class NetworkProgram:
         """Invariance with its margin: rows that must not be negative."""
         parts = []
         for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
-            n, m = g.HAT.shape[1], g.HB.shape[2]
+            n, m = g.HAT.shape[1], g.HZ.shape[2]
             where = np.ones((n, n), dtype=bool) if self.model.discrete else ~np.eye(n, dtype=bool)
             i, k = np.nonzero(where)
-            movable = np.abs(g.HB[:, i]).max(axis=2, initial=0.0)
+            movable = np.abs(g.HZ[:, i]).max(axis=2, initial=0.0)
             size = np.abs(g.HAT[:, i, k]) + movable
-            data = [(g.HAT[:, i, k] - self.margin * np.where(movable > 0, size, 0.0))[..., None], g.HB[:, i]]
+            data = [(g.HAT[:, i, k] - self.margin * np.where(movable > 0, size, 0.0))[..., None], g.HZ[:, i]]
             columns = [xi[:, k][..., None], z[:, k]]
             parts.append(_rows(np.concatenate(data, axis=2), np.concatenate(columns, axis=2), 1 + m, self.size))
         return _distinct(sp.csr_array(sp.vstack(parts, format="csr"))) if self.uniform else _stack(parts)
@@ -122,29 +164,32 @@ class NetworkProgram:
         local = []
         for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
             count, n, _ = g.HAT.shape
-            m = g.HB.shape[2]
+            m = g.HZ.shape[2]
             data = np.concatenate(
-                [g.HAT, np.broadcast_to(g.HB[:, :, None, :], (count, n, n, m)).reshape(count, n, n * m)], axis=2
+                [g.HAT, np.broadcast_to(g.HZ[:, :, None, :], (count, n, n, m)).reshape(count, n, n * m)], axis=2
             )
             columns = np.concatenate([xi, z.reshape(count, n * m)], axis=1)
             local.append(_rows(data, np.broadcast_to(columns[:, None, :], data.shape), n * (1 + m), self.size))
-        return sp.csr_array(_stack(local) + self._coupling())
+        columns = np.concatenate([xi.ravel() for xi in self.xi])
+        place = (np.arange(len(columns)), columns)
+        spread = sp.csr_array((np.ones(len(columns)), place), shape=(len(columns), self.size))
+        return sp.csr_array(_stack(local) + self._links() @ spread)
 
-    def _coupling(self) -> sp.csr_array:
-        """h_i'B_j W_jl C_l x_l."""
+    def _links(self) -> sp.csr_array:
+        """h_i'B_j W_jl C_l t_k, in the order of stacks."""
         model = self.model
-        if not model.W.nnz:
-            return sp.csr_array((sum(g.HAT.shape[0] * g.HAT.shape[1] for g in self.parts), self.size))
-        pushed, seen, at = [], [], 0
         total = sum(g.HB.shape[0] * g.HB.shape[1] for g in self.parts)
-        for g, xi, places in zip(self.parts, self.xi, model.places, strict=True):
+        if not model.W.nnz:
+            return sp.csr_array((total, total))
+        pushed, seen, at = [], [], 0
+        for g, places in zip(self.parts, model.places, strict=True):
             count, n, _ = g.HB.shape
             rows = at + np.arange(count * n).reshape(count, n)
             at += count * n
             pushed.append(_coo(g.HB, rows, places[1]))
-            seen.append(_coo(g.CT, places[2], xi))
+            seen.append(_coo(g.CT, places[2], rows))
         inputs, outputs = model.totals[1], model.totals[2]
-        return _sum(pushed, (total, inputs)) @ model.W @ _sum(seen, (outputs, self.size))
+        return sp.csr_array(_sum(pushed, (total, inputs)) @ model.W @ _sum(seen, (outputs, total)))
 
     @cached_property
     def weights(self) -> sp.csr_array:
@@ -156,19 +201,14 @@ class NetworkProgram:
     @cached_property
     def slope(self) -> sp.csr_array:
         """z and -z, input by input, divided by the bound if there is one."""
-        columns = np.concatenate([z.ravel() for z in self.z])
-        size = np.ones(len(columns))
+        measures = [g.measure() for g in self.parts]
         if self.bound is not None:
-            size = np.concatenate(
-                [np.broadcast_to(b[:, None, :], z.shape).ravel() for b, z in zip(self.bound, self.z, strict=True)]
-            )
-        columns, first = np.unique(columns, return_index=True)
-        if self.bound is not None and self.uniform:
-            size = np.full(len(columns), size.min())
-        else:
-            size = size[first]
+            measures = [each / np.maximum(b, 1e-300)[:, None, :] for each, b in zip(measures, self.bound, strict=True)]
+        columns, place = np.unique(np.concatenate([z.ravel() for z in self.z]), return_inverse=True)
+        factors = np.zeros(len(columns))
+        np.maximum.at(factors, place, np.concatenate([each.ravel() for each in measures]))
         index = np.arange(len(columns))
-        half = sp.csr_array((1 / np.maximum(size, 1e-300), (index, columns)), shape=(len(columns), self.size))
+        half = sp.csr_array((factors, (index, columns)), shape=(len(columns), self.size))
         return sp.csr_array(sp.vstack([half, -half], format="csr"))
 
     @cached_property
@@ -178,9 +218,9 @@ class NetworkProgram:
         index = np.arange(len(owners))
         return sp.csr_array((np.ones(len(owners)), (index, owners)), shape=(len(owners), self.size))
 
-    def theta(self, rate: float) -> float:
-        """Factor of xi on the right of the drift rows."""
-        return (1.0 if self.model.discrete else 0.0) - rate - _STRICT * self.scale
+    def theta(self, rate: float) -> Floats:
+        """Factors of xi on the right of the drift rows."""
+        return (1.0 if self.model.discrete else 0.0) - rate - _STRICT * self.sizes
 
     def fixed(self, rate: float | None, gain: float | None = None) -> sp.csr_array:
         """Rows that must not be positive; `gain` is relative to the bound, or absolute without one."""
@@ -239,7 +279,9 @@ class NetworkProgram:
 
     def decreasing(self, rate: float) -> sp.csr_array:
         """Rows that must be negative for the decay rate."""
-        rows = sp.csr_array(self.drift - self.theta(rate) * self.weights)
+        right = self.weights.copy()
+        right.data = self.theta(rate)
+        rows = sp.csr_array(self.drift - right)
         return _distinct(rows) if self.uniform else rows
 
     def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:
@@ -269,7 +311,7 @@ class NetworkProgram:
         """F per stack, shape (N, m, n)."""
         out = []
         for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
-            columns = x[z] / x[xi][:, :, None]
+            columns = x[z] / (x[xi] * g.units)[:, :, None] * g.input_units[:, None, :]
             out.append(np.einsum("jkm,ak->jma", columns, np.linalg.inv(g.rays), optimize=True))
         return out
 
