@@ -183,7 +183,7 @@ class ConeOperations(StateSpace):
         self._require_operand(other)
         dt = self.dt
         try:
-            with self._sizes_in_errors(other):
+            with refusing("other"), self._sizes_in_errors(other):
                 result = super().append(other)
         finally:
             self.dt = dt  # python-control changes it
@@ -373,9 +373,12 @@ class ConeOperations(StateSpace):
             raise DataError("timescale is 0; give a number that is not 0.")
         singular = DataError("T is singular; a change of coordinates must be invertible.")
         try:
-            result = ct.similarity_transform(self, dense(exact.values), timescale, inverse)
+            with np.errstate(all="ignore"):
+                result = ct.similarity_transform(self, dense(exact.values), timescale, inverse)
         except np.linalg.LinAlgError:
             raise singular from None
+        if not _is_finite(result):
+            raise DataError("T or timescale: the result leaves the range of doubles; choose other units.")
 
         def moved(s: Model) -> Model | None:
             model = connections.transform(s, exact, timescale, inverse)

@@ -44,7 +44,7 @@ def extreme_generators(
     separators: dict[int, Array] = {}
     order = np.argsort(np.linalg.norm(points - points.mean(axis=0), axis=1))  # inner ones first
     for i in order.tolist():
-        is_extreme, separator = _separator(points, i, np.array([j for j in left if j != i]))
+        is_extreme, separator = _separator(points, i, np.array([j for j in left if j != i], dtype=np.intp))
         if separator is not None:
             separators[i] = frame.to.T @ separator
         if not is_extreme and (keep is None or not keep[i]):
