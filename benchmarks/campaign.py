@@ -4,13 +4,19 @@
     python benchmarks/campaign.py descriptions 1000
     python benchmarks/campaign.py cones 10000
     python benchmarks/campaign.py files 100000
+    python benchmarks/campaign.py hostile
+    python benchmarks/campaign.py kills 100
+    python benchmarks/campaign.py threads 500
+    python benchmarks/campaign.py digest 500
     python benchmarks/campaign.py kernel
 
-Prints one line per part; the exit status is 1 if anything false was found.
+Prints what was found and a line with the seed and the time; the exit status is 1 if anything false was found.
+`digest` prints a SHA-256 of verdicts, to be compared between machines and versions of Python.
 """
 
 import argparse
 import json
+import os
 import re
 import subprocess
 import sys
@@ -26,7 +32,8 @@ import campaigns  # noqa: E402
 import certified  # noqa: E402
 import tampering  # noqa: E402
 
-from control_kpos.certificates import exact  # noqa: E402
+import control_kpos as kp  # noqa: E402
+from control_kpos.certificates import checker, exact  # noqa: E402
 
 
 def systems(count, seed):
@@ -44,10 +51,11 @@ def descriptions(count, seed):
 
 
 def cones(count, seed):
-    """Both readers of files on cones with many generators."""
+    """Both readers of files on claims of every kind, on cones with many generators."""
     with tempfile.TemporaryDirectory() as folder:
-        found = campaigns.polyhedral_disagreements(count, seed, Path(folder) / "file.json")
-    print(f"{count} systems on polyhedral cones: {len(found)} disagreements {[item[2] for item in found[:3]]}")
+        found, seen = campaigns.disagreements(count, seed, Path(folder) / "file.json")
+    print(f"{count} systems on polyhedral cones: {len(found)} disagreements {[item[:3] for item in found[:3]]}")
+    print(", ".join(f"{number} {name}" for name, number in sorted(seen.items())))
     return found
 
 
@@ -62,6 +70,58 @@ def files(count, seed):
         found, accepted = campaigns.contradictions(contents, each, seed, path)
     print(f"{each * len(contents)} changed files: {accepted} accepted, {len(found)} of them falsely")
     return found
+
+
+def hostile(_, seed):
+    """Time and memory of both readers on every hostile file."""
+    worst, found, count = {}, [], 0
+    with tempfile.TemporaryDirectory() as folder:
+        for name, path in campaigns.hostile_files(Path(folder)):
+            for reader in (kp.load_certificate, checker.main):
+                count += 1
+                seconds, megabytes, outcome = campaigns.cost(reader, path)
+                key = reader.__module__.rpartition(".")[2]
+                if (
+                    not seconds < 1
+                    or not megabytes < 200
+                    or outcome not in ("CertificateFileError", "FalseClaimError", "read")
+                ):
+                    found.append((name, key, seconds, megabytes, outcome))
+                for what, size in (("s", seconds), ("MB", megabytes)):
+                    worst[key, what] = max(worst.get((key, what), (0.0, "")), (size, name))
+    for (key, what), (size, name) in sorted(worst.items()):
+        print(f"{key}: at most {size:.2f} {what} ({name})")
+    print(f"{count} readings of hostile files: {len(found)} too slow, too large or not refused {found}")
+    return found
+
+
+def kills(count, seed):
+    """Writers killed at random moments."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for suffix in ("json", "npz"):
+            path = Path(folder) / f"file.{suffix}"
+            found += campaigns.half_written(count, seed, path)
+    print(f"{2 * count} writers killed, half of them writing archives: {len(found)} files damaged {found[:3]}")
+    return found
+
+
+def digest(count, seed):
+    """One number for the verdicts of a seed."""
+    print(campaigns.digest(count, seed))
+    return []
+
+
+def threads(count, seed):
+    """The same verdicts with one and with four threads."""
+    seen = {}
+    for number in ("1", "4"):
+        environment = {**os.environ, "OMP_NUM_THREADS": number, "OPENBLAS_NUM_THREADS": number}
+        command = [sys.executable, __file__, "digest", str(count), "--seed", str(seed)]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        seen[number] = done.stdout.split()[0]
+    print(f"verdicts on {count} systems with 1 and 4 threads: {sorted(set(seen.values()))}")
+    return sorted(set(seen.values()))[1:]
 
 
 def kernel(_, seed):
@@ -112,7 +172,9 @@ def kernel(_, seed):
 
 def main():
     """Run one part."""
-    parts = {part.__name__: part for part in (systems, descriptions, cones, files, kernel)}
+    parts = {
+        part.__name__: part for part in (systems, descriptions, cones, files, hostile, kills, digest, threads, kernel)
+    }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", choices=parts)
     parser.add_argument("count", type=int, nargs="?", default=1000)

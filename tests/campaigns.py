@@ -4,17 +4,27 @@ A Metzler matrix is Hurwitz if and only if all leading principal minors of its n
 rational arithmetic decides.  Other cones come from unimodular changes of coordinates, which are exact.
 """
 
+import contextlib
+import hashlib
 import json
+import os
+import resource
+import select
+import signal
+import time
 from fractions import Fraction
 
+import hostile
 import numpy as np
 import tampering
 
 import control_kpos as kp
+from control_kpos.arrays import exact_matrix
 from control_kpos.certificates import checker
-from control_kpos.certificates.encoding import Decoder
+from control_kpos.certificates.encoding import Decoder, number
 from control_kpos.certificates.portable_cones import decode_cone
-from control_kpos.errors import CertificateFileError, KposError
+from control_kpos.errors import CertificateFileError, UndecidedError
+from control_kpos.synthesis.acceptance import CommonVectorCertificate, GainBoundCertificate
 
 
 def hurwitz(A):
@@ -128,37 +138,199 @@ def truth(content, path):
         told = str(error).partition("its data give ")[2].partition(" ")[0]
     if told != "UNDECIDED":
         return told or None
-    if content["claim"] not in ("positive", "stable"):
-        return None  # its witness was changed, which the proof does not need
     decoder = Decoder(10**4, lambda *_: None, decode_cone)
-    data = {key: decoder.value(content["data"][key]) for key in ("A", "B", "C", "D", "X", "U", "Y", "discrete")}
-    if content["claim"] == "positive":
-        return kp.cone_positivity(**data).status.name
-    return kp.linear_lyapunov(data["A"], data["X"], discrete=data["discrete"]).status.name
+    claim, data = content["claim"], content["data"]
+    read = {
+        key: decoder.value(data[key]) for key in ("A", "B", "C", "D", "W", "X", "U", "Y", "discrete") if key in data
+    }
+    if isinstance(read.get("A"), tuple):
+        return truth_of_family(read, content)
+    if claim == "positive":
+        return kp.cone_positivity(**read).status.name
+    if claim == "stable":
+        return kp.linear_lyapunov(read["A"], read["X"], discrete=read["discrete"]).status.name
+    if claim in ("dissipative", "disturbance gain") and None not in (data["q"], data["r"]):
+        q, r = (list(map(number, data[key]["array"])) for key in "qr")
+        return kp.dissipativity(**read, q=q, r=r).status.name
+    if claim == "network" and not rational(read["D"]).any() and content["proof"].get("shows", "growth") == "growth":
+        return closed_loop_truth(read)
+    return None  # its witness was changed, which the proof does not need
 
 
-def polyhedral_disagreements(count, seed, path):
-    """Random systems on cones with more generators than dimensions: files on which the two readers differ."""
-    rng, out = np.random.default_rng(seed), []
-    for _ in range(count):
-        n = int(rng.integers(3, 6))
+def truth_of_family(read, content):
+    """PROVED or REFUTED for every matrix of a family, positivity alone where no vector is claimed."""
+    single = kp.state_positivity if content["data"]["v"] is None else kp.linear_lyapunov
+    found = [single(A, read["X"], discrete=read["discrete"]).status.name for A in read["A"]]
+    return "PROVED" if all(name == "PROVED" for name in found) else "REFUTED"
+
+
+def rational(m):
+    """An exact matrix, dense or sparse, as fractions."""
+    return np.vectorize(Fraction, otypes=[object])(m.values.toarray()) if m.is_sparse else m.fractions()
+
+
+def closed_loop_truth(read):
+    """Stability of A + B W C on X, for nodes without feedthrough."""
+    A, B, W, C = (rational(read[key]) for key in "ABWC")
+    return kp.linear_lyapunov(A + B @ W @ C, read["X"], discrete=read["discrete"]).status.name
+
+
+def proper_cone(rng, n):
+    """A random cone in R^n with more generators than dimensions."""
+    while True:
         p = n + int(rng.integers(1, 4))
-        rays = np.column_stack([rng.integers(-3, 4, (p, n - 1)), np.full(p, 4)]).astype(float)
-        cone = kp.PolyhedralCone(rays)
-        if not cone.is_proper:
-            continue
-        inside = np.asarray(cone.interior_point)
-        A = rng.choice([0.1, 1.0]) * np.outer(inside, cone.facets.sum(axis=0)) - float(rng.integers(0, 9)) * np.eye(n)
-        A += rng.choice([0.0, 1e-3]) * rng.integers(-2, 3, (n, n))
+        cone = kp.PolyhedralCone(np.column_stack([rng.integers(-3, 4, (p, n - 1)), np.full(p, 4)]).astype(float))
+        if cone.is_proper:
+            return cone
+
+
+def positive_matrix(rng, target, source):
+    """A matrix that maps a cone into another, nearly or exactly."""
+    M = rng.choice([0.1, 0.5]) * np.outer(target.interior_point, source.facets.sum(axis=0))
+    return M / np.abs(M).max() + rng.choice([0.0, 1e-3]) * rng.integers(-2, 3, M.shape)
+
+
+def random_certificate(rng):
+    """A certificate of any claim, on random polyhedral cones, in continuous or discrete time."""
+    n, discrete = int(rng.integers(2, 5)), bool(rng.random() < 0.4)
+    X, U, Y = proper_cone(rng, n), kp.orthant(1), kp.orthant(2)
+    if rng.random() < 0.3:
+        U = Y = proper_cone(rng, 2)
+    shift = 0.0 if discrete else float(rng.integers(0, 9))
+    scale = 10.0 ** -int(rng.integers(0, 3))
+    matrices = [scale * positive_matrix(rng, X, X) - shift * np.eye(n) for _ in range(int(rng.integers(1, 4)))]
+    A, B, C = matrices[0], scale * positive_matrix(rng, X, U), positive_matrix(rng, Y, X)
+    D = np.zeros((Y.dim, U.dim)) if rng.random() < 0.5 else 0.1 * positive_matrix(rng, Y, U)
+    kind = int(rng.integers(7))
+    if kind == 0:
+        return kp.cone_positivity(A, B, C, D, X, U, Y, discrete=discrete)
+    if kind == 1:
+        return kp.linear_lyapunov(A, X, discrete=discrete, rate=rng.choice([None, "max"]))
+    if kind == 2:
+        q = -np.asarray(Y.dual.interior_point)
+        r = None if rng.random() < 0.3 else 10.0 ** int(rng.integers(-3, 3)) * np.asarray(U.dual.interior_point)
+        return kp.dissipativity(A, B, C, D, X, U, Y, q=q, r=r, discrete=discrete)
+    if kind == 3:
+        return kp.differential_positivity(matrices, X, discrete=discrete)
+    if kind == 4:
+        positive = tuple(kp.state_positivity(M, X, discrete=discrete) for M in matrices)
+        return CommonVectorCertificate.settle(loops=positive, x=np.asarray(X.interior_point))
+    if kind == 5:
+        F = exact_matrix(rng.integers(-3, 4, (2, n)) / 4, "F")
+        largest = np.abs(F.values @ np.asarray(X.rays).T).max(axis=1)
+        return GainBoundCertificate.settle(F=F, bound=largest * rng.choice([0.9, 1.0, 2.0]), X=X)
+    node = kp.ConeStateSpace(A, B, C, D, X=X, U=U, Y=Y, dt=True if discrete else 0)
+    count = int(rng.integers(1, 4))
+    W = np.kron(rng.integers(0, 2, (count, count)), positive_matrix(rng, U, Y)) * 10.0 ** -int(rng.integers(0, 4))
+    rates = None
+    if rng.random() < 0.3:
+        q, r = -np.asarray(Y.dual.interior_point), np.asarray(U.dual.interior_point)
+        rates = [(q, r * 10.0 ** int(rng.integers(-2, 3)))] * count
+    return kp.feedback_interconnect([node] * count, W, supply_rates=rates).certificate
+
+
+def disagreements(count, seed, path):
+    """Random certificates of all claims: files on which the two readers differ; and how many there were of each."""
+    rng, out, seen = np.random.default_rng(seed), [], {}
+    for k in range(count):
+        state = rng.bit_generator.state
         try:
-            certificate = kp.linear_lyapunov(A, cone)
-            certificate.save(path)
-            content = json.loads(path.read_text())
+            certificate = random_certificate(rng)
+        except UndecidedError:
+            continue
+        name = f"{certificate.claim} {certificate.status.name}"
+        seen[name] = seen.get(name, 0) + 1
+        if certificate.status is kp.Status.UNDECIDED:
+            continue
+        certificate.save(path)
+        content = json.loads(path.read_text())
+        try:
             checker.verify(content, 10**5)
             agreed = kp.load_certificate(path).status.name == content["status"] == certificate.status.name
-        except (checker.Wrong, ValueError, ArithmeticError, KposError) as error:
-            out.append((A, rays, repr(error)))
+        except Exception as error:  # noqa: BLE001 - whatever it is, they do not agree
+            out.append((k, name, repr(error), state))
             continue
         if not agreed:
-            out.append((A, rays, "status"))
+            out.append((k, name, "status", state))
+    return out, seen
+
+
+def verdicts(count, seed):
+    """What is decided about random systems of all kinds, small and large, as lines of text."""
+    rng, out = np.random.default_rng(seed), []
+    for k in range(count):
+        A = near_margin(rng)
+        out.append(f"{k} {kp.linear_lyapunov(A, kp.orthant(len(A))).status.name}")
+        try:
+            certificate = random_certificate(rng)
+            out.append(f"{k} {certificate.claim} {certificate.status.name}")
+        except UndecidedError:
+            out.append(f"{k} undecided")
+        if k % 20 == 0:
+            A = rng.random((150, 150))
+            A -= np.diag(A.sum(axis=1)) + 10.0 ** -rng.integers(8, 15) * rng.choice([-1, 1]) * np.eye(150)
+            out.append(f"{k} large {kp.linear_lyapunov(A, kp.orthant(150)).status.name}")
+    return out
+
+
+def digest(count, seed):
+    """SHA-256 of the verdicts: the same on every machine, with any number of threads, and in every Python."""
+    return hashlib.sha256("\n".join(verdicts(count, seed)).encode()).hexdigest()
+
+
+def hostile_files(folder):
+    """Every hostile file, written into a folder: pairs of name and path."""
+    linear = kp.linear_lyapunov([[-2, 1, 0, 0], [1, -2, 0, 0], [0, 0, -1, 0], [0, 0, 0, -1]], kp.orthant(4))
+    linear.save(folder / "good.json")
+    for k, (name, text) in enumerate(hostile.texts(json.loads((folder / "good.json").read_text()))):
+        path = folder / f"{k}.json"
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        yield name, path
+    for k, (name, members) in enumerate(hostile.archives()):
+        hostile.write_archive(folder / f"{k}.npz", members)
+        yield name, folder / f"{k}.npz"
+
+
+def cost(read, path):
+    """Seconds, megabytes and outcome of a reader on a file, in a process of its own; 60 seconds at most."""
+    receiver, sender = os.pipe()
+    child = os.fork()
+    if child == 0:
+        before, start = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.perf_counter()
+        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+            try:
+                outcome = str(getattr(read(path), "status", "read"))
+            except Exception as error:  # noqa: BLE001 - told to the parent
+                outcome = type(error).__name__
+        more = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
+        os.write(sender, f"{time.perf_counter() - start} {more / 1024} {outcome}".encode())
+        os._exit(0)
+    os.close(sender)
+    if not select.select([receiver], [], [], 60)[0]:
+        os.kill(child, signal.SIGKILL)
+    answer = os.read(receiver, 1000).decode().split(maxsplit=2) or ["60", "nan", "killed"]
+    os.close(receiver)
+    os.waitpid(child, 0)
+    return float(answer[0]), float(answer[1]), answer[2]
+
+
+def half_written(count, seed, path):
+    """Kills of a process that writes two certificates in turn, after which the file is neither of them."""
+    rng, out = np.random.default_rng(seed), []
+    pair = [kp.linear_lyapunov(sign * np.eye(6) + 0.01, kp.orthant(6)) for sign in (-1, 1)]
+    pair[0].save(path)
+    for k in range(count):
+        child = os.fork()
+        if child == 0:
+            while True:
+                for certificate in pair:
+                    certificate.save(path)
+        time.sleep(0.05 * rng.random())
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        try:
+            if kp.load_certificate(path).status is kp.Status.UNDECIDED:
+                out.append((k, "undecided"))
+        except CertificateFileError as error:
+            out.append((k, str(error)))
     return out

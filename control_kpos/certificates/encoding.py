@@ -21,7 +21,7 @@ from ..arrays import ExactMatrix
 from ..cones import Cone
 from ..errors import CertificateFileError
 
-_FREE_DIMENSION = 10**5
+_FREE_DIMENSION = 20_000
 _LONG = 10**18
 _SHORT_DECIMAL = 10**15
 _TEXT = re.compile(r"-?(\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
@@ -159,7 +159,7 @@ class Decoder:
     Parameters
     ----------
     size : int
-        Size of the file in bytes: no dimension in it may be larger by more than 100000, so that a few bytes
+        Size of the file in bytes: no dimension in it may be larger by more than 20000, so that a few bytes
         cannot ask for gigabytes.
     decode_claim, decode_cone : callable
         Read the certificates and cones in it.
@@ -296,6 +296,8 @@ def _double(x: Any) -> float:
 
 def _special_double(x: Any) -> float:
     """A double, or what stands for none: inf and nan."""
+    if type(x) is int and -_SHORT_DECIMAL < x < _SHORT_DECIMAL:
+        return float(x)
     return float(x) if isinstance(x, str) and x.lstrip("-") in ("inf", "nan") else _signed(x)
 
 

@@ -20,7 +20,8 @@ from typing import Any
 
 from ..arguments import file_path
 from ..arrays import ExactMatrix
-from ..errors import CertificateFileError, FalseClaimError, KposError
+from ..cones.hull import ALLOWANCE, Allowance
+from ..errors import CertificateFileError, FalseClaimError, KposError, TooLargeError
 from .archive import expand, is_archive, read_archive, write_archive
 from .encoding import Decoder, Encoder
 from .encoding import register_record as register_record
@@ -28,6 +29,9 @@ from .portable_cones import decode_cone, encode_cone
 
 FORMAT = "kpos-certificate/1"
 MAX_FILE_BYTES = 2 * 10**9
+# Work that cones in files of unknown origin may ask for: half a second, and a microsecond or so for each byte.
+_FREE_WORK = 4 * 10**6
+_WORK_PER_BYTE = 20
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 # Rooms imported on demand; they register their claims when they are.
@@ -61,13 +65,16 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
         raise
 
 
-def load_certificate(path: str | PathLike[str]) -> Any:
+def load_certificate(path: str | PathLike[str], *, trusted: bool = False) -> Any:
     """Read a certificate and recompute its verdict from the data in the file.
 
     Parameters
     ----------
     path : path-like
         A file written by `Certificate.save`.
+    trusted : bool
+        True: the cones in the file may ask for any amount of work.  Otherwise for about a second, more in a
+        long file, so that a short file cannot keep the reader busy for hours.
 
     Returns
     -------
@@ -97,9 +104,18 @@ def load_certificate(path: str | PathLike[str]) -> Any:
     path = file_path(path)
     try:
         content = read_content(path)
-        return _decode_claim(content, Decoder(os.path.getsize(path), _decode_claim, decode_cone))
-    except CertificateFileError:
-        raise
+        size = os.path.getsize(path)
+        allowed = ALLOWANCE.set(None if trusted else Allowance(_FREE_WORK + _WORK_PER_BYTE * size))
+        try:
+            return _decode_claim(content, Decoder(size, _decode_claim, decode_cone))
+        finally:
+            ALLOWANCE.reset(allowed)
+    except CertificateFileError as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from None
+    except TooLargeError as error:
+        raise CertificateFileError(f"{path} is too much work: {error} If you trust it, say trusted=True.") from None
     except (
         KposError,
         ValueError,
@@ -131,7 +147,7 @@ def read_content(path: str | PathLike[str], *, as_text: bool = False) -> dict[st
     else:
         try:
             content = _parse(Path(path).read_text(encoding="utf-8"))
-        except UnicodeDecodeError as error:
+        except (UnicodeDecodeError, CertificateFileError) as error:
             raise CertificateFileError(f"{path} is not a certificate file: {error}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise CertificateFileError(f"{path} is not in the format {FORMAT!r}.")
@@ -148,7 +164,7 @@ def _parse(text: str) -> Any:
     except CertificateFileError:
         raise
     except (json.JSONDecodeError, RecursionError, ValueError, MemoryError) as error:
-        raise CertificateFileError(f"this is no certificate: {error or 'nested too deeply'}") from None
+        raise CertificateFileError(str(error) or "nested too deeply") from None
 
 
 def _refuse(text: str) -> Any:

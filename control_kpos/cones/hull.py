@@ -11,6 +11,7 @@ by integers elsewhere.
 
 from __future__ import annotations
 
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,12 +19,37 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from ..arrays import Integers
+from ..errors import TooLargeError
 from .elimination import echelon
 from .hyperplanes import Hyperplanes, round_map
 from .rows import unit_rows
 
 _UNKNOWN = 2
 _CHUNK = 2_000_000
+
+
+class Allowance:
+    """Work that conversions may take together, while files of unknown origin are read.
+
+    Parameters
+    ----------
+    work : float
+        Simplices made, times the square of the dimension.
+    """
+
+    def __init__(self, work: float) -> None:
+        self.left = work
+
+    def spend(self, simplices: int, G: Integers) -> None:
+        """Take off what was made for the generators G; TooLargeError if too little is left."""
+        self.left -= simplices * G.shape[1] ** 2
+        if self.left < 0:
+            raise TooLargeError(
+                f"to find the facets of {len(G)} generators in dimension {G.shape[1]} takes more work than was allowed."
+            )
+
+
+ALLOWANCE: ContextVar[Allowance | None] = ContextVar("ALLOWANCE", default=None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +91,7 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
     Costs about 10 microseconds per simplex ever made in moderate dimensions: 0.2 s for 60 random
     generators in R^8.
     """
-    boundary = _Boundary(G)
+    boundary, allowance = _Boundary(G), ALLOWANCE.get()
     inside = list(boundary.first)
     for x in boundary.order:
         sign = boundary.signs_at(x)
@@ -74,6 +100,8 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
                 # -x lies in the cone; the smallest face that holds it makes up lines with x
                 return Lines(np.append(boundary.in_face(sign == 0, np.array(inside)), x))
             boundary.join(sign < 0, x)
+            if allowance is not None:
+                allowance.spend(len(boundary.signs) - int((sign >= 0).sum()), G)
         inside.append(x)
     return boundary.facets()
 
