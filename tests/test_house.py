@@ -303,8 +303,8 @@ def readme_blocks(language: str) -> list[str]:
     return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.M | re.S)
 
 
-def test_example_in_the_readme_runs():
-    (example,) = readme_blocks("pycon")
+def test_examples_in_the_readme_run():
+    example = "\n".join(readme_blocks("pycon"))
     flags = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
     test = doctest.DocTestParser().get_doctest(example, {}, "README.md", "README.md", 0)
     runner = doctest.DocTestRunner(optionflags=flags)

@@ -231,3 +231,16 @@ def test_files_keep_the_verdict(tmp_path):
 def test_unknown_rate_is_refused():
     with pytest.raises(kp.DataError, match="rate is 'fast'"):
         kp.linear_lyapunov([[-1]], kp.orthant(1), rate="fast")
+
+
+def test_what_is_proven_cannot_be_written_to():
+    certificate = kp.linear_lyapunov([[0, 1], [-22, -13]], kp.examples.paper_cone())
+    with pytest.raises(ValueError, match="read-only"):
+        certificate.v[0] = -5
+    unstable = kp.linear_lyapunov([[1.0]], kp.orthant(1))
+    with pytest.raises(ValueError, match="read-only"):
+        unstable.witness.x[0] = 0
+    node = kp.examples.mass_spring_node()
+    net = kp.feedback_interconnect([node, node], [[0, 1], [1, 0]])
+    with pytest.raises(ValueError, match="read-only"):
+        net.certificate.v[0][0] = 1

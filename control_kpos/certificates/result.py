@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
 from functools import cached_property
 from os import PathLike
@@ -125,6 +125,23 @@ def all_hold(conditions: Sequence[Condition]) -> bool:
     return all(condition.verdict() is True for condition in conditions)
 
 
+def _protect(record: Any) -> None:
+    """Make the arrays of a dataclass read-only, so that what has been proven stays what is stored."""
+    for field in fields(record) if is_dataclass(record) else ():
+        value = getattr(record, field.name)
+        if isinstance(value, np.ndarray):
+            object.__setattr__(record, field.name, _read_only(value))
+        elif isinstance(value, tuple) and any(isinstance(item, np.ndarray) for item in value):
+            kept = tuple(_read_only(item) if isinstance(item, np.ndarray) else item for item in value)
+            object.__setattr__(record, field.name, kept)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
 C = TypeVar("C", bound="Certificate")
 
 
@@ -151,6 +168,10 @@ class Certificate(ABC):
     claim: ClassVar[str]
     # conditions that may hold with equality however robust the claim is
     no_margin: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        for part in (self, self.witness):
+            _protect(part)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)

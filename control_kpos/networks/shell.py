@@ -127,7 +127,18 @@ class NetworkShell(StateSpace):
         return getattr(self, f"sparse_{name}").toarray()
 
     def horner(self, x: Any, warn_infinite: bool = True) -> NDArray[np.complex128]:
-        """Frequency response; python-control's own method, but refused before it fills the memory.
+        """Frequency response C (x I - A)^{-1} B + D; python-control's own method, refused before it fills the memory.
+
+        Parameters
+        ----------
+        x : complex or array_like of complex
+            Points s or z.
+        warn_infinite : bool
+            Warn if x is a pole.
+
+        Returns
+        -------
+        ndarray of complex, shape (noutputs, ninputs, number of points)
 
         Raises
         ------
