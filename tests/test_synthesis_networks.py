@@ -65,7 +65,9 @@ def test_weight_decides():
 def test_scale_free_certificate_needs_its_parts():
     c = kp.scale_free_feedback(node(), 1).certificate
     assert not replace(c, weight=2.0).check()
-    assert not replace(c, coupled=kp.linear_lyapunov([[-1, 0], [0, -1]], PAPER)).check()
+    assert not replace(c, local=kp.scale_free_feedback(node(), 2).certificate.local).check()
+    assert c.covers(ring(5)) and not c.covers(2 * ring(5))
+    assert c.interconnect(ring(5)).__dict__["certificate"].check()
 
 
 def test_scale_free_saving(tmp_path):
@@ -253,11 +255,40 @@ def test_node_that_blocks_everything_is_named():
 
 
 def test_too_fast_or_too_tight_names_what_is_possible():
-    fast = kp.network_feedback([node()] * 3, ring(3), rate=3)
-    assert fast.status is kp.Status.UNDECIDED and fast.F is None
+    fast = kp.network_feedback([node()] * 300, ring(300), rate=3)
+    assert fast.status is kp.Status.REFUTED and fast.check() and fast.F is None
+    assert "node 0 cannot have a decay rate of 3" in fast.message
     assert fast.nearest.decay_rate == pytest.approx(2, rel=1e-2)
     tight = kp.network_feedback([node()] * 3, 20 * ring(3), gain_bound=6)
-    assert tight.status is kp.Status.UNDECIDED and tight.nearest.gain_bound == pytest.approx(12, rel=1e-2)
+    assert tight.status is kp.Status.REFUTED and tight.check()
+    assert "as a whole" in tight.message and tight.nearest.gain_bound == pytest.approx(12, rel=1e-2)
+    large = kp.network_feedback([node()] * 300, 20 * ring(300), gain_bound=6)
+    assert large.status is kp.Status.UNDECIDED and large.nearest.gain_bound == pytest.approx(12, rel=1e-2)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_small_networks_are_settled_either_way(seed):
+    rng = np.random.default_rng(seed)
+    tank = kp.ConeStateSpace([[0.5]], [[1.0]], [[1.0]], 0)
+    nodes = [node(k) if k < 1.5 else tank for k in rng.uniform(0.5, 2, size=4)]
+    W = rng.uniform(0, 8, size=(4, 4)) * (rng.uniform(size=(4, 4)) < 0.5)
+    free = kp.network_feedback(nodes, W, rate=0.2)
+    assert free
+    for factor, status in ((1.02, kp.Status.PROVED), (0.98, kp.Status.REFUTED)):
+        d = kp.network_feedback(nodes, W, rate=0.2, gain_bound=factor * free.limit)
+        assert d.status is status and d.check()
+
+
+def test_refusals_of_networks_do_not_survive_a_change(tmp_path):
+    c = kp.network_feedback([node()] * 3, 20 * ring(3), gain_bound=6).certificate
+    w = c.witness
+    place = next(i for i, x in enumerate(w.closed) if x)
+    changed = (*w.closed[:place], w.closed[place] * 2, *w.closed[place + 1 :])
+    assert c.check() and not replace(c, witness=replace(w, closed=changed)).check()
+    assert not replace(c, gain_bound=2.1 * c.gain_bound).check()
+    assert not replace(c, coupling=replace(c.coupling, values=0.5 * c.coupling.values)).check()
+    c.save(tmp_path / "none.json")
+    assert kp.load_certificate(tmp_path / "none.json").status is kp.Status.REFUTED
 
 
 @pytest.mark.parametrize(

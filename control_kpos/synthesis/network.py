@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import flag
 from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
-from ..cones import PolyhedralCone
+from ..cones import Cone
 from ..errors import ActuatorLossWarning, DataError, NotProperConeError, ShapeError
 from ..networks.coupling import read_coupling
 from ..networks.model import NetworkModel, NodeStack, gather
@@ -23,10 +23,9 @@ from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from .backend import Programs, SolverChoice
 from .network_program import MARGINS, NetworkProgram
-from .network_units import generator_lengths
-from .one_shot import design_on_simplicial
-from .plant import read_plant
-from .result import DesignResult, Nearest
+from .network_refusal import explain_failure
+from .network_units import generator_lengths, own_cones
+from .result import DesignResult
 from .state import read_rate, read_time_limit
 from .weakening import loss_of_positivity, node_fractions
 
@@ -78,8 +77,8 @@ def network_feedback(
     DesignResult
         `F` of shape (N, m, n) (a tuple of arrays if nodes differ in size; shape (m, n) if uniform), `closed_loop` a
         network as from `feedback_interconnect`, `certificate` its Theorem-4 certificate, `certified_fraction` of
-        shape (N,) for all nodes weakened at once.  REFUTED if some node alone cannot be made positive and stable, or
-        leaves its cones.
+        shape (N,) for all nodes weakened at once.  REFUTED, with a certificate, if a node alone cannot meet the
+        demands, or if a network of up to 60 states cannot.
 
     Raises
     ------
@@ -118,19 +117,20 @@ def network_feedback(
     model = empty.with_coupling(read_coupling(coupling, empty))
     _require_nodes(model, uniform)
     bound = _read_bound(gain_bound, model)
-    lengths = generator_lengths(given, model, [np.asarray(s.X.rays, dtype=float) for s in model.stacks])
+    cones = own_cones(given)
     with Reporter(progress) as report:
-        result, alarm = _designed(model, bound, uniform, float(target), Programs(solver, limit, report), lengths)
+        result, alarm = _designed(model, bound, uniform, float(target), Programs(solver, limit, report), cones)
     if alarm:
         warnings.warn(alarm, ActuatorLossWarning, stacklevel=2)
     return result
 
 
 def _designed(
-    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, lengths: list[Floats]
+    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, cones: dict[int, Cone]
 ) -> tuple[DesignResult, str]:
     """The design, and a warning about weakened gains or ""."""
     lp.stage(f"{model.n_nodes} nodes")
+    lengths = generator_lengths(cones, model)
     result = DesignResult(Status.UNDECIDED)
     # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
     for margin in MARGINS if bound is not None else MARGINS[1:]:
@@ -141,7 +141,7 @@ def _designed(
     if result.message:
         return result, ""
     program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
-    return _explain_failure(model, program, bound, rate, program.start(rate)[1], lp), ""
+    return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp), ""
 
 
 def _require_nodes(model: NetworkModel, uniform: bool) -> None:
@@ -339,54 +339,3 @@ def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -
         for j, f in zip(index.tolist(), F, strict=True):
             slots[j] = f
     return tuple(slots)
-
-
-def _explain_failure(
-    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, message: str, lp: Programs
-) -> DesignResult:
-    refuted = _blocking_node(model, program, bound, lp)
-    if refuted is not None:
-        return refuted
-    nearest = None
-    if rate > 0:
-        start, _ = program.start(0.0)
-        if start is not None:
-            nearest = Nearest(decay_rate=program.largest_rate(start)[1])
-    if nearest is None and bound is not None:
-        free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
-        start, _ = free.start(rate)
-        if start is not None:
-            nearest = Nearest(gain_bound=free.smallest_gain(rate, start)[1])
-    lead = "no common gain was found" if program.uniform else "the linear program has no solution"
-    return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
-
-
-def _blocking_node(
-    model: NetworkModel, program: NetworkProgram, bound: Floats | None, lp: Programs
-) -> DesignResult | None:
-    """A node that cannot be made positive and stable even alone: then no network with it can."""
-    seen: set[bytes] = set()
-    bounds = None if bound is None else model.split(bound, 1)
-    for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
-        for place, j in enumerate(index.tolist()):
-            own = program.parts[g].lengths[place]
-            key = b"".join(np.asarray(M).tobytes() for M in (s.A.values[place], s.B.values[place], own))
-            if key in seen:
-                continue
-            seen.add(key)
-            if len(seen) > _NODES_TRIED or lp.left <= 0:
-                return None
-            lp.stage(f"{model.name_of(j)} alone")
-            node = node_system(s, place)
-            X = s.X if (own == 1).all() else PolyhedralCone(program.parts[g].rays * own[:, None])
-            plant = read_plant(node, X, gain_bound=None if bounds is None else bounds[g][place])
-            result = design_on_simplicial(plant, 0.0, lp.on_highs(_SECONDS_EACH))
-            if result.status is Status.REFUTED:
-                return replace(result, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
-    return None
-
-
-def node_system(s: NodeStack, place: int) -> ConeStateSpace:
-    """One node of a stack."""
-    parts = (np.asarray(M.values[place]) for M in (s.A, s.B, s.C, s.D))
-    return ConeStateSpace(*parts, s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False)

@@ -7,7 +7,7 @@ minimises sum (a_ik + d_k - d_i)^2, a Laplacian system.  Data of moderate range 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from ..cones import Cone
 from ..networks.model import NetworkModel
 from ..statespace import ConeStateSpace
 
@@ -24,35 +25,32 @@ Floats = NDArray[np.float64]
 _MODERATE = 16
 
 
-def generator_lengths(systems: Sequence[Any], model: NetworkModel, rays: list[Floats]) -> list[Floats]:
-    """Lengths of every node's own generators, relative to those of its stack; shape (N, n) for each stack.
-
-    Nodes share a stack if their cones are equal as sets; gains are measured at the generators each node came with.
-
-    Parameters
-    ----------
-    systems : sequence
-        What the stacks were gathered from.
-    rays : list of ndarray, shape (n, n)
-        Generators of each stack.
-    """
-    own: dict[int, ConeStateSpace] = {}
+def own_cones(systems: Sequence[Any]) -> dict[int, Cone]:
+    """State cones of those nodes that do not come in a stack, by number."""
+    out: dict[int, Cone] = {}
     count = 0
     for item in systems:
         if isinstance(item, ConeStateSpace):
-            own[count] = item
+            out[count] = item.X
         count += 1 if isinstance(item, ConeStateSpace) else len(item)
+    return out
+
+
+def generator_lengths(cones: Mapping[int, Cone], model: NetworkModel) -> list[Floats]:
+    """Lengths of every node's own generators, relative to those of its stack; shape (N, n) for each stack.
+
+    Nodes share a stack if their cones are equal as sets; gains are measured at the generators each node came with.
+    """
     out = []
-    for s, index, R in zip(model.stacks, model.members, rays, strict=True):
-        lengths = np.ones((len(index), len(R)))
-        inverse = np.linalg.inv(R)
-        known: dict[int, Floats] = {id(s.X): np.ones(len(R))}
+    for s, index in zip(model.stacks, model.members, strict=True):
+        rays = np.asarray(s.X.rays, dtype=float)
+        lengths = np.ones((len(index), len(rays)))
+        known: dict[int, Floats] = {id(s.X): np.ones(len(rays))}
         for place, j in enumerate(index.tolist()):
-            if j in own:
-                X = own[j].X
-                if id(X) not in known:  # each generator is a multiple of one of the stack's
-                    known[id(X)] = (np.asarray(X.rays, dtype=float) @ inverse).max(axis=0)
-                lengths[place] = known[id(X)]
+            X = cones.get(j, s.X)
+            if id(X) not in known:  # each generator is a multiple of one of the stack's
+                known[id(X)] = np.linalg.solve(rays.T, np.asarray(X.rays, dtype=float).T).max(axis=1)
+            lengths[place] = known[id(X)]
         out.append(lengths)
     return out
 

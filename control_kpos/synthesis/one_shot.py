@@ -33,7 +33,7 @@ GAIN_SLACK = 0.05
 # Of the decay rate that the slack allows, the part that is used; and of the largest rate, the part asked for.
 _RATE_SHARE, _MAX_RATE_SHARE = 0.8, 0.999
 # Refusals are about decay rates this much smaller than the one asked for, so that a boundary stays undecided.
-_BELOW = 1 - 1e-9
+BELOW = 1 - 1e-9
 
 
 def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
@@ -102,7 +102,7 @@ def _smallest(
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
     """Decide by exact arithmetic: a proof that there is no gain, or a rational one rounded to doubles."""
     lp.stage("deciding in exact arithmetic")
-    proof, x = decide(plant, rate * _BELOW, port_data(plant), lp.deadline)
+    proof, x = decide(plant, rate * BELOW, port_data(plant), lp.deadline)
     if proof is not None:
         message = "the demands contradict each other."
         return DesignResult(Status.REFUTED, certificate=proof, message=message)

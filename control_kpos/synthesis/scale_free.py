@@ -10,88 +10,27 @@ covers row sums at most w.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Literal
+from dataclasses import replace
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arguments import real_number
 from ..arrays import ExactMatrix, exact_matrix
-from ..certificates.result import Certificate, Status
+from ..certificates.result import Status
 from ..cones import Cone, orthant
 from ..errors import DataError, ShapeError
-from ..positivity import PositivityCertificate, cone_positivity
+from ..networks.scalefree import out_weight_certificate
+from ..positivity import cone_positivity
 from ..progress import Reporter, Target
 from ..stability import LyapunovCertificate
+from ..statespace import ConeStateSpace
 from .backend import Programs, SolverChoice
 from .one_shot import design_on_simplicial
 from .plant import read_plant, require_simplicial
 from .result import DesignResult
 from .state import read_rate, read_time_limit
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ScaleFreeCertificate(Certificate):
-    """Proof for any number of identical nodes on any graph with link weights summing to at most `weight`.
-
-    Attributes
-    ----------
-    node : PositivityCertificate
-        Of the closed node (A + B F, B, C) with U = Y = [0, inf).
-    coupled : LyapunovCertificate
-        Of A + B F + weight * B C.
-    weight : float
-        Bound on all column sums, or on all row sums, of W >= 0.
-    """
-
-    claim: ClassVar[str] = "scale-free network"
-
-    node: PositivityCertificate
-    coupled: LyapunovCertificate
-    weight: float
-
-    def parts(self) -> Sequence[Certificate]:
-        """The proofs this one rests on."""
-        return (self.node, self.coupled)
-
-    def conditions(self) -> Sequence[Any]:
-        """None of its own; raises unless the two parts are about the same node and weight."""
-        A, B, C = self.node.A, self.node.B, self.node.C
-        if B is None or C is None or orthant(1) != self.node.U or orthant(1) != self.node.Y:
-            raise DataError("the node certificate must cover one input and one output on half-lines.")
-        weight = exact_matrix([[float(self.weight)]], "weight").fractions()[0, 0]
-        expected = A.fractions() + weight * (B.fractions() @ C.fractions())
-        if weight < 0 or (expected != self.coupled.A.fractions()).any() or self.coupled.discrete != self.node.discrete:
-            raise DataError("the coupled matrix is not A + weight * B C.")
-        if self.coupled.X != self.node.X:
-            raise DataError("the two parts are about different cones.")
-        return ()
-
-    def refutation(self) -> None:
-        """There is no witness against this claim."""
-        return
-
-    @property
-    def margin(self) -> float:  # type: ignore[override]
-        """The smaller margin of the parts."""
-        return min(self.node.margin, self.coupled.margin)
-
-    @property
-    def decay_rate(self) -> float:
-        """Proven for every such network."""
-        return self.coupled.decay_rate
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if not self:
-            return "The scale-free claim is not proven."
-        return (
-            f"Proved for any number of these nodes on any graph with nonnegative links whose weights out of each node "
-            f"sum to at most {self.weight:g} (or whose weights into each node do): positive and exponentially stable, "
-            f"decay rate at least {self.coupled.decay_rate:.4g}."
-        )
 
 
 def scale_free_feedback(
@@ -120,7 +59,7 @@ def scale_free_feedback(
     Returns
     -------
     DesignResult
-        `closed_loop` is the node A + B F; `certificate` a `ScaleFreeCertificate`.  REFUTED means that no F does this
+        `closed_loop` is the node A + B F; `certificate` an `OutWeightCertificate`.  REFUTED means that no F does this
         for every such network: for links of total weight `weight`, A + B F + weight * B C must be stable.
 
     Raises
@@ -166,11 +105,10 @@ def scale_free_feedback(
         result = design_on_simplicial(plant, target, Programs(solver, limit, report))
     if not result:
         return result
-    closed = exact_matrix(result.closed_loop._data()[0], "A")
-    node = cone_positivity(closed, B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
     proof = result.certificate
     coupled = [c for c in (proof.parts() if proof is not None else ()) if isinstance(c, LyapunovCertificate)][-1]
-    certificate = ScaleFreeCertificate.settle(node=node, coupled=coupled, weight=value)
+    closed = ConeStateSpace(result.closed_loop, X=plant.X, U=orthant(1), Y=orthant(1))
+    certificate = out_weight_certificate(closed, value, coupled)
     if not certificate:
         return DesignResult(Status.UNDECIDED, message="a gain was found, but the scale-free claim could not be proven.")
     return replace(result, certificate=certificate, decay_rate=certificate.decay_rate)

@@ -1,0 +1,162 @@
+"""Why a network has no local gains: a node that cannot be helped, or a proof about the network as a whole.
+
+The network is one system on the product of the cones, with B W C as coupling and a block diagonal F.  That product is
+simplicial, so the linear program is necessary as well as sufficient, and `obstruction` proves in rational arithmetic
+that it has no solution.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..arrays import ExactMatrix, dense
+from ..certificates.result import Status
+from ..cones import Cone, product
+from ..networks.model import NetworkModel, NodeStack
+from ..statespace import ConeStateSpace
+from .backend import Programs
+from .network_program import NetworkProgram
+from .obstruction import NoFeedback, decide
+from .one_shot import BELOW, design_on_simplicial
+from .plant import Plant, read_plant
+from .result import DesignResult, Nearest
+
+Floats = NDArray[np.float64]
+
+_NODES_TRIED, _SECONDS_EACH = 50, 10.0
+# States up to which the whole network is refuted in rational arithmetic, and seconds spent on it.
+_STATES, _SECONDS = 60, 30.0
+
+
+def explain_failure(
+    model: NetworkModel,
+    program: NetworkProgram,
+    bound: Floats | None,
+    rate: float,
+    message: str,
+    cones: Mapping[int, Cone],
+    lp: Programs,
+) -> DesignResult:
+    """REFUTED with a proof, or UNDECIDED; with what is possible instead, as far as that is found.
+
+    Parameters
+    ----------
+    message : str
+        What the solver said.
+    cones : mapping of int to Cone
+        Of the nodes that have a cone object of their own; the others have that of their stack.
+    """
+    blocked = _blocking_node(model, bound, rate, cones, lp)
+    if blocked is not None and blocked.certificate.rate == 0:  # type: ignore[union-attr]
+        return blocked
+    nearest = _nearest(model, program, bound, rate, lp)
+    if blocked is not None:
+        return replace(blocked, nearest=nearest)
+    proof = _no_local_gains(model, bound, rate, cones, lp)
+    if proof is not None:
+        message = "the demands on the network as a whole exclude each other."
+        return DesignResult(Status.REFUTED, certificate=proof, message=message, nearest=nearest)
+    lead = "no common gain was found" if program.uniform else "the linear program has no solution"
+    return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
+
+
+def _nearest(
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
+) -> Nearest | None:
+    if rate > 0:
+        start, _ = program.start(0.0)
+        if start is not None:
+            return Nearest(decay_rate=program.largest_rate(start)[1])
+    if bound is not None:
+        free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
+        start, _ = free.start(rate)
+        if start is not None:
+            return Nearest(gain_bound=free.smallest_gain(rate, start)[1])
+    return None
+
+
+def _blocking_node(
+    model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
+) -> DesignResult | None:
+    """A node that cannot be made positive and stable, or as fast, even alone: then no network with it can.
+
+    Links only add to A + B F, in the order of X, and so never speed up the decay.
+    """
+    seen: set[tuple[bytes, bytes, int]] = set()
+    bounds = None if bound is None else model.split(bound, 1)
+    for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
+        for place, j in enumerate(index.tolist()):
+            X = cones.get(j, s.X)
+            key = (np.asarray(s.A.values[place]).tobytes(), np.asarray(s.B.values[place]).tobytes(), id(X))
+            if key in seen:
+                continue
+            seen.add(key)
+            if len(seen) > _NODES_TRIED or lp.left <= 0:
+                return None
+            lp.stage(f"{model.name_of(j)} alone")
+            plant = read_plant(node_system(s, place), X, gain_bound=None if bounds is None else bounds[g][place])
+            result = design_on_simplicial(plant, rate, lp.on_highs(_SECONDS_EACH))
+            if result.status is not Status.REFUTED:
+                continue
+            slow = design_on_simplicial(plant, 0.0, lp.on_highs(_SECONDS_EACH)) if rate > 0 else result
+            if slow.status is Status.REFUTED:
+                return replace(slow, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
+            return replace(result, message=f"{model.name_of(j)} cannot have a decay rate of {rate:g} even alone.")
+    return None
+
+
+def node_system(s: NodeStack, place: int) -> ConeStateSpace:
+    """One node of a stack."""
+    parts = (np.asarray(M.values[place]) for M in (s.A, s.B, s.C, s.D))
+    return ConeStateSpace(*parts, s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False)
+
+
+def _no_local_gains(
+    model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
+) -> NoFeedback | None:
+    """The proof, if the network is small and time is left; also for one gain for all, which is a special case."""
+    if model.totals[0] > _STATES or lp.left <= 0:
+        return None
+    lp.stage("deciding in exact arithmetic")
+    plant = whole_network(model, bound, cones)
+    return decide(plant, rate * BELOW, deadline=min(lp.deadline, time.monotonic() + _SECONDS))[0]
+
+
+def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int, Cone]) -> Plant:
+    """The network as one plant: A and B block diagonal, B W C as coupling, a block diagonal pattern for F."""
+    factors: list[Any] = [None] * model.n_nodes
+    sizes = np.zeros((model.n_nodes, 3), dtype=int)
+    blocks: list[Any] = [None] * model.n_nodes
+    for s, index in zip(model.stacks, model.members, strict=True):
+        A, B, C = (M.fractions() for M in (s.A, s.B, s.C))
+        for place, j in enumerate(index.tolist()):
+            factors[j], sizes[j] = cones.get(j, s.X), s.sizes
+            blocks[j] = A[place], B[place], C[place]
+    n, m, q = sizes.sum(axis=0)
+    whole = [np.full(shape, 0, dtype=object) for shape in ((n, n), (n, m), (q, n))]
+    pattern = np.zeros((m, n), dtype=bool)
+    ends = np.cumsum(sizes, axis=0)
+    for parts, size, end in zip(blocks, sizes, ends, strict=True):
+        x, u, y = (slice(stop - length, stop) for stop, length in zip(end, size, strict=True))
+        for target, place, part in zip(whole, ((x, x), (x, u), (y, x)), parts, strict=True):
+            target[place] = part
+        pattern[u, x] = True
+    W = model.coupling
+    links = (ExactMatrix(dense(W.values)) if W.is_double else W).fractions()
+    A, B, C = whole
+    return Plant(
+        None,  # type: ignore[arg-type]
+        product(factors),
+        (ExactMatrix.from_fractions(A),),
+        (ExactMatrix.from_fractions(B),),
+        discrete=model.discrete,
+        gain_bound=bound,
+        pattern=pattern,
+        coupling=ExactMatrix.from_fractions(B @ links @ C),
+    )
