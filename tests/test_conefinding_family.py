@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from fractions import Fraction
 
 import control as ct
 import numpy as np
@@ -12,6 +13,7 @@ from planted import generators, metzler_hurwitz
 
 import control_kpos as kp
 from control_kpos.conefinding import design_cone_and_feedback, find_cone
+from control_kpos.conefinding.rationals import solve_columns
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
 
 
@@ -92,6 +94,41 @@ def test_time_limit_and_progress():
     said.clear()
     find_cone(family, time_limit=0.1, progress=False)
     assert not said
+
+
+def tight(seed: int, n: int, count: int) -> list[np.ndarray]:
+    """Matrices with one cone in common and no room: every off-diagonal entry of P is 0 in one of them."""
+    rng = np.random.default_rng(seed)
+    while True:
+        T = rng.integers(-2, 3, (n, n))
+        if abs(np.linalg.det(T)) > 0.5:
+            break
+    T = np.array([[Fraction(int(x)) for x in row] for row in T], dtype=object)
+    family = []
+    for k in range(count):
+        P = rng.integers(1, 6, (n, n)) * ((np.add.outer(np.arange(n), 2 * np.arange(n)) + k) % 3 > 0)
+        P[np.diag_indices(n)] = -rng.integers(0, 3 * n, n)
+        P = np.array([[Fraction(int(x)) for x in row] for row in P], dtype=object)
+        family.append(solve_columns(T.T, (T @ P).T).T)
+    return family
+
+
+@pytest.mark.parametrize("n", [2, 3, 4])
+def test_a_family_without_room_for_its_cone(n):
+    matrices = tight(n, n, 6)
+    found = find_cone(matrices, time_limit=30)
+    assert found and found.n_rays == n and found.certificate.check()
+    for A in matrices:
+        assert kp.state_positivity(A, found.cone)
+
+
+def test_rounded_data_leave_no_room_and_that_is_said():
+    rng = np.random.default_rng(16)
+    T = generators(rng, 3)
+    P = rng.random((16, 3, 3)) * (rng.random((16, 3, 3)) > 0.4)
+    P[:, range(3), range(3)] = -3 * rng.random((16, 3))
+    found = find_cone(list(T @ P @ np.linalg.inv(T)), time_limit=2)
+    assert found.status is kp.Status.UNDECIDED and "exact data" in found.explain()
 
 
 def test_same_seed_same_cone():

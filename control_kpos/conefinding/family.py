@@ -25,8 +25,8 @@ from .single import as_stack, balancing_units, flatness
 
 Array = NDArray[np.float64]
 
-# Attempts at rounding a cone that is invariant without margin to simple fractions.
-_NEARLY = 1e-5
+# A search that comes that close may have found a cone without margin, whose generators are simple fractions.
+NEARLY = 1e-5
 _DENOMINATORS = (1, 12, 1000)
 
 
@@ -50,8 +50,8 @@ def find_common(
     max_rays: int | None,
     effort: Effort,
     report: Callable[[str], None],
-) -> tuple[ConeCertificate, Array | None, float]:
-    """Certificate, separators and conditioning of a common cone.
+) -> tuple[ConeCertificate, Array | None, float, float]:
+    """Certificate, separators, conditioning of a common cone, and the best margin of the search.
 
     Every attempt is put to the proof; the certificate is REFUTED only with a proven obstruction.
     """
@@ -62,10 +62,10 @@ def find_common(
     obstruction = family_obstruction(matrices, [_unscaled(m, units) for m in known], discrete=discrete)
     if obstruction is not None:
         report(f"excluded: {obstruction}")
-        return ConeCertificate.settle(matrices=matrices, discrete=discrete, witness=obstruction), None, np.inf
+        return ConeCertificate.settle(matrices=matrices, discrete=discrete, witness=obstruction), None, np.inf, -np.inf
     nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
-    if any(m is None for m in known):
-        return nothing, None, np.inf
+    if all(m is None for m in known):
+        return nothing, None, np.inf, -np.inf
     normal, e, w = _aligned(balanced, [m for m in known if m is not None], discrete)
     rng = np.random.default_rng(effort.seed)
     best = -np.inf
@@ -80,15 +80,15 @@ def find_common(
             R, margin = (R, -np.inf) if place is None else (place.X, place.margin)
         best = max(best, margin)
         report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
-        if margin < -_NEARLY:
+        if margin < -NEARLY:
             continue
         for rays in _roundings(R, units, margin):
-            certificate = _proven(matrices, rays, units, discrete)
+            certificate = _proven(matrices, rays, units, discrete, remaining)
             if certificate:
                 point = np.asarray(certificate.pointing)
                 index, separators = extreme_generators(np.asarray(rays.values), point)
-                return certificate, separators if len(index) == rays.shape[0] else None, flatness(R)
-    return nothing, None, np.inf
+                return certificate, separators if len(index) == rays.shape[0] else None, flatness(R), best
+    return nothing, None, np.inf, best
 
 
 def _units(matrices: ExactMatrix) -> Array:
@@ -103,16 +103,17 @@ def _unscaled(m: Modes | None, units: Array) -> Modes | None:
 
 
 def _aligned(matrices: Array, known: list[Modes], discrete: bool) -> tuple[Array, Array, Array]:
-    """Matrices shifted and scaled to size one, the mean dominant direction, and the mean functional."""
+    """Matrices shifted and scaled to size one; mean dominant direction and functional of those known."""
     first = known[0]
     side = np.array([1.0 if m.left @ first.right >= 0 else -1.0 for m in known])
     left = np.mean([s * m.left / np.linalg.norm(m.left) for s, m in zip(side, known, strict=True)], axis=0)
     right = np.mean([s * m.right for s, m in zip(side, known, strict=True)], axis=0)
-    n = matrices.shape[-1]
+    values = np.linalg.eigvals(matrices)
+    top = np.where(discrete, np.abs(values), values.real).max(axis=1)[:, None, None]
     if discrete:
-        scaled = np.array([A / (m.dominant or 1.0) for A, m in zip(matrices, known, strict=True)])
+        scaled = matrices / np.where(top > 0, top, 1.0)
     else:
-        scaled = np.array([A - m.dominant * np.eye(n) for A, m in zip(matrices, known, strict=True)])
+        scaled = matrices - top * np.eye(matrices.shape[-1])
         scaled = scaled / np.maximum(np.abs(scaled).max(axis=(1, 2), keepdims=True), 1e-300)
     height = float(left @ right)
     return scaled, right / (height if height > 0 else 1.0), left
@@ -170,17 +171,22 @@ def _roundings(R: Array, units: Array, margin: float) -> Iterator[ExactMatrix]:
                 yield ExactMatrix.from_fractions(np.array(rows, dtype=object))
 
 
-def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ConeCertificate:
+def _proven(
+    matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool, remaining: Callable[[], float]
+) -> ConeCertificate:
     """The certificate for these generators, with a common Lyapunov vector if there is one."""
     values = np.asarray(rays.values)
     pointing = pointing_functional(values / units) / units
     inverse = np.linalg.pinv((values / units).T) / units
     quick = _solved(matrices, rays, units, discrete)
     if quick is None:
-        found = [multipliers(layer(matrices, s), rays, pointing, discrete=discrete) for s in range(matrices.shape[0])]
-        if any(P is None for P in found):
-            return ConeCertificate.settle(matrices=matrices, discrete=discrete)
-        quick = as_stack([P for P in found if P is not None])
+        found = []
+        for s in range(matrices.shape[0]):
+            P = multipliers(layer(matrices, s), rays, pointing, discrete=discrete, remaining=remaining)
+            if P is None:
+                return ConeCertificate.settle(matrices=matrices, discrete=discrete)
+            found.append(P)
+        quick = as_stack(found)
     data = {
         "matrices": matrices,
         "discrete": discrete,

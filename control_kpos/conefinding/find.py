@@ -19,7 +19,7 @@ from ..progress import Reporter, Target
 from .certificate import ConeCertificate
 from .existence import layer, spectral_obstruction, transposed
 from .explicit import fewest_rays
-from .family import Effort, find_common
+from .family import NEARLY, Effort, find_common
 from .generated import proper_cone
 from .modes import dominant_index
 from .port_obstruction import port_obstruction
@@ -166,17 +166,19 @@ def _common(
     matrices: ExactMatrix, max_rays: int | None, discrete: bool, effort: Effort, report: Callable[[str], None]
 ) -> FoundCone:
     bound = max(lower_bound(layer(matrices, s), discrete=discrete) for s in range(matrices.shape[0]))
-    certificate, separators, conditioning = find_common(
+    certificate, separators, conditioning, best = find_common(
         matrices, discrete=discrete, max_rays=max_rays, effort=effort, report=report
     )
     if certificate.status is not Status.REFUTED:
         _require_rays(max_rays, bound)
     if not certificate or certificate.rays is None or certificate.right_inverse is None:
-        more = (
-            ""
-            if certificate.witness
-            else f"Any common cone needs at least {bound} rays. More restarts, another seed or more time may help."
-        )
+        more = f"Any common cone needs at least {bound} rays. More restarts, another seed or more time may help."
+        if best > -NEARLY:
+            more = (
+                f"Rays were found that all matrices keep up to {max(-best, 0.0):.1g}, but the numbers leave no room "
+                "for a proof. If such a cone is meant to exist, give exact data (fractions), else a smaller family."
+            )
+        more = "" if certificate.witness else more
         return FoundCone(certificate, None, bound, np.inf, more)
     cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
     more = (

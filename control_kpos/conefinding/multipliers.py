@@ -10,6 +10,7 @@ t = 0 the structure of A asks for exact zeros, and exact rational arithmetic tak
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -112,39 +113,13 @@ def nonnegative_combination(
     return p * size, float(rest.min(initial=np.inf))
 
 
-def combinations(
-    rays: ExactMatrix, pointing: Array, vectors: ExactMatrix, frame: Frame | None = None
-) -> ExactMatrix | None:
-    """Each vector (a row) as a nonnegative combination of the generators; None if one is outside.
-
-    Returns
-    -------
-    ExactMatrix, shape (k, N), or None
-    """
-    frame = frame or Frame.of(np.asarray(rays.values), pointing)
-    if frame is None:
-        return None
-    columns: list[NDArray] = []
-    for j in range(vectors.shape[0]):
-        same = (
-            np.flatnonzero((rays.values == vectors.values[j]).all(axis=1))
-            if rays.is_double and vectors.is_double
-            else []
-        )
-        if len(same):
-            columns.append(np.eye(rays.shape[0])[same[0]])
-            continue
-        target = frame.to @ vectors.values[j]
-        p, t = nonnegative_combination(frame, target, size=float(np.abs(target).max()) or 1.0)
-        column = p / frame.heights if t > _STRICT else _exact_column(rays, _exact_row(vectors, j), None)
-        if column is None:
-            return None
-        columns.append(column)
-    return _stack(columns)
-
-
 def multipliers(
-    A: ExactMatrix, rays: ExactMatrix, pointing: Array, *, discrete: bool = False, frame: Frame | None = None
+    A: ExactMatrix,
+    rays: ExactMatrix,
+    pointing: Array,
+    *,
+    discrete: bool = False,
+    remaining: Callable[[], float] = lambda: np.inf,
 ) -> ExactMatrix | None:
     """P with A R = R P and the signs that invariance asks for; None if there is none.
 
@@ -154,6 +129,8 @@ def multipliers(
     rays : ExactMatrix, shape (N, n)
     pointing : ndarray, shape (n,)
         Positive on every generator.
+    remaining : callable
+        Seconds left; None is the answer when they are over.
 
     Returns
     -------
@@ -163,7 +140,7 @@ def multipliers(
     -----
     N linear programs of n rows, a millisecond or two each.
     """
-    frame = frame or Frame.of(np.asarray(rays.values), pointing)
+    frame = Frame.of(np.asarray(rays.values), pointing)
     if frame is None:
         return None
     images = frame.to @ A.values @ frame.back @ frame.R
@@ -176,8 +153,8 @@ def multipliers(
             column = p * frame.heights[j] / frame.heights
         else:
             image = (A.fractions() * _exact_row(rays, j)[None, :]).sum(axis=1)
-            column = _exact_column(rays, image, None if discrete else j)
-        if column is None:
+            column = _exact_column(rays, image, None if discrete else j, remaining())
+        if column is None or remaining() <= 0:
             return None
         columns.append(column)
     stacked = _stack(columns)
@@ -192,15 +169,15 @@ def _exact_row(m: ExactMatrix, j: int) -> NDArray:
     return np.array([Fraction(x) for x in m.values[j].tolist()], dtype=object)
 
 
-def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None) -> NDArray | None:
+def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None, limit: float = np.inf) -> NDArray | None:
     """An exact combination, by rational arithmetic."""
-    if rays.shape[1] > _EXACT_DIMENSION:
+    if rays.shape[1] > _EXACT_DIMENSION or limit <= 0:
         return None
     R = rays.fractions().T
     if free is not None:
         R = np.concatenate([R, -R[:, [free]]], axis=1)
     try:
-        x, _ = exact_feasibility(ExactMatrix.from_fractions(R), ExactMatrix.from_fractions(target))
+        x, _ = exact_feasibility(ExactMatrix.from_fractions(R), ExactMatrix.from_fractions(target), time_limit=limit)
     except TooLargeError:
         return None
     if x is None or free is None:
