@@ -417,6 +417,48 @@ def test_scale_free_certificates():
     assert 21.9 < scale_free_certificate(mass()).weight < 22
 
 
+def test_weights_that_enter_do_as_well_for_one_type():
+    certificate = scale_free_certificate(mass(), weight=21.0)
+    fan = np.zeros((4, 4))
+    fan[1:, 0] = 20.0  # one node feeds three: 60 leave it, 20 enter each
+    assert certificate.covers(fan) and certificate.interconnect(fan).certificate.status is Status.PROVED
+    assert certificate.covers(fan + fan.T) is False
+    types = scale_free_certificate([mass(), lag(30.0)], weight=20.0)
+    assert types.covers(np.diag([20.0]), types=[1]) and not types.covers(fan, types=[0, 1, 1, 1])
+
+
+def test_scale_free_certificates_of_nodes_with_several_channels():
+    U = kp.PolyhedralCone([[1, 1], [1, -1]])
+    A, B, C = -np.diag([3.0, 4.0]), np.eye(2), np.array([[1.0, 0.2], [0.1, 1.0]])
+    plant = kp.ConeStateSpace(A, B, C, 0, U=kp.orthant(2), Y=kp.orthant(2))
+    for link in (None, [[0.5, 0.5], [0.2, 0.8]]):
+        certificate = scale_free_certificate(plant, link=link)
+        K = np.eye(2) if link is None else np.array(link)
+        gain = np.abs(np.linalg.eigvals(K @ C @ np.linalg.inv(-A) @ B)).max()
+        assert certificate.weight == pytest.approx(1 / gain) and certificate.status is Status.PROVED
+        assert scale_free_certificate(plant, 1.001 / gain, link=link).status is Status.REFUTED
+        rng = np.random.default_rng(0)
+        graph = rng.random((6, 6))
+        W = np.kron(graph / graph.sum(axis=0) * certificate.weight * 0.999, K)
+        assert certificate.covers(W) and not certificate.covers(1.01 * W) and not certificate.covers(-W)
+        net = certificate.interconnect(W)
+        assert net.__dict__["certificate"].check() and np.linalg.eigvals(net.A).real.max() < 0
+        # links of another shape count by the supply rate r at every generator of Y
+        r = certificate.local.r[0]
+        other = np.outer([0.3, 0.7], [1.0, 2.0])
+        most = min((r @ K)[i] / (r @ other)[i] for i in range(2)) * certificate.weight
+        ring = np.kron(cycle(3), other)
+        assert certificate.covers(0.999 * most * ring) and not certificate.covers(1.001 * most * ring)
+    with pytest.raises(kp.ConeMismatchError, match=r"one supply rate r serves all.*2 inputs"):
+        scale_free_certificate([plant, plant], 0.1)
+    with pytest.raises(kp.ConeMismatchError, match="give link, a 2 x 2 matrix that maps Y into U"):
+        scale_free_certificate(kp.ConeStateSpace(A, [[1, 0.5], [0, 0.5]], C, 0, U=U))
+    with pytest.raises(kp.ShapeError, match="link is 1 x 2, but must be 2 x 2"):
+        scale_free_certificate(plant, link=[[1, 2]])
+    with pytest.raises(kp.ShapeError, match="types"):
+        certificate.covers(W, types=[0, 3])
+
+
 # -- the closed loop
 
 

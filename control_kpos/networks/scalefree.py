@@ -1,26 +1,36 @@
 """Certificates for any number of nodes on any graph with bounded weights.
 
-Let a node be dissipative with storage v'x and supply r u + q y, r > 0, and let q <= -w r.  Then copies of
-it on any graph whose weights w_jk >= 0 satisfy sum_j w_jk <= w for every node k satisfy (III') with
-sigma = 1, whatever their number.  A single node with a self-loop of weight w is such a network, so the
-bound is sharp: there is such a v if and only if A + w B C is stable.
+Let a node be dissipative with storage v'x and supply r'u + q'y, and q'y <= -w r'K y for a link K that maps Y
+into U.  Then copies of it under any coupling with W Y inside U and
+
+    sum_j r'W_jk y <= w r'K y        for every node k and generator y of Y
+
+satisfy (III') with sigma = 1, whatever their number.  With one input, one output and K = 1 these are the graphs
+with sum_j w_jk <= w.  A single node with the self-loop w K is such a network, so the bound is sharp: there
+is such a v if and only if A + w B K C is stable.  For copies of one node with one input and one output it is the
+largest eigenvalue of the weights that counts, so a bound on sum_k w_jk does as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import ArrayLike
 
 from ..arguments import real_number
-from ..arrays import ExactMatrix, exact_matrix, vector
+from ..arrays import ExactMatrix, concatenate, exact_matrix, require_shape, vector
 from ..certificates.exact import BilinearForms
-from ..certificates.result import Certificate, Condition, Status
+from ..certificates.proofs import exact_vector
+from ..certificates.result import Certificate, Condition, Status, all_hold
 from ..errors import ConeMismatchError, DataError, ShapeError
+from ..stability import LyapunovCertificate, transpose
 from ..statespace import ConeStateSpace
+from . import conditions as on
 from .blocks import Floats, Index
 from .certificate import NetworkCertificate, flat, per_node
 from .certify import certify
@@ -29,6 +39,7 @@ from .model import NetworkModel, NodeStack, gather
 from .network import ConeNetwork
 from .solvers import PortSystem
 from .supply import certify_rates
+from .witnesses import exact_vectors, with_exact
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -40,7 +51,10 @@ class OutWeightCertificate(Certificate):
     local : NetworkCertificate
         Of one node of each type with a self-loop of this weight.
     weight : float
-        Bound on sum_j w_jk, the weights of all links that leave a node.
+        Bound on sum_j w_jk, the weights of all links that leave a node; for one type with one input and one
+        output, on those that enter it instead if these are smaller.
+    link : ndarray, shape (m, q)
+        A link of weight 1: the K in sum_j r'W_jk y <= weight r'K y.
     witness : object or None
         What breaks the self-loops, themselves networks with these out-weights.
     """
@@ -49,16 +63,17 @@ class OutWeightCertificate(Certificate):
 
     local: NetworkCertificate
     weight: float
+    link: Floats
 
     def parts(self) -> Sequence[Certificate]:
         return (self.local,)
 
     def conditions(self) -> Sequence[Condition]:
-        loops = self.local.model.coupling
-        if not np.array_equal(np.asarray(loops.values.todense()), self.weight * np.eye(self.local.model.n_nodes)):
+        model = self.local.model
+        if not np.array_equal(model.W.toarray(), np.kron(np.eye(model.n_nodes), self.weight * self.link)):
             raise DataError("the local certificate is not about self-loops of this weight.")
-        r = flat(self.local.r, self.local.model, 1) if self.local.r is not None else np.zeros(0)
-        if np.ptp(r) or not np.all(r > 0):
+        r = flat(self.local.r, model, 1) if self.local.r is not None else np.zeros(0)
+        if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
             raise DataError("the node types must have one r > 0 in common.")
         return ()
 
@@ -79,10 +94,10 @@ class OutWeightCertificate(Certificate):
         kinds = self.local.model.n_nodes
         what = "copies of this node" if kinds == 1 else f"nodes of these {kinds} types"
         if self:
+            entering = " (or the sum over those that enter a node)" if kinds == 1 and self.link.shape == (1, 1) else ""
             return (
                 f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links "
-                "that leave a "
-                f"node is at most {self.weight:.6g}, is positive and stable with decay rate at least "
+                f"that leave a node{entering} is at most {self.weight:.6g}, is positive and stable with decay rate at least "
                 f"{self.decay_rate:.4g}."
             )
         return (
@@ -90,23 +105,31 @@ class OutWeightCertificate(Certificate):
             "Ask for a smaller weight, or raise the local gain."
         )
 
-    def covers(self, coupling: Any) -> bool:
-        """True if a coupling of such nodes has nonnegative weights and out-weights at most `weight`, exactly.
+    def covers(self, coupling: Any, types: Sequence[int] | None = None) -> bool:
+        """True if every link maps Y into U and the weights are bounded as the certificate asks for, exactly.
 
         Parameters
         ----------
-        coupling : array_like or sparse matrix, shape (N, N)
+        coupling : as for `feedback_interconnect`
+        types : sequence of int, optional
+            Type of every node; the first type if not given.
         """
-        exact = exact_matrix(coupling, "coupling")
-        if not exact.is_double:
-            raise DataError("coupling holds fractions; give doubles, which are compared exactly.")
-        W = sp.csr_array(exact.values)
-        if not self or W.shape[0] != W.shape[1] or (W.data < 0).any():
+        if not self:
             return False
-        ones = ExactMatrix(np.ones((1, W.shape[0] + 1)))
-        table = sp.csr_array(sp.vstack([W, sp.csr_array(np.full((1, W.shape[1]), -self.weight))], format="csr"))
-        forms = BilinearForms(ones, ExactMatrix(table), ExactMatrix(sp.eye_array(W.shape[1], format="csr")))
-        return Condition("sum of out-weights <= weight", forms, "<=").verdict() is True
+        model, kinds = self._network(coupling, types)
+        if not all_hold(on.coupling(model)):
+            return False
+        _, r, q = self._spread(kinds)
+        if on.balance(model, q, r, None).verdict() is True:
+            return True
+        return self.local.model.totals[1:] == (1, 1) and self._bounds_rows(model)
+
+    def _bounds_rows(self, model: NetworkModel) -> bool:
+        """Weights of the links that enter a node sum to at most `weight`."""
+        n = model.n_nodes
+        table = concatenate([transpose(model.coupling), ExactMatrix(np.full((1, n), -self.weight))], -2)
+        forms = BilinearForms(ExactMatrix(np.ones((1, n + 1))), table, ExactMatrix(sp.eye_array(n, format="csr")))
+        return Condition("sum of in-weights <= weight", forms, "<=").verdict() is True
 
     def interconnect(self, coupling: Any, types: Sequence[int] | None = None, name: str | None = None) -> ConeNetwork:
         """The network of such nodes under a coupling, certified without a solve.
@@ -124,51 +147,55 @@ class OutWeightCertificate(Certificate):
             Its certificate holds copies of the local v, r, q, proven for this coupling; if they do not
             cover it, it is found anew when first asked for.
         """
-        local = self.local
-        kinds = np.zeros(_size(coupling), dtype=np.intp) if types is None else _kinds(types)
-        if kinds.size and not (kinds.min() >= 0 and kinds.max() < local.model.n_nodes):
-            raise ShapeError(
-                f"types must name one of the {local.model.n_nodes} node types, 0 to {local.model.n_nodes - 1}."
-            )
+        model, kinds = self._network(coupling, types)
+        return ConeNetwork(model, name=name, certificate=self._carry(model, kinds))
+
+    def _network(self, coupling: Any, types: Sequence[int] | None) -> tuple[NetworkModel, Index]:
+        """The network of such nodes, and the type of every node."""
+        local = self.local.model
+        kinds = np.zeros(_size(coupling) // local.stacks[0].sizes[1], dtype=np.intp) if types is None else _kinds(types)
+        if kinds.size and not (kinds.min() >= 0 and kinds.max() < local.n_nodes):
+            raise ShapeError(f"types must name one of the {local.n_nodes} node types, 0 to {local.n_nodes - 1}.")
         stacks, members = [], []
-        for s, index in zip(local.model.stacks, local.model.members, strict=True):
-            place = np.full(local.model.n_nodes, -1)
+        for s, index in zip(local.stacks, local.members, strict=True):
+            place = np.full(local.n_nodes, -1)
             place[index] = np.arange(len(index))
             chosen = np.flatnonzero(place[kinds] >= 0)
             if chosen.size:
                 plain = NodeStack(s.A, s.B, s.C, s.D, s.X, s.U, s.Y, s.dt)
                 stacks.append(plain.take(place[kinds[chosen]]))
                 members.append(chosen)
-        empty = NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array((0, 0))), local.model.dt)
-        model = empty.with_coupling(read_coupling(coupling, empty))
-        return ConeNetwork(model, name=name, certificate=self._carry(model, kinds))
+        empty = NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array((0, 0))), local.dt)
+        return empty.with_coupling(read_coupling(coupling, empty)), kinds
 
-    def _carry(self, model: NetworkModel, kinds: Any) -> NetworkCertificate | None:
+    def _spread(self, kinds: Index) -> list[Any]:
+        """v, r and q of every node, doubles or fractions."""
         local = self.local
-        if not self or local.v is None or local.r is None or local.q is None or local.exact is not None:
+        vectors = [flat(x, local.model, kind) for kind, x in enumerate((local.v, local.r, local.q))]
+        exact = exact_vectors(vectors, local.exact)
+        return [self._repeat(x, kind, kinds) for kind, x in enumerate(exact)]
+
+    def _repeat(self, vector: Any, kind: int, kinds: Index) -> Any:
+        own = np.split(np.asarray(vector), self.local.model.offsets[kind][1:-1])
+        return (
+            np.concatenate([own[t] for t in kinds]) if len({len(o) for o in own}) > 1 else np.stack(own)[kinds].ravel()
+        )
+
+    def _carry(self, model: NetworkModel, kinds: Index) -> NetworkCertificate | None:
+        """The local data at every node, if they prove this network."""
+        if not self:
             return None
-
-        def spread(value: Any, kind: int) -> Floats:
-            own = np.split(flat(value, local.model, kind), local.model.offsets[kind][1:-1])
-            return (
-                np.concatenate([own[t] for t in kinds])
-                if len({len(o) for o in own}) > 1
-                else np.stack(own)[kinds].ravel()
-            )
-
-        loop = None
-        if model.has_feedthrough and local.loop_weights is not None:
-            if isinstance(local.loop_weights[0], tuple):
-                return None
-            loop = spread(local.loop_weights[0], 2), spread(local.loop_weights[1], 1)
+        loop = self.local.loop_weights if model.has_feedthrough else None
+        if loop is not None:
+            p, t = (self._repeat(part, kind, kinds) for kind, part in zip((2, 1), loop, strict=True))
+            loop = (tuple(p), tuple(t)) if isinstance(loop[0], tuple) else (p, t)
+        vectors, exact = self._spread(kinds), None
+        if self.local.exact is not None:
+            vectors, exact = with_exact(vectors)
+        v, r, q = (per_node(x, model, kind) for kind, x in enumerate(vectors))
+        sigma, rate = np.ones(model.n_nodes), self.local.decay_rate
         draft = NetworkCertificate.settle(
-            model=model,
-            v=per_node(spread(local.v, 0), model, 0),
-            r=per_node(spread(local.r, 1), model, 1),
-            q=per_node(spread(local.q, 2), model, 2),
-            sigma=np.ones(model.n_nodes),
-            decay_rate=local.decay_rate,
-            loop_weights=loop,
+            model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop, exact=exact
         )
         return draft if draft.status is Status.PROVED else None
 
@@ -187,17 +214,23 @@ def _kinds(types: Any) -> Index:
 
 
 def scale_free_certificate(
-    nodes: ConeStateSpace | NodeStack | Iterable[ConeStateSpace], weight: float | None = None
+    nodes: ConeStateSpace | NodeStack | Iterable[ConeStateSpace],
+    weight: float | None = None,
+    *,
+    link: ArrayLike | None = None,
 ) -> OutWeightCertificate:
     """Certify every network of copies of some node types, of any size, by the sum of the weights that leave a node.
 
     Parameters
     ----------
     nodes : ConeStateSpace, or sequence of them, or NodeStack
-        Node types with one input and one output each, on the nonnegative axis.
+        Node types with one input and one output each, on the nonnegative axis; or one node of any kind.
     weight : float, optional
         Bound on the out-weights.  Default: just below the largest that works, 1 / max G_t(0) (continuous time) or
-        1 / max G_t(1) (discrete time).
+        1 / max G_t(1) (discrete time); with several inputs or outputs 1 / rho(K G(0)).
+    link : array_like, shape (m, q), optional
+        What weights are measured by, for a node with several inputs or outputs: the K in
+        sum_j r'W_jk y <= weight r'K y, with the r found.  Default: the identity, if U contains Y.
 
     Returns
     -------
@@ -207,7 +240,8 @@ def scale_free_certificate(
     Raises
     ------
     ConeMismatchError
-        Nodes with several inputs or outputs.
+        Several node types of which one has several inputs or outputs: r would have to be one for all.  A node with
+        several inputs or outputs for which a link has to be given.
     DataError
         A weight that is not a nonnegative number.
 
@@ -224,26 +258,66 @@ def scale_free_certificate(
     ('PROVED', True, False)
     """
     stacks, members, dt = gather(nodes, "nodes")
-    for s in stacks:
-        if s.sizes[1:] != (1, 1) or not (s.U.rays[0, 0] > 0 and s.Y.rays[0, 0] > 0):
-            raise ConeMismatchError(
-                f"a node has {s.sizes[1]} inputs and {s.sizes[2]} outputs; scale-free certificates are for nodes "
-                "with one "
-                "nonnegative input and one nonnegative output."
-            )
     count = sum(len(s) for s in stacks)
-    bare = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((count, count))), 0 if dt is None else dt)
+    shape = _link(stacks, count, link)
+    bare = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
     if weight is None:
-        gains = np.concatenate([g.ravel() for g in PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G])
-        top = float(gains.max())
+        gains = PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G
+        loops = [
+            np.abs(np.linalg.eigvals(shape @ g)).max() if np.isfinite(g).all() else np.inf for G in gains for g in G
+        ]
+        top = float(max(loops))
         weight = (1 - 1e-9) / top if np.isfinite(top) and top > 0 else 1.0
     weight = real_number(weight, "weight", nonnegative=True)
-    model = bare.with_coupling(ExactMatrix(sp.csr_array(weight * sp.eye_array(count))))
-    if count == 1 and weight > 0:
+    model = bare.with_coupling(ExactMatrix(sp.csr_array(np.kron(np.eye(count), weight * shape))))
+    if count == 1:
         local = certify(model)
     else:
         local = certify_rates(model, np.full(count, -weight), np.ones(count))
         if not local and weight > 0:
             whole = certify(model)
             local = whole if whole.status is Status.REFUTED else local
-    return OutWeightCertificate.settle(local=local, weight=weight, witness=local.witness)
+    return OutWeightCertificate.settle(local=local, weight=weight, link=shape, witness=local.witness)
+
+
+def out_weight_certificate(node: ConeStateSpace, weight: float, proof: LyapunovCertificate) -> OutWeightCertificate:
+    """The certificate for copies of a node with one input, one output and D = 0, from a proof for A + weight B C.
+
+    Parameters
+    ----------
+    node : ConeStateSpace
+    weight : float
+    proof : LyapunovCertificate
+        Of A + weight * B C; its v and decay rate become those of the networks.
+    """
+    stacks, members, dt = gather(node, "node")
+    model = NetworkModel(stacks, members, ExactMatrix(sp.csr_array([[weight]])), 0 if dt is None else dt)
+    v = exact_vector(proof.v, proof.v_exact)
+    r = v @ stacks[0].B.fractions()[0]
+    vectors, exact = with_exact((v, r, -Fraction(weight) * r))
+    v_, r_, q_ = (per_node(x, model, kind) for kind, x in enumerate(vectors))
+    rates = {"sigma": np.ones(1), "decay_rate": proof.decay_rate}
+    local = NetworkCertificate.settle(model=model, v=v_, r=r_, q=q_, exact=exact, **rates)
+    return OutWeightCertificate.settle(local=local, weight=weight, link=np.ones((1, 1)))
+
+
+def _link(stacks: Sequence[NodeStack], count: int, link: ArrayLike | None) -> Floats:
+    """The link of weight 1, or what is missing to say what that is."""
+    s = stacks[0]
+    _, m, q = s.sizes
+    if all(t.sizes[1:] == (1, 1) and t.U.rays[0, 0] > 0 and t.Y.rays[0, 0] > 0 for t in stacks) and link is None:
+        return np.ones((1, 1))
+    if count > 1:
+        raise ConeMismatchError(
+            "scale-free certificates for several node types are for nodes with one nonnegative input and one "
+            f"nonnegative output, so that one supply rate r serves all; here a node has {m} inputs and {q} outputs. "
+            "Certify one type at a time."
+        )
+    if link is not None:
+        return np.asarray(require_shape(exact_matrix(link, "link"), "link", (m, q), "inputs by outputs").values)
+    if m != q or not s.U.contains(s.Y):
+        raise ConeMismatchError(
+            f"the node has {m} inputs and {q} outputs, and there is no telling what a link of weight 1 makes of the "
+            f"outputs; give link, a {m} x {q} matrix that maps Y into U."
+        )
+    return np.eye(m)
