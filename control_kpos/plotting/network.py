@@ -21,7 +21,7 @@ from ..networks import ConeNetwork
 from .figure import BLUE, ORANGE, SKY, Points, choose_axes, control_style, legend_beside, set_title
 from .graph import graph_layout
 
-# More nodes than this are not drawn one by one, and more than that get no name.
+# More nodes than this are not drawn one by one; of more than that only those that matter get a name.
 MOST_NODES = 400
 _MOST_NAMES = 30
 _MOST_ARROWS = 60
@@ -41,7 +41,8 @@ def plot_network(
     """Draw a network: its nodes coloured by margin, or for a large one the pattern of its closed loop.
 
     Up to 400 nodes are drawn as a graph.  Light nodes are the weak ones, and the weakest is ringed; if
-    the network is refuted, the nodes and the link that break it are.  Of larger networks the nonzero
+    the network is refuted, the nodes and the link that break it are.  Names that would cover something are
+    left out.  Of larger networks the nonzero
     entries of the closed-loop matrix are shown.
 
     Parameters
@@ -205,19 +206,47 @@ def _draw_graph(ax: Any, net: ConeNetwork, links: sp.csr_array, xy: Points) -> l
         broken, mark = broken_nodes(net), "what breaks it"
     marks: list[Any] = []
     if broken.size:
-        style = {"s": 2.6 * size + 60, "facecolors": "none", "edgecolors": ORANGE, "linewidths": 2.2}
+        style = {"s": 2.6 * size + 60, "facecolors": "none", "edgecolors": ORANGE, "linewidths": 2.2, "clip_on": False}
         marks.append(ax.scatter(*xy[broken].T, label=mark, zorder=3, **style))
     names = net.model.names
-    named = range(len(xy)) if len(xy) <= _MOST_NAMES else broken[:3].tolist()
+    named = broken.tolist() if len(xy) <= _MOST_NAMES else broken[:3].tolist()
+    if len(xy) <= _MOST_NAMES:
+        named += [i for i in range(len(xy)) if i not in named]
+    labels = []
+    outwards = xy - xy.mean(axis=0)
+    outwards = outwards / np.maximum(np.hypot(*outwards.T), 1e-300)[:, None]
     for i in named:
+        right, up = outwards[i]
         lift = 5 + (0.9 if i in broken else 0.6) * np.sqrt(size)
-        style = {"ha": "center", "fontsize": "small", "zorder": 4}
+        style = {
+            "ha": "left" if right > 0.4 else "right" if right < -0.4 else "center",
+            "va": "bottom" if up > 0.4 else "top" if up < -0.4 else "center",
+            "fontsize": "small",
+            "zorder": 4,
+        }
         box = {"boxstyle": "round,pad=0.1", "facecolor": "white", "edgecolor": "none", "alpha": 0.75}
-        marks.append(ax.annotate(names[i], xy[i], (0, lift), textcoords="offset points", bbox=box, **style))
+        at = (lift * right, lift * up)
+        labels.append(ax.annotate(names[i], xy[i], at, textcoords="offset points", bbox=box, **style))
     ax.set_aspect("equal", adjustable="datalim")
-    ax.margins(0.1)
+    ax.margins(0.18)
     ax.set_axis_off()
-    return [drawn, [nodes], marks]
+    return [drawn, [nodes], marks + _legible(ax, labels, xy)]
+
+
+def _legible(ax: Any, labels: list[Any], xy: Points) -> list[Any]:
+    """The labels that cover no node and no earlier label; the others are taken away."""
+    ax.figure.draw_without_rendering()
+    places = ax.transData.transform(xy)
+    kept: list[Any] = []
+    boxes: list[Any] = []
+    for label in labels:
+        box = label.get_window_extent()
+        if any(box.overlaps(other) for other in boxes) or any(box.contains(*place) for place in places):
+            label.remove()
+        else:
+            kept.append(label)
+            boxes.append(box)
+    return kept
 
 
 def broken_nodes(net: ConeNetwork) -> NDArray[np.intp]:
