@@ -399,6 +399,32 @@ def test_a_node_that_asks_for_too_much_is_decided_afresh():
         net.with_node(lag(0.5, dt=0.1))
 
 
+def test_room_for_nodes_with_several_channels():
+    rng = np.random.default_rng(11)
+    wide = kp.ConeStateSpace(-np.diag([5.0, 6.0]), np.eye(2), [[1, 0.5], [0, 1]], 0, U=kp.orthant(2), Y=kp.orthant(2))
+    net = kp.feedback_interconnect([wide] * 4, np.kron(cycle(4), rng.random((2, 2))))
+    new = kp.ConeStateSpace([[-3.0]], [[1.0, 2.0]], [[1.0], [0.2]], 0)
+    sources, targets = {0: rng.random((2, 2)), 2: rng.random((2, 2))}, {1: rng.random((2, 2))}
+    room = net.room_for(new, sources, targets)
+    for share, covered in ((0.99, True), (1e3, False)):
+        into = {k: share * room * block for k, block in sources.items()}
+        grown = net.with_node(new, incoming=into, outgoing=targets)
+        assert hasattr(grown.certificate, "overlay") is covered
+    with pytest.raises(kp.ConeMismatchError, match=r"sources\[0\] is 1 x 1, but must be 2 x 2"):
+        net.room_for(new, [0], targets)
+
+
+def test_no_room_for_nodes_that_break_the_network_by_themselves():
+    net = kp.feedback_interconnect([mass()] * 5, cycle(5))
+    assert net.room_for(mass(), [], [2]) == np.inf
+    assert net.room_for(lag(-1), [0], [2]) == 0 and net.room_for(lag(-1), [], [2]) == 0  # unstable
+    crossed = kp.ConeStateSpace([[-1, -1], [0, -1]], [[0], [1]], [[1, 0]], 0)  # not positive
+    assert net.room_for(crossed, [0], [2]) == 0
+    assert net.room_for(mass(), {0: [[-1.0]]}, [2]) == 0
+    with pytest.raises(kp.ConeMismatchError, match="system has feedthrough"):
+        net.room_for(lag(2, D=0.1), [0], [2])
+
+
 def test_scale_free_certificates():
     certificate = scale_free_certificate(mass(), weight=21.0)
     assert certificate.status is Status.PROVED and certificate.check()

@@ -134,8 +134,14 @@ class Overlay:
     ) -> Overlay:
         """Put a node at an identity, new or not, with these links; certified if the certificate covers it."""
         ports = stack.sizes[1:]
-        into = {k: _block(w, ports[0], self._sizes(k, identity, ports)[1], k, identity) for k, w in incoming.items()}
-        out_of = {j: _block(w, self._sizes(j, identity, ports)[0], ports[1], identity, j) for j, w in outgoing.items()}
+        into = {
+            k: shaped_link(w, ports[0], self._sizes(k, identity, ports)[1], _called(k, identity))
+            for k, w in incoming.items()
+        }
+        out_of = {
+            j: shaped_link(w, self._sizes(j, identity, ports)[0], ports[1], _called(identity, j))
+            for j, w in outgoing.items()
+        }
         if identity in into or identity in out_of:
             own = into.get(identity, out_of.get(identity))
             into[identity] = out_of[identity] = own  # type: ignore[assignment]
@@ -249,36 +255,6 @@ class Overlay:
         r = np.concatenate([n.r for n in local])
         return all_hold([*inside, *on.coupling(model), on.balance(model, q, r, None)])
 
-    def room_for(self, stack: NodeStack, sources: list[int], targets: list[int]) -> float:
-        """The largest product of link weights in and out of a new node that the slack of its sources covers."""
-        if not self.covered:
-            return 0.0
-        if not sources or not targets:
-            return np.inf
-        ends = [self.node(k).stack for k in (*sources, *targets)]
-        if (
-            stack.sizes[1:] != (1, 1)
-            or any(s.sizes[1:] != (1, 1) for s in ends)
-            or not all(map(is_zero, (stack.D, *(s.D for s in ends))))
-        ):
-            raise ConeMismatchError(
-                "room_for is for nodes with one input, one output and no feedthrough; try with_node instead."
-            )
-        least = 1.0 if self.base.model.discrete else 0.0
-        K = inverse(least * np.eye(stack.sizes[0]) - stack.A.values)[0]
-        gain = float((stack.C.values[0] @ K @ stack.B.values[0])[0, 0])
-        price = sum(float(self.node(j).r[0]) for j in targets) * gain
-        room = np.inf
-        for k in sources:
-            local = self.node(k)
-            s = local.stack
-            forms = on.decrease_forms(s, local.v[None], local.q[None], 0.0, self.base.model.discrete)
-            paid = (s.C.values[0] @ s.X.rays.T)[0]
-            with np.errstate(divide="ignore"):
-                ratio = np.where(paid > 0, -forms.values[0, 0] / paid, np.inf)
-            room = min(room, float(ratio.min()))
-        return 0.999 * room / price if price > 0 else np.inf
-
     # -- the whole network
 
     def build(self) -> NetworkModel:
@@ -380,15 +356,19 @@ def model_links(model: NetworkModel, node: int, incoming: bool) -> Blocks:
     return out if incoming else {k: b.T for k, b in out.items()}
 
 
-def _block(weight: Any, rows: int, columns: int, source: int, target: int) -> Floats:
-    exact = exact_matrix(weight, f"the link from node {source} to node {target}")
+def shaped_link(weight: Any, rows: int, columns: int, name: str) -> Floats:
+    """A link as a block of doubles, refused by name if it has another shape."""
+    exact = exact_matrix(weight, name)
     if exact.shape != (rows, columns):
         raise ConeMismatchError(
-            f"the link from node {source} to node {target} is {exact.shape[0]} x {exact.shape[1]}, but must be "
-            f"{rows} x {columns}: "
-            "inputs of its target by outputs of its source."
+            f"{name} is {exact.shape[0]} x {exact.shape[1]}, but must be {rows} x {columns}: inputs of its target by "
+            "outputs of its source."
         )
     return np.array(exact.values, dtype=float)
+
+
+def _called(source: int, target: int) -> str:
+    return f"the link from node {source} to node {target}"
 
 
 def _without(items: Mapping[int, Any], key: int) -> dict[int, Any]:

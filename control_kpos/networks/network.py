@@ -23,6 +23,7 @@ from .edits import Overlay, check_timebase
 from .inherited import LocalCertificate, inherit
 from .model import NetworkModel, NodeStack, gather
 from .responses import NetworkResponses
+from .room import room_for
 from .witnesses import NetworkInstability
 
 # Brackets are not sought narrower than this: rounding is in the way.
@@ -272,31 +273,42 @@ class ConeNetwork(NetworkResponses):
             raise ShapeError("the only node of a network cannot be removed.")
         return self._changed(overlay.remove(overlay.identity(node)))
 
-    def room_for(self, system: ConeStateSpace, sources: Sequence[int], targets: Sequence[int]) -> float:
+    def room_for(
+        self,
+        system: ConeStateSpace | NodeStack,
+        sources: Sequence[int] | Mapping[int, Any],
+        targets: Sequence[int] | Mapping[int, Any],
+    ) -> float:
         """Which links of a new node stay certified: the largest product of the weights in and out.
 
         Parameters
         ----------
         system : ConeStateSpace
-            A node with one input and one output.
-        sources, targets : sequence of int
-            Nodes with one output (input) that the new node listens to (feeds), each with one weight.
+            A node without feedthrough.
+        sources, targets : sequence of int, or dict of int to array_like
+            Nodes that the new node listens to (feeds).  With several inputs or outputs, a dictionary of blocks
+            L, inputs of the target by outputs of the source; a link is then its weight times L.
 
         Returns
         -------
         float
             Every pair of link weights a (from each source) and b (to each target) with a * b below this
             number is covered by the certificate: the new node then needs no solve.  inf without a loop
-            through the network, 0 if the certificate does not hold.
+            through the network; 0 if the certificate does not hold, the node is not positive and stable, or a
+            link does not map Y into U.
+
+        Raises
+        ------
+        ConeMismatchError
+            Links of another shape than the ports; feedthrough in the node or in a source.
         """
         overlay = self._changes()
-        return overlay.room_for(
-            self._single(system),
-            *(
-                [overlay.identity(k) for k in _require_numbers(items(given, name), name)]
-                for given, name in ((sources, "sources"), (targets, "targets"))
-            ),
-        )
+        links = []
+        for given, name in ((sources, "sources"), (targets, "targets")):
+            shapes = given if isinstance(given, Mapping) else dict.fromkeys(items(given, name), 1.0)
+            _require_numbers(shapes, name)
+            links.append({overlay.identity(k): w for k, w in shapes.items()})
+        return room_for(overlay, self._single(system), *links)
 
     def _changes(self) -> Overlay:
         certificate = self.certificate
