@@ -2,6 +2,7 @@
 
 import ast
 import copy
+import functools
 import hashlib
 import json
 import random
@@ -119,18 +120,19 @@ COMPARISONS = {
 OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add}
 
 
-def source_mutants(source, functions=None):
+def source_mutants(source, functions=None, constants=False):
     """Pairs of (where, syntax tree) with one comparison, sign, connective or negation changed.
 
-    With `functions`, only inside functions of these names.
+    With `functions`, only inside functions of these names; with `constants`, numbers are changed as well.
     """
     tree = ast.parse(source)
     for parent, name in places(tree):
         if functions is not None and name not in functions:
             continue
-        for node, change in changes(parent):
+        before = ast.unparse(parent)[:100]
+        for node, change in [*changes(parent), *(numbers(parent) if constants else ())]:
             undo = change()
-            yield f"line {node.lineno}: {ast.unparse(parent)[:100]}", copy.deepcopy(tree)
+            yield f"line {node.lineno}: {name}: {before} -> {ast.unparse(parent)[:100]}", copy.deepcopy(tree)
             undo()
 
 
@@ -139,6 +141,23 @@ def places(tree, name=""):
         inside = child.name if isinstance(child, ast.FunctionDef) else name
         yield child, inside
         yield from places(child, inside)
+
+
+def numbers(node):
+    """Changes of the numbers that stand directly in a node, as those of `changes`."""
+    for field, value in ast.iter_fields(node):
+        items = value if isinstance(value, list) else [value]
+        for item in items:
+            if isinstance(item, ast.Constant) and type(item.value) in (int, float):
+                old = item.value
+                others = (old + 1, old - 1) if isinstance(old, int) else (2 * old, old / 2)
+                for other in others:
+                    yield item, functools.partial(reset, item, other)
+
+
+def reset(item, value):
+    old, item.value = item.value, value
+    return lambda: setattr(item, "value", old)
 
 
 def changes(node):

@@ -342,7 +342,10 @@ def test_every_changed_operator_is_noticed(files, tmp_path, capsys):
                 order.insert(0, order.pop(place))
                 break
         else:
-            if not notices_a_frame(names, frames, tmp_path / "file.json") and where.split(": ", 1)[1] not in EQUIVALENT:
+            if (
+                not notices_a_frame(names, frames, tmp_path / "file.json")
+                and where.split(" -> ", 1)[1] not in EQUIVALENT
+            ):
                 survivors.append(where)
     capsys.readouterr()
     assert count > 100

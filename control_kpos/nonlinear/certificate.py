@@ -18,6 +18,7 @@ from ..certificates.files import register_record
 from ..certificates.proofs import ProofOmittedError, Prover, violation
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
+from ..errors import DataError
 
 Array = NDArray[np.float64]
 
@@ -87,6 +88,8 @@ class DifferentialCertificate(Certificate):
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities that prove the claim."""
+        if self.radii.shape != self.centres.shape or not (self.radii >= 0).all():
+            raise DataError("every Jacobian needs a radius, and radii are not negative.")
         out = [invariance(self, s) for s in range(self.centres.shape[0])]
         if self.v is not None:
             v = ExactMatrix(self.v[None, :])
@@ -175,18 +178,20 @@ class DifferentialCertificate(Certificate):
         if not self:
             return "Undecided: the enclosed Jacobians are too wide for this cone. Try a smaller region or more pieces."
         order = (
-            "The flow is monotone in the order of X: solutions that start ordered stay ordered, while they remain "
-            "in the region."
+            f"The {'map' if self.discrete else 'flow'} is monotone in the order of X: solutions that start ordered "
+            "stay ordered, while they remain in the region."
         )
         if self.v is not None:
             return (
                 f"Proved. {order} It contracts: v'd decreases along every displacement d in X, so solutions converge "
-                "to each other."
+                "to each other, while they remain in the region."
             )
         if self.is_strict:
+            # Hirsch for flows; Polacik and Terescak for maps, which may have cycles of several points.
+            goal = "approaches a cycle, of one or more points" if self.discrete else "converges to an equilibrium"
             return (
                 f"Proved. {order} It is strictly differentially positive: almost every bounded trajectory that stays "
-                "in the region converges to an equilibrium."
+                f"in the region, under constant inputs, {goal}."
             )
         return f"Proved. {order}"
 
