@@ -127,6 +127,30 @@ def test_inputs_are_held_or_enclosed():
     assert not differential_positivity(pushed, kp.orthant(2), box, inputs=[[-1, 2]])
 
 
+@pytest.mark.parametrize(
+    "rate", [lambda t: t, lambda t: 1 + np.sin(t), lambda t: -t / 2, lambda t: 1.0 if t < 1 else 2.0, math.sqrt]
+)
+def test_systems_that_depend_on_time_are_refused(rate):
+    driven = ct.nlsys(lambda t, x, u, p: [x[1] - rate(t) * x[0], x[0] - 3 * x[1]], inputs=0, states=2)
+    with pytest.raises(DataError, match="depends on time"):
+        differential_positivity(driven, kp.orthant(2), [[0, 1], [0, 1]])
+    as_input = ct.nlsys(lambda t, x, u, p: [x[1] - u[0] * x[0], x[0] - 3 * x[1]], inputs=1, states=2)
+    assert differential_positivity(as_input, kp.orthant(2), [[0, 1], [0, 1]], inputs=[[0, 2]])
+
+
+def test_consequences_in_words():
+    # strictly monotone, not contracting: one equilibrium for the flow, cycles for the map
+    growth = [[1.5, 0.5], [0.5, 1.5]]
+    flow = differential_positivity([[0.5, 1], [1, 0.5]], kp.orthant(2))
+    assert flow.is_strict and "converges to an equilibrium" in flow.explain()
+    step = differential_positivity(growth, kp.orthant(2), discrete=True)
+    assert step.is_strict and "cycle" in step.explain() and "equilibrium" not in step.explain()
+    weak = differential_positivity([[0.5, 0], [1, 0.5]], kp.orthant(2))
+    assert weak and not weak.is_strict and weak.explain().endswith("in the region.")
+    slow = differential_positivity([[-2, 1], [1, -2]], kp.orthant(2))
+    assert "contracts" in slow.explain() and slow.v is not None
+
+
 def test_linear_and_discrete_systems():
     assert differential_positivity(ct.ss([[-1, 1], [1, -3]], [[1], [0]], [[1, 0]], 0), kp.orthant(2))
     assert differential_positivity([[0.5, 0.1], [0.2, 0.3]], kp.orthant(2), discrete=True)

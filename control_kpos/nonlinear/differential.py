@@ -80,7 +80,8 @@ def differential_positivity(
     Raises
     ------
     ShapeError, ConeMismatchError, DataError, NotProperConeError
-        Sizes that do not fit; a region that is not a box; a Jacobian that is unbounded on the region.
+        Sizes that do not fit; a region that is not a box; a Jacobian that is unbounded on the region; a system
+        that depends on time.
 
     Examples
     --------
@@ -170,7 +171,8 @@ def _of_system(
         raise DataError("region is missing: give the lower and upper bound of each state, shape (n, 2).")
     box, held = _box(region, n, "region"), _box(inputs, int(sys.ninputs or 0), "inputs")
     discrete = sys.dt is not None and (sys.dt is True or sys.dt != 0)
-    function = _closed_over(sys, n)
+    clock = _AnyTime()
+    function = _closed_over(sys, n, clock)
     whole = np.concatenate([box, held])
 
     def decided(centre: Array, radius: Array) -> bool:
@@ -180,6 +182,11 @@ def _of_system(
     try:
         found = list(jacobian_pieces(function, whole, n, decided, pieces, late))
     except UnsupportedError:
+        if clock.was_read:
+            raise DataError(
+                "jacobians: the system depends on time t; differential positivity is about systems that do not. "
+                "Make t an input and give its range with inputs."
+            ) from None
         return _sampled(sys, X, box, held, discrete)
     centres, radii = np.array([c for c, _ in found]), np.array([r for _, r in found])
     data = {"centres": ExactMatrix(centres), "X": X, "discrete": discrete}
@@ -200,13 +207,29 @@ def _of_system(
     return certificate
 
 
-def _closed_over(sys: NonlinearIOSystem, n: int) -> Callable[[Any], Any]:
+class _AnyTime:
+    """Stands for every time: a function that computes with it cannot be enclosed, and that is remembered."""
+
+    def __init__(self) -> None:
+        self.was_read = False
+
+    def _read(self, *_: Any, **__: Any) -> Any:
+        self.was_read = True
+        raise UnsupportedError("the function depends on time")
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _read
+    __mod__ = __rmod__ = __floordiv__ = __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = _read
+    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _read
+    __float__ = __int__ = __index__ = __bool__ = __array__ = __array_ufunc__ = _read
+
+
+def _closed_over(sys: NonlinearIOSystem, n: int, clock: _AnyTime) -> Callable[[Any], Any]:
     """f(x, u) as a function of all states and inputs together."""
 
     def function(z: Any) -> Any:
         if sys.updfcn is None:
             raise UnsupportedError("the system has no update function")
-        return sys.updfcn(0.0, z[:n], z[n:], dict(sys.params))
+        return sys.updfcn(clock, z[:n], z[n:], dict(sys.params))
 
     return function
 
