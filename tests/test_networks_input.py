@@ -1,0 +1,119 @@
+"""Couplings and nodes in all their forms, and the messages for those that do not fit."""
+
+import control as ct
+import networkx as nx
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from network_examples import CONE, cycle, lag, mass, random_masses
+
+import control_kpos as kp
+from control_kpos.certificates.result import Status
+
+# -- couplings and nodes in all their forms
+
+
+def test_forms_of_coupling_agree():
+    nodes = [mass(name=f"cart{j}") for j in range(3)]
+    W = cycle(3, 2.0)
+    messy = sp.coo_array(([1.0, 1.0, 2.0, 2.0, 0.0], ([0, 0, 2, 1, 0], [1, 1, 0, 2, 0])), shape=(3, 3))
+    graph = nx.DiGraph()
+    graph.add_weighted_edges_from([("cart1", "cart0", 2.0), ("cart2", "cart1", 2.0), ("cart0", "cart2", 2.0)])
+    numbered = nx.relabel_nodes(graph, {f"cart{j}": j for j in range(3)})
+    blocks = [[None if not w else [[w]] for w in row] for row in W]
+    for form in (
+        W,
+        W.tolist(),
+        messy,
+        messy.tocsr(),
+        messy.tocsc(),
+        sp.lil_matrix(W),
+        sp.bsr_array(W),
+        sp.dok_array(W),
+        sp.dia_array(sp.csr_array(W)),
+        graph,
+        numbered,
+        blocks,
+    ):
+        net = kp.feedback_interconnect(nodes, form)
+        np.testing.assert_array_equal(net.model.W.toarray(), W)
+    unsorted = sp.csr_array(W)
+    unsorted = sp.csr_array((unsorted.data[::-1], np.array([2, 0, 1])[[1, 0, 2]], unsorted.indptr), shape=(3, 3))
+    np.testing.assert_array_equal(kp.feedback_interconnect(nodes, unsorted).model.W.toarray(), unsorted.toarray())
+
+
+def test_undirected_graph_couples_both_ways():
+    net = kp.feedback_interconnect([lag(5)] * 4, nx.path_graph(4))
+    np.testing.assert_array_equal(net.model.W.toarray(), nx.to_numpy_array(nx.path_graph(4)))
+
+
+def test_sequence_and_stack_are_the_same_network():
+    rng = np.random.default_rng(0)
+    stack = random_masses(rng, 20)
+    listed = [kp.ConeStateSpace(A, [[0], [1]], [[1, 0]], 0, X=CONE) for A in stack.A.values]
+    one, two = kp.feedback_interconnect(stack, cycle(20)), kp.feedback_interconnect(listed, cycle(20))
+    np.testing.assert_array_equal(one.sparse_A.toarray(), two.sparse_A.toarray())
+    np.testing.assert_allclose(one.certificate.v, two.certificate.v)
+    mixed = kp.feedback_interconnect([stack, lag(1)], np.zeros((21, 21)))
+    assert mixed.model.n_nodes == 21 and mixed.certificate.status is Status.PROVED
+
+
+def test_exact_data_decide_where_doubles_cannot():
+    # k = 1.1, F = (-21.3, -13.2) sits on the boundary in decimals; its doubles do not
+    node = kp.ConeStateSpace([["0", "1"], ["-22.4", "-13.2"]], [[0], [1]], [[1, 0]], 0, X=CONE)
+    assert kp.feedback_interconnect([node] * 3, cycle(3)).certificate.status is Status.PROVED
+    third = kp.feedback_interconnect([lag(1)] * 2, [["0", "1/3"], ["1/3", "0"]])
+    assert third.certificate.status is Status.PROVED and third.certificate.check()
+
+
+def test_timebases():
+    slow = kp.feedback_interconnect([lag(0.5, dt=0.1)] * 2, cycle(2, 0.4))
+    assert slow.dt == 0.1 and slow.certificate.status is Status.PROVED
+    assert kp.feedback_interconnect([lag(0.5, dt=True)] * 2, cycle(2, 0.6)).certificate.status is Status.REFUTED
+    with pytest.raises(kp.TimebaseError, match=r"systems\[1\] has dt = 0.2, but systems\[0\] has dt = 0.1"):
+        kp.feedback_interconnect([lag(0.5, dt=0.1), lag(0.5, dt=0.2)], cycle(2))
+
+
+# -- bad input
+
+
+@pytest.mark.parametrize(
+    ("coupling", "error", "words"),
+    [
+        (np.zeros((2, 3)), kp.ConeMismatchError, "coupling is 2 x 3, but the nodes have 2 inputs and 2 outputs"),
+        (np.array([[0, np.nan], [1, 0]]), kp.DataError, "nan"),
+        (np.array([[0, np.inf], [1, 0]]), kp.DataError, "inf"),
+        ([[0, 1], [1]], kp.ShapeError, "ragged"),
+        (nx.MultiDiGraph([(0, 1), (0, 1)]), kp.DataError, "multigraph"),
+        (nx.path_graph(["a", "b"]), kp.ConeMismatchError, "'a'"),
+        (nx.path_graph(3), kp.ConeMismatchError, "3 nodes, but there are 2"),
+        (1j * np.eye(2), kp.DataError, "complex"),
+    ],
+)
+def test_bad_couplings_are_refused_by_name(coupling, error, words):
+    with pytest.raises(error, match=words):
+        kp.feedback_interconnect([lag(1)] * 2, coupling)
+
+
+def test_out_of_range_sparse_entries_are_refused():
+    broken = sp.csr_array(np.eye(2))
+    broken.indices = np.array([0, 7], dtype=broken.indices.dtype)
+    with pytest.raises(kp.ShapeError, match="coupling"):
+        kp.feedback_interconnect([lag(1)] * 2, broken)
+
+
+def test_other_bad_input():
+    with pytest.raises(kp.ShapeError, match="empty"):
+        kp.feedback_interconnect([], np.zeros((0, 0)))
+    with pytest.raises(kp.ShapeError, match=r"systems\[1\] is a StateSpace"):
+        kp.feedback_interconnect([lag(1), ct.ss(-1, 1, 1, 0)], cycle(2))
+    with pytest.raises(kp.NotProperConeError, match="X is not solid"):
+        kp.stack(-np.eye(2)[None], np.ones((2, 1)), np.ones((1, 2)), X=kp.PolyhedralCone([[1, 0]]))
+    with pytest.raises(kp.ShapeError, match=r"B has shape \(1, 3, 1\)"):
+        kp.stack(-np.eye(2)[None], np.ones((3, 1)), np.ones((1, 2)))
+    with pytest.raises(kp.ShapeError, match="supply_rates has 1 entries; 2 nodes"):
+        kp.feedback_interconnect([lag(1)] * 2, cycle(2), supply_rates=[(-1, 1)])
+    with pytest.raises(kp.ShapeError, match=r"q in supply_rates\[1\]"):
+        kp.feedback_interconnect([lag(1)] * 2, cycle(2), supply_rates=[(-1, 1), ([-1, 2], 1)])
+    with pytest.raises(TypeError):
+        kp.feedback_interconnect([lag(1)] * 2, cycle(2), colour="red")
