@@ -96,9 +96,9 @@ def words(value: Any, name: str) -> str | None:
     >>> words("Poles", "title")
     'Poles'
     """
-    if value is None or isinstance(value, str):
+    if value is None or (isinstance(value, str) and (value.isprintable() or "\n" in value)):
         return value
-    raise DataError(f"{name} is {found(value)}; give text.")
+    raise DataError(f"{name} is {found(value)}; give text that can be printed.")
 
 
 def dimensions(value: Any) -> int | None:

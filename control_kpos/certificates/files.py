@@ -18,7 +18,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from ..arguments import file_path
+from ..arguments import file_path, flag
 from ..arrays import ExactMatrix
 from ..cones.hull import ALLOWANCE, Allowance
 from ..errors import CertificateFileError, FalseClaimError, KposError, TooLargeError
@@ -101,7 +101,7 @@ def load_certificate(path: str | PathLike[str], *, trusted: bool = False) -> Any
     >>> kp.load_certificate(file).status.name
     'PROVED'
     """
-    path = file_path(path)
+    path, trusted = file_path(path), flag(trusted, "trusted")
     try:
         content = read_content(path)
         size = os.path.getsize(path)

@@ -45,7 +45,7 @@ def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) 
     """
     if not isinstance(curve, Tradeoff):
         raise DataError(f"curve is {found(curve)}; give what gain_rate_tradeoff returns.")
-    held = np.isfinite(curve.gains)
+    title, held = words(title, "title"), np.isfinite(curve.gains)
     if not held.any():
         raise DataError("no decay rate of the curve is within reach; there is nothing to draw.")
     with control_style():

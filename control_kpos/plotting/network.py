@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import found, whole_number
+from ..arguments import found, whole_number, words
 from ..arrays import dense, exact_matrix
 from ..errors import DataError, ShapeError
 from ..networks import ConeNetwork
@@ -79,7 +79,7 @@ def plot_network(
     >>> links, nodes, marks = cplt.lines
     """
     _require_network(net)
-    user_ax, n_nodes = ax, net.model.n_nodes
+    title, user_ax, n_nodes = words(title, "title"), ax, net.model.n_nodes
     lines = np.empty(3, dtype=object)
     with control_style():
         ax = choose_axes(ax, "rectilinear", "network")
@@ -132,7 +132,7 @@ def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title:
     'real part'
     """
     _require_network(net)
-    k = None if k is None else whole_number(k, "k", least=1)
+    title, k = words(title, "title"), None if k is None else whole_number(k, "k", least=1)
     user_ax, upper = ax, net.spectral_abscissa()[1]
     count = (net.nstates if net.nstates <= MOST_NODES else _RIGHTMOST) if k is None else k
     poles = net.poles(min(count, net.nstates))

@@ -10,7 +10,7 @@ import scipy.linalg
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 
-from ..arguments import flag, real_number
+from ..arguments import flag, real_number, words
 from ..arrays import dense, exact_matrix, vector
 from ..cones import Cone
 from ..errors import ConeMismatchError, ShapeError
@@ -102,8 +102,10 @@ def phase_portrait(
     window, initial_states = _window(pointdata, initial_states)
     dominant_direction = flag(dominant_direction, "dominant_direction")
     show_legend = flag(show_legend, "show_legend")
+    if not isinstance(level_lines, (bool, np.bool_)):
+        level_lines = _level_vector(level_lines, X)
     A, discrete = np.asarray(system.A, dtype=float), system.isdtime(strict=True)
-    user_ax = ax
+    title, user_ax = words(title, "title"), ax
     with control_style():
         ax = choose_axes(ax, "rectilinear")
         if discrete:
@@ -170,6 +172,15 @@ def _window(pointdata: ArrayLike | None, initial_states: ArrayLike | None) -> tu
     return window, starts
 
 
+def _level_vector(level_lines: ArrayLike, X: Cone) -> Points:
+    """The vector whose level lines are to be drawn, with entries of size one."""
+    given = vector(level_lines, "level_lines", 2)
+    v = given / (np.abs(given).max() or 1.0)  # so that products do not overflow
+    if not (X.rays @ v > 0).all():
+        raise ConeMismatchError(f"level_lines is {given.tolist()}, which is not positive on every generator of X.")
+    return v
+
+
 # -- drawing
 
 
@@ -211,14 +222,11 @@ def _draw_level_lines(ax: Any, sys: ConeStateSpace, region: Points, level_lines:
         certificate = sys.linear_lyapunov() if level_lines else None
         v = certificate.v if certificate else None
     else:
-        v = vector(level_lines, "level_lines", 2)
-        v = v / (np.abs(v).max() or 1.0)  # so that products do not overflow
+        v = np.asarray(level_lines)
     if v is None or not len(region):
         return []
     at_rays = X.rays @ v
     top = (region @ v).max()
-    if not (at_rays > 0).all():
-        raise ConeMismatchError(f"level_lines is {v.tolist()}, which is not positive on every generator of X.")
     out = []
     for k in range(1, _N_LEVELS + 1):
         ends = X.rays / at_rays[:, None] * (top * k / (_N_LEVELS + 1))

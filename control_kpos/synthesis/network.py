@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import flag
+from ..arguments import flag, items
 from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
 from ..cones import Cone
@@ -111,7 +110,7 @@ def network_feedback(
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
     single = isinstance(systems, (NodeStack, ConeStateSpace))
-    given = [systems] if single or not isinstance(systems, Iterable) else list(systems)
+    given = [systems] if single else items(systems, "systems")
     stacks, members, dt = gather(given)
     empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
     model = empty.with_coupling(read_coupling(coupling, empty))
