@@ -22,8 +22,6 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
-from ..certificates.exact import BilinearForms
 from ..certificates.result import Certificate, Condition, Status
 from ..errors import DataError
 from . import conditions as on
@@ -221,16 +219,11 @@ def dissipation(
 
 def no_weights(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> list[Condition]:
     """y in Y with q_j'y_j + r_j'(W y)_j >= 0 for every node j, and > 0 for one: then no sigma > 0 exists."""
-    out = []
-    for g, part in enumerate(model.split(y, 2)):
-        s = model.stacks[g]
-        forms = BilinearForms(on.facets(s.Y), None, ExactMatrix(part[:, None, :]))
-        out.append(Condition(on.titled("h'y >= 0", model, g), forms, ">="))
     forms = on.supply_by_node(model, q, r, y)
     largest = np.zeros(forms.values.shape, dtype=bool)
     largest[int(np.argmax(forms.values[:, 0])), 0] = True
-    out.append(Condition("q'y + r'W y >= 0", forms, ">="))
-    return [*out, Condition("q'y + r'W y > 0 somewhere", forms, ">", largest)]
+    somewhere = Condition("q'y + r'W y > 0 somewhere", forms, ">", largest)
+    return [*on.emitted(model, y), Condition("q'y + r'W y >= 0", forms, ">="), somewhere]
 
 
 def flat(value: PerNode | Any, model: NetworkModel, kind: int) -> Floats:

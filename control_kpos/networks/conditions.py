@@ -317,6 +317,13 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
     yield received(model, u, y)
 
 
+def emitted(model: NetworkModel, y: Any) -> list[Condition]:
+    """y in Y: h'y >= 0 for every facet h of every Y_j."""
+    parts = enumerate(zip(model.stacks, model.split(y, 2), strict=True))
+    forms = [(g, BilinearForms(facets(s.Y), None, exact(y_g[:, None, :]))) for g, (s, y_g) in parts]
+    return [Condition(titled("h'y >= 0", model, g), form, ">=") for g, form in forms]
+
+
 def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
     """h'(W y - u) >= 0 for every facet h of every U_j."""
     right = exact(np.concatenate([y, u])[None, :])

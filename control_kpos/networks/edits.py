@@ -267,12 +267,7 @@ class Overlay:
         alive = np.ones(self.count, dtype=bool)
         alive[list(self.removed)] = False
         position = np.cumsum(alive) - 1
-        stacks, members = [], []
-        for s, index in zip(model.stacks, model.members, strict=True):
-            chosen = np.flatnonzero(keep[index])
-            if chosen.size:
-                stacks.append(s.take(chosen))
-                members.append(position[index[chosen]])
+        stacks, members = model.kept(keep, position)
         for k, local in self.nodes.items():
             stacks.append(local.stack)
             members.append(position[[k]])

@@ -190,15 +190,19 @@ class NetworkModel:
 
     def restrict(self, keep: NDArray[np.bool_]) -> NetworkModel:
         """The nodes where `keep` is True and the links among them."""
-        position = np.cumsum(keep) - 1
+        stacks, members = self.kept(keep, np.cumsum(keep) - 1)
+        W = self.W[np.flatnonzero(keep[self.owners(1)])][:, np.flatnonzero(keep[self.owners(2)])]
+        return NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array(W)), self.dt)
+
+    def kept(self, keep: NDArray[np.bool_], position: Index) -> tuple[list[NodeStack], list[Index]]:
+        """Stacks of the nodes where `keep` is True, and their new numbers."""
         stacks, members = [], []
         for s, index in zip(self.stacks, self.members, strict=True):
             chosen = np.flatnonzero(keep[index])
             if chosen.size:
                 stacks.append(s.take(chosen))
                 members.append(position[index[chosen]])
-        W = self.W[np.flatnonzero(keep[self.owners(1)])][:, np.flatnonzero(keep[self.owners(2)])]
-        return NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array(W)), self.dt)
+        return stacks, members
 
     def with_coupling(self, coupling: ExactMatrix) -> NetworkModel:
         """The same nodes under another coupling."""

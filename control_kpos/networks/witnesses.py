@@ -235,21 +235,13 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         if not np.any(w.y):
             return None
         all_y, all_u = w.vectors
-        out = positive_parts(model)
+        out = positive_parts(model) + on.emitted(model, all_y)
         for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
             s = model.stacks[g]
-            out.append(
-                Condition(
-                    on.titled("h'y >= 0", model, g),
-                    BilinearForms(on.facets(s.Y), None, on.exact(y[:, None, :])),
-                    ">=",
-                )
-            )
             row = on.exact(np.concatenate([u, y], axis=1)[:, None, :])
             middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
-            out.append(
-                Condition(on.titled("h'(D u - y) >= 0", model, g), BilinearForms(on.facets(s.Y), middle, row), ">=")
-            )
+            forms = BilinearForms(on.facets(s.Y), middle, row)
+            out.append(Condition(on.titled("h'(D u - y) >= 0", model, g), forms, ">="))
         return [*out, on.received(model, all_u, all_y)]
     return None
 
