@@ -80,7 +80,7 @@ CALLS |= {  # networks
     ),
     "stack": (kp.stack, {**MATRICES, "dt": 0, "names": ["a"]}),
     "scale_free_certificate": (kp.scale_free_certificate, {"nodes": [SIMPLE], "weight": 1.0, "link": None}),
-    "OutWeightCertificate.covers": (OUT_WEIGHTS.covers, {"coupling": [[0.5]]}),
+    "OutWeightCertificate.covers": (OUT_WEIGHTS.covers, {"coupling": [[0.5]], "types": None}),
     "OutWeightCertificate.interconnect": (
         OUT_WEIGHTS.interconnect,
         {"coupling": [[0, 0.5], [0.5, 0]], "types": [0, 0], "name": "n"},
