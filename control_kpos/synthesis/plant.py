@@ -101,11 +101,15 @@ class Plant:
 
     @cached_property
     def scale(self) -> float:
-        """Size of A and B seen in the generators of X, per unit of time."""
+        """Size of A seen in the generators of X, per unit of time; of B, if A is zero or next to it.
+
+        The size of B depends on the units of the inputs.
+        """
         heights = np.maximum((self.facets @ self.rays.T).max(axis=1), np.finfo(float).tiny)
         H = self.facets / heights[:, None]
-        sizes = [max(np.abs(H @ A @ self.rays.T).max(), np.abs(H @ B).max(initial=0.0)) for A, B in self.pairs]
-        return float(max(max(sizes), 1e-300))
+        size = max(np.abs(H @ A @ self.rays.T).max() for A, _ in self.pairs)
+        push = max(np.abs(H @ B).max(initial=0.0) for _, B in self.pairs)
+        return float(max(size, 1e-9 * push if size > 0 else push, 1e-300))
 
     def alone(self) -> Plant:
         """The same without bound, pattern and port demands."""

@@ -45,13 +45,17 @@ def first_point(fixed: Any, N: Any, owner: Owners, lp: Solver) -> Solution:
     cost = np.append(np.zeros(v), 1.0)
     rows = bordered(fixed, N, -np.ones(N.shape[0]))
     low = np.concatenate([np.ones(n), np.full(v - n, -np.inf), [0.0]])
-    answer = Solution("failed", np.empty(0))
+    best = Solution("failed", np.empty(0))
     for spread in (_SPREAD, np.inf):
         high = np.concatenate([np.full(n, spread), np.full(v - n + 1, np.inf)])
         answer = lp(cost, rows, np.zeros(rows.shape[0]), bounds=(low, high))
-        if answer.outcome != "infeasible":
+        if answer and satisfies(fixed, answer.x[:-1]):
+            return answer
+        # the solver's tolerance is relative to the largest bound: without one it is sharper
+        best = answer if answer or not best else best
+        if answer.outcome not in ("optimal", "infeasible"):
             break
-    return answer
+    return best
 
 
 def minimise_ratio(
