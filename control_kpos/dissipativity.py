@@ -107,6 +107,11 @@ class DissipativityCertificate(ClaimOnPositivity):
             Condition(_INPUT, _input_forms(p, v, q, r), "<="),
         ]
 
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and (self.v is None or self.r is None):
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
+
     def is_consistent(self) -> bool:
         """True if the rate is exactly the one that v proves."""
         if self.v is None:

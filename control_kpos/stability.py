@@ -124,6 +124,11 @@ class LyapunovCertificate(ClaimOnPositivity):
             out += _slow_conditions(self.A, self.X, self.discrete, x, self.decay_rate_bound)
         return out
 
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and self.v is None:
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
+
     def is_consistent(self) -> bool:
         """True if both rates are exactly those that v and the slow direction prove."""
         if self.v is None:

@@ -244,3 +244,14 @@ def test_what_is_proven_cannot_be_written_to():
     net = kp.feedback_interconnect([node, node], [[0, 1], [1, 0]])
     with pytest.raises(ValueError, match="read-only"):
         net.certificate.v[0][0] = 1
+
+
+def test_out_of_reach_is_undecided_and_no_error():
+    rng = np.random.default_rng(26)
+    A = rng.random((150, 150))
+    A -= np.diag(A.sum(axis=1)) + 1e-15 * np.eye(150)  # row sums of 75, of which doubles know 14 digits
+    certificate = kp.linear_lyapunov(A, kp.orthant(150))
+    assert certificate.status is kp.Status.UNDECIDED and certificate.check() and "Undecided" in certificate.explain()
+    port, line = np.ones((150, 1)), kp.orthant(1)
+    supply = kp.dissipativity(A, port, port.T, [[0]], kp.orthant(150), line, line, q=[-1], r=[1])
+    assert supply.status is kp.Status.UNDECIDED and supply.check() and "Undecided" in supply.explain()
