@@ -145,7 +145,7 @@ def places(tree, name=""):
 
 def numbers(node):
     """Changes of the numbers that stand directly in a node, as those of `changes`."""
-    for field, value in ast.iter_fields(node):
+    for _, value in ast.iter_fields(node):
         items = value if isinstance(value, list) else [value]
         for item in items:
             if isinstance(item, ast.Constant) and type(item.value) in (int, float):
