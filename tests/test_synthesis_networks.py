@@ -175,6 +175,18 @@ def test_a_grid_in_si_units():
     assert d and d.check() and d.decay_rate >= 0.05
 
 
+@pytest.mark.parametrize("stiffness", [1.0, 500.0])
+def test_nodes_without_an_actuator_of_their_own(stiffness):
+    """Buses without machines: a bound of next to nothing, beside machines with large gains."""
+    rng = np.random.default_rng(0)
+    bus = [kp.ConeStateSpace([[-stiffness * k]], [[1.0]], [[1.0]], 0) for k in rng.uniform(0.5, 1, size=20)]
+    nodes = [node(k) for k in rng.uniform(0.5, 2, size=20)] + bus
+    W = sp.csr_array(0.2 * np.roll(np.eye(40), 1, axis=1) + 0.01 * np.roll(np.eye(40), 7, axis=1))
+    d = kp.network_feedback(nodes, W, gain_bound=[15.0] * 20 + [1e-9] * 20)
+    assert d and d.check()
+    assert all(np.abs(f).max() <= 1e-9 for f in d.F[20:])
+
+
 def test_gains_are_measured_at_the_generators_of_each_node():
     long = kp.ConeStateSpace(node(), X=kp.PolyhedralCone([[0, 4], [0.5, -1]]))  # the same cone
     d = kp.network_feedback([node(), long], ring(2), rate=0.5, gain_bound=[9, 27])

@@ -22,7 +22,7 @@ from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from .backend import Programs, SolverChoice
 from .network_program import MARGINS, NetworkProgram
-from .network_refusal import explain_failure
+from .network_refusal import beyond_gains, explain_failure
 from .network_units import generator_lengths, own_cones
 from .result import DesignResult
 from .state import read_rate, read_time_limit
@@ -137,8 +137,9 @@ def _designed(
         result, alarm = _design(model, program, bound, rate, lp)
         if result:
             return result, alarm
-    if result.message:
-        return result, ""
+    refused = beyond_gains(model)
+    if refused is not None or result.message:
+        return refused or result, ""
     program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
     return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp), ""
 

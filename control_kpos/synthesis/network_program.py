@@ -108,11 +108,7 @@ class NetworkProgram:
         if not uniform:
             for g, units in zip(self.parts, state_units([g.HAT for g in self.parts], self._links()), strict=True):
                 g.use(units)
-        rows = [np.abs(g.HAT).max(axis=2).ravel() for g in self.parts]
-        pushes = [np.abs(g.HZ).max(axis=2, initial=0.0).ravel() for g in self.parts]
-        sizes = [np.where(row > 0, row, push) for row, push in zip(rows, pushes, strict=True)]
-        self.sizes = np.concatenate(sizes)
-        self.scale = float(self.sizes.max())
+        self.scale = max(float(max(np.abs(g.HAT).max(), np.abs(g.HZ).max(initial=0.0))) for g in self.parts)
 
     def _variables(self) -> tuple[list[Index], list[Index], int]:
         """Columns of xi (N, n) and z (N, n, m) per stack; all xi come first."""
@@ -218,9 +214,9 @@ class NetworkProgram:
         index = np.arange(len(owners))
         return sp.csr_array((np.ones(len(owners)), (index, owners)), shape=(len(owners), self.size))
 
-    def theta(self, rate: float) -> Floats:
-        """Factors of xi on the right of the drift rows."""
-        return (1.0 if self.model.discrete else 0.0) - rate - _STRICT * self.sizes
+    def theta(self, rate: float) -> float:
+        """Factor of xi on the right of the drift rows."""
+        return (1.0 if self.model.discrete else 0.0) - rate - _STRICT * self.scale
 
     def fixed(self, rate: float | None, gain: float | None = None) -> sp.csr_array:
         """Rows that must not be positive; `gain` is relative to the bound, or absolute without one."""
@@ -279,9 +275,7 @@ class NetworkProgram:
 
     def decreasing(self, rate: float) -> sp.csr_array:
         """Rows that must be negative for the decay rate."""
-        right = self.weights.copy()
-        right.data = self.theta(rate)
-        rows = sp.csr_array(self.drift - right)
+        rows = sp.csr_array(self.drift - self.theta(rate) * self.weights)
         return _distinct(rows) if self.uniform else rows
 
     def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:

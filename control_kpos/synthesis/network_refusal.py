@@ -66,6 +66,19 @@ def explain_failure(
     return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
 
 
+def beyond_gains(model: NetworkModel) -> DesignResult | None:
+    """REFUTED if a link, or an input or output of a node, leaves the cones: no local gain changes those."""
+    still = [replace(s, A=ExactMatrix(-np.broadcast_to(np.eye(s.sizes[0]), s.A.shape))) for s in model.stacks]
+    if model.discrete:
+        still = [replace(s, A=ExactMatrix(np.zeros(s.A.shape))) for s in model.stacks]
+    found = violation(replace(model, stacks=tuple(still)), None)
+    if found is None:
+        return None
+    proof = NetworkCertificate.settle(model=model, witness=found.witness)
+    message = f"local gains do not change what breaks the network: {found.witness}."
+    return DesignResult(proof.status, certificate=proof, message=message)
+
+
 def _nearest(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
 ) -> Nearest | None:

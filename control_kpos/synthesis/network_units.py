@@ -107,7 +107,7 @@ def input_units(A: Floats, B: Floats) -> Floats:
     pushes, size = np.abs(B).max(axis=1, initial=0.0), np.abs(A).max(axis=(1, 2), initial=0.0)
     target = np.frexp(np.where(size > 0, size, 1.0))[1][:, None]
     exponent = np.where(pushes > 0, target - np.frexp(pushes)[1], 0)
-    return np.where(np.abs(exponent) > _MODERATE / 2, np.exp2(exponent.astype(float)), 1.0)
+    return np.where(np.abs(exponent) > _MODERATE, np.exp2(exponent.astype(float)), 1.0)
 
 
 def _spread(sizes: Floats) -> int:
