@@ -190,3 +190,14 @@ def test_thousands_of_rays_have_a_sparse_proof(tmp_path):
 def test_as_many_rays_as_the_least_value_of_the_response_asks_for():
     # an orbit passes a minimum of height m at time t in about t^2 f''/ (2 m) steps
     assert find_cone(narrow(0.02)).n_rays < find_cone(narrow(0.002)).n_rays < 12 * find_cone(narrow(0.02)).n_rays
+
+
+@pytest.mark.parametrize("height", [0.01, 0.1, 1.0])
+@pytest.mark.parametrize(("gap", "frequency"), [(0.02, 5.0), (0.05, 2.0), (0.1, 0.3), (1.0, 5.0)])
+def test_slow_oscillations(gap, frequency, height):
+    # long steps would feed the oscillation; and a vector may lie inside a core with hundreds of rays
+    t = np.linspace(0, 2 * np.pi / frequency, 10001)
+    lowest = -(np.exp(-gap * t) * np.cos(frequency * t)).min()
+    A = [[-1, 0, 0], [0, -1 - gap, -frequency], [0, frequency, -1 - gap]]
+    found = find_cone(ct.ss(A, [[1], [1], [0]], [[lowest + height, 1, 0]], 0))
+    assert found and found.certificate.check() and found.n_rays < 4000

@@ -49,8 +49,10 @@ class Assembly:
     ----------
     points : ndarray, shape (N, n)
     P : ndarray or csr_array, shape (N, N)
+    shares : ndarray, shape (k, N)
+        The vector that each path starts from as a combination of the generators.
     starts : list of int
-        Row of the vector that each path starts from; -1 if it lies inside the core.
+        Its row; -1 if it lies inside the core.
     exact : ndarray of bool, shape (N,)
         Columns of P that leave no residual.
     core : slice
@@ -59,6 +61,7 @@ class Assembly:
 
     points: Array
     P: Any
+    shares: Array
     starts: list[int]
     exact: NDArray[np.bool_]
     core: slice
@@ -74,10 +77,19 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
     inflow[:, count:] = core.P
     diagonal, below = np.zeros(count), np.zeros(count)
     exact = np.zeros(N, dtype=bool)
+    shares = np.zeros((len(paths), N))
     starts, row = [], 0
-    for path in paths:
+    for j, path in enumerate(paths):
         steps = len(path.points) - 1
         starts.append(row if steps else -1)
+        if steps:
+            shares[j, row] = 1.0
+        else:  # a part of the room is e, which all generators share
+            y = path.points[0].copy()
+            room = 0.5 * float(y[0] - core.gauge(y[None])[0])
+            y[0] -= room
+            shares[j] = room * weights
+            shares[j, count:] += core.combination(y)
         at = np.arange(row, row + steps)
         head, tail = at[: path.count], at[path.count :]
         exact[head] = True
@@ -94,8 +106,10 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
     spread = np.where(exact[:count], 0.0, f.slack * points[:count, 0])
     if large:
         inflow[:, :count] += np.outer(core.weights, spread)
-        chain = sp.diags_array([diagonal, below[:-1]], offsets=[0, -1], shape=(count, N))
-        return Assembly(points, sp.csr_array(sp.vstack([chain, inflow])), starts, exact, slice(count, N))
+        at = np.arange(count)
+        places = np.concatenate([at, at[1:]]), np.concatenate([at, at[:-1]])
+        chain = sp.coo_array((np.concatenate([diagonal, below[:-1]]), places), shape=(count, N))
+        return Assembly(points, sp.csr_array(sp.vstack([chain, inflow])), shares, starts, exact, slice(count, N))
     P = np.concatenate([np.zeros((count, N)), inflow])
     P[np.arange(count), np.arange(count)] = diagonal
     P[np.arange(1, count), np.arange(count - 1)] += below[:-1]
@@ -106,7 +120,7 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
     if np.isfinite(part):
         P[count:, count:] -= part * core.weights[:, None]
         P[:, count:] += part * weights[:, None]
-    return Assembly(points, P, starts, exact, slice(count, N))
+    return Assembly(points, P, shares, starts, exact, slice(count, N))
 
 
 def _interior(points: Array, count: int, core: Core) -> Array:

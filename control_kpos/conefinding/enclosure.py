@@ -167,8 +167,9 @@ class Generators:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             worst = (np.abs(residual) + error).max(axis=0, initial=0.0)
         lower = np.where(required, self._reduced(Q, worst), np.inf)
-        exact = np.zeros(Q.shape, dtype=bool)
-        open_ = np.flatnonzero(((~(lower > 0)) & required).any(axis=0))
+        # Where Y has a zero row, Q* is Q.
+        exact = (self.inverse == 0).all(axis=1)[:, None] & (Q >= 0)
+        open_ = np.flatnonzero((~(lower > 0) & ~exact & required).any(axis=0))
         good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
         if good.size and good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT:
             vanishing, residual = self._exact_residual(targets, multipliers, good)

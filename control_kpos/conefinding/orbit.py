@@ -14,6 +14,7 @@ and e, which is inside the cone, makes multipliers positive.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,9 @@ Array = NDArray[np.float64]
 # More rays than that are of no use, and their multipliers would not fit into memory.
 _STEPS = 40_000
 # Parts of the step that the outlook allows, tried side by side: it is right to second order only.
-_PARTS = np.array([1.0, 0.95, 0.9, 0.8, 0.65, 0.5, 0.35, 0.2, 0.1])
+_PARTS = (1.0, 0.95, 0.9, 0.75, 0.5, 0.25, 0.1)
+# Largest steps at all: as parts of the longest sensible one, or of the one that settles oscillations.
+_LARGEST = ((1.0, 0.0), (0.0, 1.5), (0.0, 0.75))
 # Points stay this far inside the half-spaces, so that rounding does not matter.
 _INSIDE = 1e-13
 
@@ -111,24 +114,27 @@ def _powers(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:
 
 def _steps(f: Flow, start: Array, normals: Array, core: Core, ahead: Outlook) -> Orbit | None:
     """Orbits with several parts of the largest steps, side by side; the first to arrive has the fewest."""
-    states = np.repeat(start[None], len(_PARTS), axis=0)
-    owner = np.arange(len(_PARTS))
+    lanes = list(product(_PARTS, _LARGEST))
+    part = np.array([p for p, _ in lanes])
+    most = np.array([a * ahead.longest + b * min(ahead.settling, ahead.longest) for _, (a, b) in lanes])
+    states = np.repeat(start[None], len(lanes), axis=0)
+    owner = np.arange(len(lanes))
     history, lengths = [states], []
-    size, planned = np.zeros(len(_PARTS)), 0
+    size, planned = np.zeros(len(lanes)), 0
     for k in range(_STEPS):
         there = core.holds(states)
         if there.any():
             who = int(owner[np.argmax(there)])
             return Orbit(np.array([h[who] for h in history]), np.array([h[who] for h in lengths]))
         if k >= planned:  # small steps change little
-            size[owner] = _PARTS[owner] * ahead.steps(states)
+            size[owner] = np.minimum(part[owner] * ahead.steps(states), most[owner])
             planned = k + 1 + k // 20
         states = states + size[owner, None] * (states @ f.S.T)
         alive = _inside(states, normals) & (size[owner] * _STEPS > ahead.longest)
         states, owner = states[alive], owner[alive]
         if not owner.size:
             return None
-        history.append(_scattered(states, owner, len(_PARTS)))
+        history.append(_scattered(states, owner, len(lanes)))
         lengths.append(size.copy())
     return None
 

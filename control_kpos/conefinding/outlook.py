@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_TIMES = 2000
+_TIMES = 6000
 _FOR_EACH_TURN = 48
 _WELL_CONDITIONED = 1e6
 
@@ -35,19 +35,26 @@ class Outlook:
         c'e^(tS) / c_0, c'S e^(tS) / c_0, c'S^2 e^(tS) / c_0 for the r normals c.
     longest : float
         Steps above this make the fastest mode grow.
+    settling : float
+        The step that makes the most persistent mode decay fastest; twice that, and it does not decay.
     """
 
     times: Array
     widths: Array
     responses: Array
     longest: float
+    settling: float
 
     def steps(self, states: Array) -> Array:
-        """Largest step from each row of `states`, at most `longest`."""
+        """Largest step from each row of `states`."""
         room = np.full((len(states), len(self.times)), np.inf)
+        once = np.full(len(states), np.inf)
         for c in range(self.responses.shape[1]):
             value, slope, bend = (states @ self.responses[k, c].T for k in range(3))
             with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                # One step g + h S g must leave half of the margin.
+                margin = 0.5 * np.maximum(value.min(axis=1, keepdims=True), 0)
+                once = np.minimum(once, np.where(slope < 0, (margin - value) / slope, np.inf).min(axis=1))
                 # A minimum between two times of the grid is that of a parabola.
                 near = (bend > 0) & (np.abs(slope) < bend * self.widths)
                 value = np.where(near, value - slope**2 / (2 * bend), value)
@@ -55,7 +62,7 @@ class Outlook:
         least = np.minimum.accumulate((room / self.times)[:, ::-1], axis=1)[:, ::-1]
         crossed = self.times >= least
         first = least[np.arange(len(states)), crossed.argmax(axis=1)]
-        return np.minimum(np.where(crossed.any(axis=1), first, np.inf), self.longest)
+        return np.minimum(np.where(crossed.any(axis=1), first, np.inf), once)
 
 
 def outlook(S: Array, normals: Array) -> Outlook:
@@ -83,4 +90,7 @@ def outlook(S: Array, normals: Array) -> Outlook:
     else:
         flows = np.einsum("rn,tnm->rtm", scaled, sl.expm(times[:, None, None] * S))
     flows = flows.reshape(len(scaled), len(times), len(S))
-    return Outlook(times, np.gradient(times), np.array([flows, flows @ S, flows @ S @ S]), 0.95 / fastest)
+    responses = np.array([flows, flows @ S, flows @ S @ S])
+    moving = rates[np.abs(rates) > 1e-13 * fastest]
+    settling = float((-moving.real / np.abs(moving) ** 2).min(initial=1 / fastest))
+    return Outlook(times, np.gradient(times), responses, 0.95 / fastest, settling)

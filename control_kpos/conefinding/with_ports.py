@@ -204,34 +204,27 @@ class _Search:
         """
         values = built.points @ s.basis.T
         rays, kept = self._rays(values, built, paths)
-        index, separators, shares = np.arange(len(values)), None, np.eye(0)
-        P = built.P
+        index, separators = np.arange(len(values)), None
+        P, shares = built.P, built.shares
         if len(values) <= _PRUNED:
             index, separators = extreme_generators(values, s.left, kept)
-            P, shares = _substituted(values, P, index, s.left)
-            separators = separators / self.units
-        combos = np.zeros((len(paths), len(index)))
-        for j, row in enumerate(built.starts):
-            if row < 0:
-                frame = Frame.of(values[index], s.left)
-                if frame is not None:
-                    target = frame.to @ self.b[j]
-                    size = float(np.abs(target).max())
-                    combos[j] = nonnegative_combination(frame, target, size=size)[0] / frame.heights
-            elif shares.size:
-                combos[j] = shares[:, row]
-            else:
-                combos[j, row] = 1.0
+            P, changed = _substituted(values, P, index, s.left)
+            shares, separators = shares @ changed.T, separators / self.units
         R = values[index].T
-        exact = built.exact[index]
+        # What is known exactly stays: columns without residual, vectors that are generators themselves.
+        column, own = built.exact[index], np.isin(built.starts, index)[:, None]
+        unheld = np.where(own, 0.0, self.b - shares @ R.T)
         if sp.issparse(P):
-            rest = np.where(exact, 0.0, self.matrix @ R - (P.T @ R.T).T)
-            correction = np.linalg.pinv(R[:, built.core]) @ rest
-            above = sp.csr_array((built.core.start, len(index)))
-            P = sp.csr_array(P + sp.vstack([above, sp.csr_array(correction)]))
-            return select(rays, index), ExactMatrix(P), separators, ExactMatrix(combos), built.core
-        P = P + np.linalg.pinv(R) @ np.where(exact, 0.0, self.matrix @ R - R @ P)
-        return select(rays, index), ExactMatrix(P), separators, ExactMatrix(combos), slice(0, len(index))
+            core, rest = built.core, np.where(column, 0.0, self.matrix @ R - (P.T @ R.T).T)
+            inverse = np.linalg.pinv(R[:, core])
+            above = sp.csr_array((core.start, len(index)))
+            P = sp.csr_array(P + sp.vstack([above, sp.csr_array(inverse @ rest)]))
+            shares[:, core] += unheld @ inverse.T
+        else:
+            core, inverse = slice(0, len(index)), np.linalg.pinv(R)
+            P = P + inverse @ np.where(column, 0.0, self.matrix @ R - R @ P)
+            shares = shares + unheld @ inverse.T
+        return select(rays, index), ExactMatrix(P), separators, ExactMatrix(shares), core
 
     def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[ExactMatrix, NDArray[np.bool_]]:
         """Exact generators, and which of them must stay because others are exact combinations of them."""
