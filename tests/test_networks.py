@@ -63,22 +63,26 @@ def test_long_chain_with_one_bad_node():
 
 
 def test_negative_coupling_that_satisfies_the_balance_but_leaves_the_cone():
-    nodes, W = [lag(1), lag(1)], np.array([[0, -5.0], [5.0, 0]])
-    W2 = np.array([[0, -5.0], [-5.0, 0]])
-    assert is_unstable(kp.feedback_interconnect(nodes, W2))  # eigenvalue +4
-    for coupling, place in ((W, (0, 1)), (W2, (0, 1))):
-        rates = [(-1e-3, 1e-3)] * 2  # q'y + r'W y <= 0 holds in the columns of negative entries
+    nodes, rates = [lag(1), lag(1)], [(-0.9e-3, 1e-3)] * 2
+    v = 0.95e-3
+    assert all(v > 0 and -v - q < 0 and v <= r for q, r in rates)  # (cond2): every node is dissipative
+    for W in (np.array([[0, -5.0], [0.5, 0]]), np.array([[0, -5.0], [-5.0, 0]])):
+        q, r = np.array(rates).T
+        assert (q + W.T @ r < 0).all()  # (cond3) with sigma = 1: only (I) is broken
         for certificate in (
-            kp.feedback_interconnect(nodes, coupling).certificate,
-            kp.feedback_interconnect(nodes, coupling, supply_rates=rates).certificate,
+            kp.feedback_interconnect(nodes, W).certificate,
+            kp.feedback_interconnect(nodes, W, supply_rates=rates).certificate,
         ):
             assert certificate.status is Status.REFUTED and isinstance(certificate.witness, CouplingViolation)
-            assert (certificate.witness.target, certificate.witness.source) == place
+            assert (certificate.witness.target, certificate.witness.source) == (0, 1)
             assert certificate.check() and "node 1 to node 0" in certificate.explain()
+    assert is_unstable(kp.feedback_interconnect(nodes, W))  # eigenvalue +4
 
 
 def test_node_that_is_not_positive_although_the_inequalities_have_a_solution():
-    bad = kp.ConeStateSpace([[1, -2], [-2, 1]], [[1], [1]], [[0, 0]], 0)  # v = (1, 1) decreases on the rays
+    bad = kp.ConeStateSpace([[1, -2], [-2, 1]], [[1], [1]], [[0, 0]], 0)
+    v, q, r = np.array([1.0, 1.0]), 0.0, 2.0
+    assert (v > 0).all() and (v @ bad.A - q * bad.C < 0).all() and (v @ bad.B <= r).all()  # (cond2) holds
     assert np.linalg.eigvals(bad.A).max() > 0
     certificate = kp.feedback_interconnect([lag(1), bad], np.zeros((2, 2))).certificate
     assert certificate.status is Status.REFUTED and isinstance(certificate.witness, NodeViolation)

@@ -45,6 +45,18 @@ def test_verdict_is_that_of_the_closed_loop_in_fractions(start):
     assert seen[Status.PROVED] > 20 and seen[Status.REFUTED] > 60
 
 
+def test_permuting_the_nodes_changes_no_verdict():
+    rng = np.random.default_rng(0)
+    for _, nodes, W, _, net in verdicts(range(1000, 1040)):
+        order = rng.permutation(len(nodes))
+        rows, columns = (
+            np.concatenate([offsets[j] + np.arange(offsets[j + 1] - offsets[j]) for j in order])
+            for offsets in net.model.offsets[1:]
+        )
+        other = kp.feedback_interconnect([nodes[j] for j in order], W[np.ix_(rows, columns)])
+        assert other.certificate.status is net.certificate.status
+
+
 def test_files_and_the_independent_checker_read_exact_certificates(tmp_path):
     kinds = set()
     for seed, _, _, _, net in verdicts(range(2000, 2150)):

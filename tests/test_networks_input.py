@@ -72,6 +72,11 @@ def test_timebases():
     assert kp.feedback_interconnect([lag(0.5, dt=True)] * 2, cycle(2, 0.6)).certificate.status is Status.REFUTED
     with pytest.raises(kp.TimebaseError, match=r"systems\[1\] has dt = 0.2, but systems\[0\] has dt = 0.1"):
         kp.feedback_interconnect([lag(0.5, dt=0.1), lag(0.5, dt=0.2)], cycle(2))
+    with pytest.raises(kp.TimebaseError, match=r"systems\[1\] has dt = 0.1, but systems\[0\] has dt = 0"):
+        kp.feedback_interconnect([lag(0.5), lag(0.5, dt=0.1)], cycle(2))
+    with pytest.raises(kp.TimebaseError, match=r"systems\[1\] has dt = 0.1, but systems\[0\] has dt = 0.2"):
+        kp.feedback_interconnect([kp.stack([[[0.5]]], [[1]], [[1]], dt=0.2), lag(0.5, dt=0.1)], cycle(2))
+    assert kp.feedback_interconnect([lag(0.5, dt=True), lag(0.5, dt=0.1)], cycle(2, 0.1)).dt == 0.1
 
 
 # -- bad input
@@ -81,11 +86,24 @@ def test_timebases():
     ("coupling", "error", "words"),
     [
         (np.zeros((2, 3)), kp.ConeMismatchError, "coupling is 2 x 3, but the nodes have 2 inputs and 2 outputs"),
+        (sp.eye_array(3), kp.ConeMismatchError, "coupling is 3 x 3, but the nodes have 2 inputs and 2 outputs"),
+        (0.5, kp.ConeMismatchError, "coupling is 1 x 1"),
         (np.array([[0, np.nan], [1, 0]]), kp.DataError, "nan"),
+        (sp.csr_array([[0, np.nan], [1, 0]]), kp.DataError, "nan"),
+        (sp.lil_matrix([[0, np.inf], [1, 0]]), kp.DataError, "inf"),
+        (sp.coo_array(([1e308, 1e308], ([0, 0], [1, 1])), shape=(2, 2)), kp.DataError, "inf"),  # their sum
+        ([[None, [[np.nan]]], [None, None]], kp.DataError, r"coupling\[0\]\[1\]\[0, 0\] is nan"),
+        ([[None, [[1]]]], kp.ConeMismatchError, "1 block rows of .* but there are 2 nodes"),
+        (None, kp.DataError, "None"),
+        ("ring", kp.DataError, "'ring'"),
         (np.array([[0, np.inf], [1, 0]]), kp.DataError, "inf"),
         ([[0, 1], [1]], kp.ShapeError, "ragged"),
         (nx.MultiDiGraph([(0, 1), (0, 1)]), kp.DataError, "multigraph"),
+        (nx.MultiGraph([(0, 1), (0, 1)]), kp.DataError, "multigraph"),
         (nx.path_graph(["a", "b"]), kp.ConeMismatchError, "'a'"),
+        (nx.DiGraph([(1, 2)]), kp.ConeMismatchError, "a node 2; nodes must be named like the systems, or 0 to 1"),
+        (nx.DiGraph([(0, 1, {"weight": np.nan})]), kp.DataError, "weights.* nan"),
+        (nx.DiGraph([(0, 1, {"weight": "heavy"})]), kp.DataError, "'heavy'"),
         (nx.path_graph(3), kp.ConeMismatchError, "3 nodes, but there are 2"),
         (1j * np.eye(2), kp.DataError, "complex"),
     ],
@@ -96,10 +114,73 @@ def test_bad_couplings_are_refused_by_name(coupling, error, words):
 
 
 def test_out_of_range_sparse_entries_are_refused():
-    broken = sp.csr_array(np.eye(2))
-    broken.indices = np.array([0, 7], dtype=broken.indices.dtype)
-    with pytest.raises(kp.ShapeError, match="coupling"):
-        kp.feedback_interconnect([lag(1)] * 2, broken)
+    for index in (7, -1):
+        rows = sp.csr_array(np.eye(2))
+        rows.indices = np.array([0, index], dtype=rows.indices.dtype)
+        triplets = sp.coo_array(np.eye(2))
+        triplets.coords = (np.array([0, index]), np.array([0, 1]))
+        for broken in (rows, triplets):
+            with pytest.raises(kp.ShapeError, match="coupling"):
+                kp.feedback_interconnect([lag(1)] * 2, broken)
+    backwards = sp.csr_array(np.eye(2))
+    backwards.indptr = np.array([0, 3, 2], dtype=backwards.indptr.dtype)
+    with pytest.raises(kp.ShapeError, match="coupling is not a valid sparse matrix"):
+        kp.feedback_interconnect([lag(1)] * 2, backwards)
+
+
+def test_the_node_with_other_ports_is_named():
+    nodes = [lag(1, name="a"), kp.ConeStateSpace([[-1.0]], [[1.0, 0.0]], [[1.0]], 0, name="fork")]
+    sizes = r'2 x 2, but the nodes have 3 inputs and 2 outputs in all \(node 1 \("fork"\) has 2 inputs'
+    with pytest.raises(kp.ConeMismatchError, match=sizes):
+        kp.feedback_interconnect(nodes, np.zeros((2, 2)))
+    with pytest.raises(kp.ConeMismatchError, match=r'"fork"\) has 2 inputs and 1 outputs; graphs couple nodes'):
+        kp.feedback_interconnect(nodes, nx.path_graph(2))
+
+
+def test_graphs_of_named_systems():
+    named = [lag(1, name="a"), lag(1, name="b")]
+    with pytest.raises(kp.ConeMismatchError, match="a node 'c'"):
+        kp.feedback_interconnect(named, nx.DiGraph([("a", "c")]))
+    with pytest.raises(kp.ConeMismatchError, match="two systems are called 'a'"):
+        kp.feedback_interconnect([named[0]] * 2, nx.DiGraph([("a", "b")]))
+    assert kp.feedback_interconnect([named[0]] * 2, nx.DiGraph([(0, 1)])).model.W.toarray().tolist() == [[0, 0], [1, 0]]
+
+
+def test_links_out_of_the_cones_are_a_verdict_with_the_pair():
+    """Not an exception, whatever the form of the coupling: h'W_jk y < 0 for the facet and the generator named."""
+    U = kp.PolyhedralCone([[1, 1], [1, -1]])
+    node = kp.ConeStateSpace(-4 * np.eye(2), np.eye(2), np.eye(2), 0, X=U, U=U, Y=U)
+    block = np.diag([1.0, 2.0])
+    W = np.kron([[0, 0, 0], [0, 0, 0.1], [0, 0, 0]], block)
+    blocks = [[None] * 3, [None, None, 0.1 * block], [None] * 3]
+    for form in (W, sp.csr_array(W), blocks):
+        for rates in (None, [([-1, 0], [1, 0])] * 3):
+            certificate = kp.feedback_interconnect([node] * 3, form, supply_rates=rates).certificate
+            w = certificate.witness
+            assert certificate.status is Status.REFUTED and (w.target, w.source) == (1, 2) and certificate.check()
+            product = U.facets[w.facet] @ (0.1 * block) @ U.rays[w.ray]
+            assert product < 0 and w.value == pytest.approx(product)
+            assert "node 2 to node 1" in certificate.explain()
+    exact = kp.feedback_interconnect([lag(1)] * 2, [["0", "-1/1000000000000000000000"], ["0", "0"]]).certificate
+    assert exact.status is Status.REFUTED and (exact.witness.target, exact.witness.source) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("rates", "error", "words"),
+    [
+        ([(-1, 1)], kp.ShapeError, "supply_rates has 1 entries; 2 nodes"),
+        ([(-1, 1)] * 3, kp.ShapeError, "supply_rates has 3 entries; 2 nodes"),
+        ([(-1, 1), (-1, [1, 2])], kp.ShapeError, r"r in supply_rates\[1\] has 2 entries; it must have 1"),
+        ([(-1, 1), ([-1, -2], 1)], kp.ShapeError, r"q in supply_rates\[1\] has 2 entries; it must have 1"),
+        ([(-1, 1), ([], 1)], kp.ShapeError, r"q in supply_rates\[1\]"),
+        ([(-1, 1), (-1, 1, 1)], kp.ShapeError, r"supply_rates\[1\] must be a pair"),
+        ([(-1, 1), -1], kp.ShapeError, r"supply_rates\[1\] must be a pair"),
+        ([(-1, 1), (np.nan, 1)], kp.DataError, "nan"),
+    ],
+)
+def test_bad_supply_rates_are_refused_by_name(rates, error, words):
+    with pytest.raises(error, match=words):
+        kp.feedback_interconnect([lag(1)] * 2, cycle(2), supply_rates=rates)
 
 
 def test_other_bad_input():
@@ -111,9 +192,15 @@ def test_other_bad_input():
         kp.stack(-np.eye(2)[None], np.ones((2, 1)), np.ones((1, 2)), X=kp.PolyhedralCone([[1, 0]]))
     with pytest.raises(kp.ShapeError, match=r"B has shape \(1, 3, 1\)"):
         kp.stack(-np.eye(2)[None], np.ones((3, 1)), np.ones((1, 2)))
-    with pytest.raises(kp.ShapeError, match="supply_rates has 1 entries; 2 nodes"):
-        kp.feedback_interconnect([lag(1)] * 2, cycle(2), supply_rates=[(-1, 1)])
-    with pytest.raises(kp.ShapeError, match=r"q in supply_rates\[1\]"):
-        kp.feedback_interconnect([lag(1)] * 2, cycle(2), supply_rates=[(-1, 1), ([-1, 2], 1)])
+    line = kp.PolyhedralCone([[1], [-1]])
+    for name in ("U", "Y"):
+        with pytest.raises(kp.NotProperConeError, match=f"{name} is not pointed"):
+            kp.stack(-np.ones((2, 1, 1)), [[1]], [[1]], **{name: line})
+    with pytest.raises(kp.ShapeError, match="at least one node"):
+        kp.stack(np.zeros((0, 1, 1)), [[1]], [[1]])
+    with pytest.raises(kp.ShapeError, match="empty"):
+        kp.feedback_interconnect((node for node in ()), np.zeros((0, 0)))
+    with pytest.raises(kp.DataError, match=r"A\[1, 0, 0\] is inf"):
+        kp.stack([[[-1]], [[np.inf]]], [[1]], [[1]])
     with pytest.raises(TypeError):
         kp.feedback_interconnect([lag(1)] * 2, cycle(2), colour="red")

@@ -12,7 +12,7 @@ from control_kpos.networks import NetworkInstability
 @pytest.mark.parametrize("seed", range(8))
 def test_verdict_is_the_eigenvalues(seed):
     rng = np.random.default_rng(1000 + seed)
-    seen = dict.fromkeys(Status, 0)
+    seen, kinds = dict.fromkeys(Status, 0), np.zeros(5, dtype=int)
     for _ in range(150):
         nodes, blocks, discrete = random_network(rng)
         W = dense_coupling(nodes, blocks)
@@ -23,6 +23,9 @@ def test_verdict_is_the_eigenvalues(seed):
         net = kp.feedback_interconnect(nodes, blocks if rng.random() < 0.5 else W)
         cert = net.certificate
         seen[cert.status] += 1
+        kinds += [discrete, not discrete, any(s.D.any() for s in nodes), not all(s.X.is_simplicial for s in nodes)] + [
+            len({(s.nstates, s.ninputs, s.noutputs) for s in nodes}) > 1
+        ]
         stable = edge < 0 and loop < 1
         assert cert.status is (Status.PROVED if stable else Status.REFUTED), cert.explain()
         assert cert.check()
@@ -35,6 +38,7 @@ def test_verdict_is_the_eigenvalues(seed):
             assert net.X.contains(cert.witness.x)
             assert net.X.contains(ahead + 1e-9 * np.abs(ahead).max() * net.X.interior_point)
     assert seen[Status.PROVED] > 20 and seen[Status.REFUTED] > 20
+    assert (kinds > 20).all()  # discrete, continuous, with D, non-simplicial, of different sizes
 
 
 @pytest.mark.parametrize("seed", range(3))

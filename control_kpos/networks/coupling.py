@@ -81,9 +81,15 @@ def _from_graph(graph: Any, model: NetworkModel) -> ExactMatrix:
     labels = list(graph.nodes)
     if len(labels) != model.n_nodes:
         raise ConeMismatchError(f"coupling is a graph of {len(labels)} nodes, but there are {model.n_nodes} systems.")
-    number = {name: j for j, name in enumerate(model.names)}
-    if not all(label in number for label in labels):
+    number: dict[Any, int] = {name: j for j, name in enumerate(model.names)}
+    if not any(label in number for label in labels):
         number = {j: j for j in range(model.n_nodes)}
+    elif len(number) < model.n_nodes:
+        twice = next(name for j, name in enumerate(model.names) if number[name] != j)
+        raise ConeMismatchError(
+            f"coupling is a graph with names for nodes, but two systems are called {twice!r}; give them different "
+            f"names, or number the nodes of the graph 0 to {model.n_nodes - 1}."
+        )
     strange = next((label for label in labels if label not in number), None)
     if strange is not None:
         raise ConeMismatchError(

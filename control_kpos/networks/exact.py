@@ -32,6 +32,7 @@ from scipy.sparse.csgraph import connected_components
 from ..arrays import ExactMatrix
 from ..certificates.portable_cones import opposite_facets
 from ..cones import Cone, orthant, product
+from ..errors import DataError
 from ..perron import decide_exactly
 from . import conditions as on
 from .blocks import Index, take_blocks
@@ -207,7 +208,11 @@ def _decide_part(S: Rationals, cone: _PartCone) -> tuple[bool, Rationals] | None
         mirrored = _bordered(S.T, c, d) if t > 0 else None
         if mirrored is not None and _inside(cone.rays, mirrored[0], -(mirrored[0] @ S), strict=True):
             return True, _shortened(mirrored[0], lambda v: _inside(cone.rays, v, -(v @ S), strict=True))
-    return decide_exactly(ExactMatrix.from_fractions(S), cone.whole(), False)
+    size = Fraction(2) ** _exponent(max(abs(Fraction(value)) for value in S.ravel()))
+    try:
+        return decide_exactly(ExactMatrix.from_fractions(S / size), cone.whole(), False)
+    except DataError:  # numbers further apart than doubles can be
+        return None
 
 
 def _inside(rows: Rationals, *vectors: Rationals, strict: bool = False) -> bool:
