@@ -330,3 +330,17 @@ def test_cone_that_is_not_simplicial_is_refused():
     square = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
     with pytest.raises(kp.NotProperConeError, match="4 generators"):
         kp.network_feedback([kp.ConeStateSpace(-np.eye(3), [[0], [0], [1]], [[0, 0, 1]], 0, X=square)], [[0]])
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_links_and_ports_that_no_local_gain_can_mend_are_refuted(discrete):
+    X = kp.examples.paper_cone()
+    A = [[0.5, 0.1], [0, 0.5]] if discrete else [[0, 1], [-1, 0]]
+    plant = kp.ConeStateSpace(A, [[0], [1]], [[1, 0]], 0, discrete, X=X)
+    wrong_sign = kp.network_feedback([plant] * 2, -np.eye(2))
+    assert wrong_sign.status is kp.Status.REFUTED and wrong_sign.certificate.check()
+    assert "link from node 0 to node 0" in wrong_sign.explain()
+    measures_velocity = kp.ConeStateSpace(A, [[0], [1]], [[0, 1]], 0, discrete, X=X)
+    outside = kp.network_feedback([plant, measures_velocity], np.eye(2))
+    assert outside.status is kp.Status.REFUTED and outside.certificate.check()
+    assert "node 1" in outside.explain() and "C X in Y" in outside.explain()

@@ -139,7 +139,7 @@ def _designed(
             return result, alarm
     refused = beyond_gains(model)
     if refused is not None or result.message:
-        return refused or result, ""
+        return (result if refused is None else refused), ""
     program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
     return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp), ""
 

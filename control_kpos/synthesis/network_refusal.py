@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix, dense
 from ..certificates.result import Status
 from ..cones import Cone, product
+from ..networks.certificate import NetworkCertificate
+from ..networks.certify import violation
 from ..networks.model import NetworkModel, NodeStack
 from ..statespace import ConeStateSpace
 from .backend import Programs
@@ -75,7 +77,7 @@ def beyond_gains(model: NetworkModel) -> DesignResult | None:
     if found is None:
         return None
     proof = NetworkCertificate.settle(model=model, witness=found.witness)
-    message = f"local gains do not change what breaks the network: {found.witness}."
+    message = "local gains change neither the links nor the input and output matrices of nodes."
     return DesignResult(proof.status, certificate=proof, message=message)
 
 
