@@ -90,6 +90,25 @@ def test_a_pair_needs_the_polygon_of_dmitriev_and_dynkin(ratio, rays):
     assert found and rays <= found.n_rays <= rays + (ratio == 1.0)  # tan(pi/4) = 1: no room for rounding
 
 
+@pytest.mark.parametrize("few", ["rays", "facets"])
+def test_fewer_than_the_modes_give_on_request(few):
+    rng = np.random.default_rng(6)
+    done = 0
+    while done < 3:
+        n = 6
+        metzler = rng.random((n, n)) * (rng.random((n, n)) < 0.6) - np.diag(3 * rng.random(n))
+        T = rng.standard_normal((n, n))
+        if np.linalg.cond(T) > 100 or np.iscomplex(np.linalg.eigvals(metzler)).sum() < 4:
+            continue
+        found = find_cone(T @ metzler @ np.linalg.inv(T), max_rays=n, few=few, time_limit=20)
+        assert found and found.n_rays == n and found.cone.is_simplicial and found.certificate.check()
+        done += 1
+    cyclic = with_dominant_eigenvalue(11, 8, discrete=False)
+    free = find_cone(cyclic)
+    fewer = find_cone(cyclic, max_rays=free.n_rays - 1, time_limit=5, few=few)
+    assert fewer.status is Status.UNDECIDED or fewer.n_rays < free.n_rays
+
+
 def test_few_facets_on_request():
     A = with_dominant_eigenvalue(3, 5, discrete=False)
     found = find_cone(A, few="facets")

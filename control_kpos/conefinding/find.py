@@ -60,15 +60,15 @@ def find_cone(
     within : array_like, shape (r, n), or Cone, optional
         Normals of half-spaces that X must lie in, one a row (``C``).  For a system it replaces C.
     max_rays : int, optional
-        Largest number of generators.
+        Largest number of generators.  Where the modes of one matrix give more, a search as for a family follows.
     discrete : bool, optional
         For matrices: discrete time.  Systems know.
     few : {"rays", "facets"}
         Which of the two descriptions of X should be short.  For one matrix without contains and within.
     seed, restarts : int
-        Random starts of the search for a family.
+        Random starts of such a search.
     time_limit : float
-        Seconds for a family; inf for no limit.
+        Seconds for it; inf for no limit.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
         terminal or a notebook; False: never; True: also where nobody seems to watch.
@@ -124,7 +124,8 @@ def find_cone(
     if vectors.shape[0] or normals.shape[0]:
         with Reporter(progress) as report:
             return _with_ports(matrix, vectors, normals, most, bool(timed), report)
-    return _one(matrix, most, bool(timed), by_facets)
+    with Reporter(progress) as report:
+        return _one(matrix, most, bool(timed), by_facets, effort, report)
 
 
 def _is_family(A: Any) -> bool:
@@ -297,7 +298,14 @@ def square(data: Any, name: str) -> ExactMatrix:
     return ExactMatrix(matrix.values.toarray()) if matrix.is_sparse else matrix
 
 
-def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, by_facets: bool) -> FoundCone:
+def _one(
+    A: ExactMatrix,
+    max_rays: int | None,
+    discrete: bool,
+    by_facets: bool,
+    effort: Effort,
+    report: Callable[[str], None],
+) -> FoundCone:
     bound = lower_bound(A, discrete=discrete)
     searched = transposed(A) if by_facets else A
     if max_rays is not None and max_rays < bound:
@@ -308,6 +316,10 @@ def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, by_facets: bool) 
             for rays, pointing in repeated_cones(searched):
                 if max_rays is None or rays.shape[0] <= max_rays:
                     certificate, separators, conditioning = prove_exactly(searched, rays, pointing, discrete=False)
+        if not certificate and max_rays is not None:  # the modes need more: turn and move rays instead
+            certificate, separators, conditioning, _ = find_common(
+                as_stack([searched]), discrete=discrete, max_rays=max_rays, effort=effort, report=report
+            )
     if certificate is None or not certificate:
         obstruction = spectral_obstruction(A, discrete=discrete)
         if obstruction is not None:
@@ -320,7 +332,7 @@ def _one(A: ExactMatrix, max_rays: int | None, discrete: bool, by_facets: bool) 
     cone: Cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
     if by_facets:
         cone = cone.dual
-        data = {**certificate.data(), "matrices": as_stack([A]), "by_facets": True}
+        data = {**certificate.data(), "matrices": as_stack([A]), "by_facets": True, "v": None}
         certificate = ConeCertificate.settle(**data)
     return FoundCone(certificate, cone, bound, conditioning)
 
