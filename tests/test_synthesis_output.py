@@ -72,3 +72,16 @@ def test_observer_bounds_the_state_from_above():
 def test_hopeless_observer_is_refuted():
     d = kp.observer_gain(ct.ss([[1, 0], [0, -1]], [[1], [1]], [[0, 1]], 0))
     assert d.status is kp.Status.REFUTED and d.check()
+
+
+def test_results_speak_of_the_law_they_are_for():
+    plant = kp.ConeStateSpace([[1, 0], [1, -1]], [[1], [0]], [[1, 0]], 0)
+    design = kp.output_feedback(plant)
+    assert "u = F y" in design.explain() and "|F C x_k|" in design.objective
+    A, B, C, _ = ct.ssdata(plant)
+    assert np.linalg.eigvals(A - B @ design.K @ C).real.max() < 0  # K is for u = -K y
+    observer = kp.observer_gain(plant)
+    assert "C z - y" in observer.explain() and "sensors" in observer.explain()
+    assert "controllable" not in observer.explain() and "actuator" not in observer.explain()
+    blind = kp.observer_gain(kp.ConeStateSpace([[-1, 0], [1, 1]], [[1], [0]], [[1, 0]], 0))
+    assert blind.status is kp.Status.REFUTED and "mode 1 is not observable" in blind.explain()

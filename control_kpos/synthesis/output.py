@@ -20,7 +20,7 @@ from .alternating import design_by_alternation
 from .backend import Programs, SolverChoice
 from .one_shot import design_on_simplicial
 from .plant import as_system, read_plant
-from .result import DesignResult
+from .result import OBSERVER, DesignResult, dual_words
 from .state import read_rate, read_time_limit
 
 
@@ -89,7 +89,8 @@ def output_feedback(
     if np.any(np.asarray(plant.system.D)):
         raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
     with Reporter(progress) as report:
-        return design_by_alternation(plant, target, Programs(solver, limit, report))
+        result = design_by_alternation(plant, target, Programs(solver, limit, report))
+    return replace(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
 
 
 def observer_gain(
@@ -154,7 +155,7 @@ def observer_gain(
     with Reporter(progress) as report:
         result = design(plant, target, Programs(solver, limit, report))
     if not result:
-        return result
+        return replace(result, law=OBSERVER)
     L = result.F.T
     return _as_observer(result, system, L)
 
@@ -174,4 +175,5 @@ def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> Design
         remove_useless_states=False,
         **labels,
     )
-    return replace(result, F=L, closed_loop=observer, objective=result.objective.replace("F x_k", "L'h_k"))
+    objective = dual_words(result.objective.replace("F x_k", "F'h_k"))
+    return replace(result, F=L, closed_loop=observer, objective=objective, law=OBSERVER)

@@ -39,6 +39,27 @@ class Nearest:
         return " or ".join(parts) if parts else "nothing nearby was found"
 
 
+# The law of an observer; its design is the feedback of the dual system.
+OBSERVER = "z' = A z + B u + F (C z - y)"
+_DUAL_WORDS = {
+    "not controllable": "not observable",
+    "uncontrollable": "unobservable",
+    "no feedback stabilises this plant": "no gain makes the error decay",
+    "actuators": "sensors",
+    "Actuators": "Sensors",
+    "on X": "on the dual of X",
+    "cone X": "dual of X",
+    "generators of X": "facets of X",
+}
+
+
+def dual_words(text: str) -> str:
+    """What is said of the feedback of a dual system, in words about the observer."""
+    for word, other in _DUAL_WORDS.items():
+        text = text.replace(word, other)
+    return text
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class DesignResult:
     """Outcome of a feedback design.  `bool(result)` is True only for PROVED; otherwise there is no gain.
@@ -72,6 +93,8 @@ class DesignResult:
         For a design that failed: what is possible instead.
     notes : tuple of str
         Uncontrollable modes, loss of positivity under weakened gains, and the like.
+    law : str
+        Where the gain stands: "u = F x", for output feedback "u = F y", for an observer `OBSERVER`.
     """
 
     status: Status
@@ -86,10 +109,16 @@ class DesignResult:
     message: str = ""
     nearest: Nearest | None = None
     notes: Sequence[str] = field(default_factory=tuple)
+    law: str = "u = F x"
+
+    def __post_init__(self) -> None:
+        if self.law == OBSERVER:
+            object.__setattr__(self, "message", dual_words(self.message))
+            object.__setattr__(self, "notes", tuple(dual_words(note) for note in self.notes))
 
     @property
     def K(self) -> Any:
-        """-F, for u = -K x as python-control writes it."""
+        """-F, for u = -K x (output feedback: u = -K y) as python-control writes it."""
         if self.F is None:
             return None
         return tuple(-f for f in self.F) if isinstance(self.F, tuple) else -np.asarray(self.F)
@@ -121,11 +150,14 @@ class DesignResult:
         -------
         str
         """
+        return dual_words(self._explanation()) if self.law == OBSERVER else self._explanation()
+
+    def _explanation(self) -> str:
         notes = "".join(f" {note}" for note in self.notes)
         if self:
             proof = "" if self.certificate is None else f" {self.certificate.explain()}"
             return (
-                f"Certified gain for u = F x. {self.objective}: {self.value:.6g} reached, limit {self.limit:.6g} "
+                f"Certified gain for {self.law}. {self.objective}: {self.value:.6g} reached, limit {self.limit:.6g} "
                 f"by the linear programs. Decay rate {self.decay_rate:.6g}.{proof} {self._weakening()}{notes}"
             )
         proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
@@ -153,7 +185,7 @@ class DesignResult:
             if self
         ]
         if isinstance(self.F, np.ndarray) and self.F.ndim == 2:
-            rows.append(("F in u = F x", shown_rows(self.F)))
+            rows.append(("F" if self.law == OBSERVER else f"F in {self.law}", shown_rows(self.F)))
         return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
 
     def __bool__(self) -> bool:
