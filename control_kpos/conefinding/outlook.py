@@ -30,7 +30,7 @@ class Outlook:
     Attributes
     ----------
     times, widths : ndarray, shape (T,)
-        The grid, without 0, and the distance to its neighbours.
+        The grid, from 0 on, and the distance to its neighbours.
     responses : ndarray, shape (3, r, T, n)
         c'e^(tS) / c_0, c'S e^(tS) / c_0, c'S^2 e^(tS) / c_0 for the r normals c.
     longest : float
@@ -59,8 +59,8 @@ class Outlook:
                 near = (bend > 0) & (np.abs(slope) < bend * self.widths)
                 value = np.where(near, value - slope**2 / (2 * bend), value)
                 room = np.minimum(room, np.where(bend > 0, 2 * np.maximum(value, 0) / bend, np.inf))
-        least = np.minimum.accumulate((room / self.times)[:, ::-1], axis=1)[:, ::-1]
-        crossed = self.times >= least
+        least = np.minimum.accumulate((room[:, 1:] / self.times[1:])[:, ::-1], axis=1)[:, ::-1]
+        crossed = self.times[1:] >= least
         first = least[np.arange(len(states)), crossed.argmax(axis=1)]
         return np.minimum(np.where(crossed.any(axis=1), first, np.inf), once)
 
@@ -81,7 +81,7 @@ def outlook(S: Array, normals: Array) -> Outlook:
     fastest = float(np.abs(rates).max(initial=0.0)) or 1.0
     count = int(np.clip(_FOR_EACH_TURN * horizon * fastest / (2 * np.pi), 100, _TIMES))
     early = np.geomspace(0.02 / fastest, max(horizon, 0.1 / fastest), count // 4)
-    times = np.unique(np.concatenate([early, np.linspace(0, horizon, count)[1:]]))
+    times = np.unique(np.concatenate([early, np.linspace(0, horizon, count)]))
     scaled = normals / normals[:, :1]
     if np.linalg.cond(vectors) < _WELL_CONDITIONED:
         modal = np.linalg.inv(vectors)
