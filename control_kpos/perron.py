@@ -83,7 +83,7 @@ class ScaledProblem:
             M = sp.csc_array(self.S - shift * sp.eye_array(self.n))
             try:
                 lu = spla.splu(M)
-            except RuntimeError:
+            except (RuntimeError, ValueError):
                 raise SingularMatrixError from None
             solve = lambda b, transposed: lu.solve(b, "T" if transposed else "N")  # noqa: E731
         else:
@@ -96,9 +96,12 @@ class ScaledProblem:
             solve = lambda b, transposed: lapack.dgetrs(factors, pivots, b, trans=int(transposed))[0]  # noqa: E731
 
         def refined(b: Vector, transposed: bool) -> Vector:
-            with np.errstate(all="ignore"):
-                x = solve(b, transposed)
-                x = x + solve(b - (M.T if transposed else M) @ x, transposed)
+            try:
+                with np.errstate(all="ignore"):
+                    x = solve(b, transposed)
+                    x = x + solve(b - (M.T if transposed else M) @ x, transposed)
+            except (RuntimeError, ValueError):
+                raise SingularMatrixError from None
             if not np.isfinite(x).all():
                 raise SingularMatrixError
             return x

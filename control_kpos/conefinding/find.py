@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -114,7 +115,7 @@ def find_cone(
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
         matrices, timed = family(A, "A"), _timed(A, timed)
         with Reporter(progress) as report:
-            return _common(matrices, most, bool(timed), effort, report)
+            return _carefully(lambda: _common(matrices, most, bool(timed), effort, report), matrices, bool(timed))
     if isinstance(A, StateSpace):
         matrix, vectors, normals, timed = _of_system(A, contains, within, timed)
     else:
@@ -123,9 +124,21 @@ def find_cone(
         vectors, normals = _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets")
     if vectors.shape[0] or normals.shape[0]:
         with Reporter(progress) as report:
-            return _with_ports(matrix, vectors, normals, most, bool(timed), report)
+            search = partial(_with_ports, matrix, vectors, normals, most, bool(timed), report)
+            return _carefully(search, as_stack([matrix]), bool(timed))
     with Reporter(progress) as report:
-        return _one(matrix, most, bool(timed), by_facets, effort, report)
+        search = partial(_one, matrix, most, bool(timed), by_facets, effort, report)
+        return _carefully(search, as_stack([matrix]), bool(timed))
+
+
+def _carefully(search: Callable[[], FoundCone], matrices: ExactMatrix, discrete: bool) -> FoundCone:
+    """What a search finds; nothing if eigenvalues or singular values do not converge."""
+    try:
+        with np.errstate(all="ignore"):
+            return search()
+    except np.linalg.LinAlgError as error:
+        nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
+        return FoundCone(nothing, None, matrices.shape[-1], np.inf, f"Numerical linear algebra failed: {error}.")
 
 
 def _is_family(A: Any) -> bool:

@@ -99,8 +99,11 @@ def round_map(G: Integers) -> Integers:
     for _ in range(6):
         Z = unit_rows(G @ T)[0]
         length = np.linalg.norm(Z, axis=1, keepdims=True)
-        _, size, directions = np.linalg.svd(Z / np.where(length > 0, length, 1), full_matrices=False)
-        if size[0] < 4 * size[-1]:
+        try:
+            _, size, directions = np.linalg.svd(Z / np.where(length > 0, length, 1), full_matrices=False)
+        except np.linalg.LinAlgError:  # no convergence: any invertible map will do
+            break
+        if not (np.isfinite(size).all() and np.isfinite(directions).all()) or size[0] < 4 * size[-1]:
             break
         step, _ = integers_of_doubles(directions.T / np.maximum(size, size[0] * 2.0**-60))
         T = T @ step

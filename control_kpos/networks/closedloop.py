@@ -5,6 +5,7 @@ x' = (A + B L C) x + B R w,   y = S C x + S D w,   R = (I - W D)^{-1},  L = R W,
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import cached_property
 from typing import Any
 
@@ -145,8 +146,9 @@ def require_well_posed(model: NetworkModel) -> None:
 
 def _is_singular(matrix: sp.csc_array) -> bool:
     if matrix.shape[0] <= 500:
-        values = np.linalg.svd(matrix.toarray(), compute_uv=False)
-        return bool(values[-1] <= 4 * matrix.shape[0] * np.finfo(float).eps * values[0])
+        with suppress(np.linalg.LinAlgError):  # no convergence
+            values = np.linalg.svd(matrix.toarray(), compute_uv=False)
+            return bool(values[-1] <= 4 * matrix.shape[0] * np.finfo(float).eps * values[0])
     try:
         pivots = np.abs(spla.splu(matrix).U.diagonal())
     except RuntimeError:

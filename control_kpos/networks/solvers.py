@@ -105,7 +105,7 @@ class Loop:
                     diag_pivot_thresh=threshold,
                     options={"SymmetricMode": threshold == 0.0},
                 ), order
-            except RuntimeError:  # exactly singular
+            except (RuntimeError, ValueError):  # exactly singular
                 continue
         return None
 
