@@ -85,10 +85,13 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
     if proof is not None:
         return proof
     nearest = Nearest(decay_rate=float(fastest)) if rate > 0 and 0 < fastest < np.inf else None
-    reached = "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {fastest:.6g}"
+    reached = (
+        "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {fastest + 0.0:.6g}"
+    )
+    ended = "the alternation gave up" if lp.left > 0 else "the alternation reached its time limit"
     return DesignResult(
         Status.UNDECIDED,
-        message=f"the alternation gave up; {reached}.",
+        message=f"{ended}; {reached}.",
         nearest=nearest,
         notes=tuple(controllability_notes(plant)),
     )

@@ -23,7 +23,8 @@ def controllability_notes(plant: Plant) -> list[str]:
         bad = abs(mode) >= 1 if plant.discrete else mode.real >= 0
         name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
         consequence = (
-            "it is not stable, so no feedback stabilises this plant; change the actuators"
+            "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
+            "change the actuators"
             if bad
             else "it is stable and stays as it is, which limits the decay rate but not the design"
         )
