@@ -10,7 +10,11 @@ from hypothesis import strategies as st
 from test_positivity import PAPER, PLANT, closed_loop, metzler, perturbations, unimodular
 
 import control_kpos as kp
+from control_kpos.arrays import exact_matrix
 from control_kpos.certificates.result import Status
+from control_kpos.dissipativity import DissipativityCertificate, SupplyViolation
+from control_kpos.errors import DataError
+from control_kpos.positivity import PositivityCertificate
 
 R1, R2 = kp.orthant(1), kp.orthant(2)
 LAG = [[-2.0]], [[1.0]], [[1.0]], [[0.0]]
@@ -175,3 +179,61 @@ def test_files_keep_the_verdict(tmp_path):
         cert.save(tmp_path / "c.json")
         again = kp.load_certificate(tmp_path / "c.json")
         assert again.status is cert.status and again.check() and again.explain() == cert.explain()
+
+
+def forged(*, A=-2, B=1, C=1, D=0, **data):
+    line = kp.orthant(1)
+    positivity = kp.cone_positivity([[A]], [[B]], [[C]], [[D]], line, line, line)
+    return DissipativityCertificate.settle(positivity=positivity, **{"q": np.array([-1.0]), **data})
+
+
+def test_what_proves_no_dissipation():
+    vectors = {"v": np.array([1.0]), "r": np.array([1.0]), "decay_rate": 0.0}
+    assert forged(**vectors)
+    assert not forged(A=-1, **vectors)  # (v'A - q'C) x = 0
+    assert not forged(**{**vectors, "r": np.array([0.5])})
+    assert not forged(D=1, **vectors) and forged(D=1, **{**vectors, "r": np.array([2.0])})
+    for name in ("v", "r"):
+        without = forged(**{**vectors, name: None})
+        assert without.status is Status.UNDECIDED
+        with pytest.raises(DataError):
+            without.conditions()
+
+
+def test_storage_must_be_positive_on_every_generator():
+    plane, line = kp.orthant(2), kp.orthant(1)
+    positivity = kp.cone_positivity([[-1, 0], [0, -1]], [[0], [0]], [[0, 1]], [[0]], plane, line, line)
+    data = {"positivity": positivity, "q": np.array([1.0]), "r": np.array([1.0]), "decay_rate": 0.0}
+    assert not DissipativityCertificate.settle(v=np.array([1.0, 0.0]), **data)
+    assert DissipativityCertificate.settle(v=np.array([1.0, 1.0]), **data)
+
+
+@pytest.mark.parametrize(
+    ("system", "x", "u", "r", "status"),
+    [
+        ({"B": 0}, 0, 1, -1, Status.REFUTED),  # the input costs supply and does nothing
+        ({"B": 0}, 0, 1, 0, Status.UNDECIDED),  # nothing happens
+        ({}, 0, 1, 0, Status.REFUTED),  # the state moves for nothing
+        ({}, 0, 1, 0.1, Status.UNDECIDED),  # for some supply
+        ({}, 0, -1, 1, Status.UNDECIDED),  # by an input that is none
+        ({"A": 1}, -1, 0, 1, Status.UNDECIDED),  # from a state that is none
+        ({"A": 0}, 1, 0, None, Status.REFUTED),
+        ({}, 1, 0, None, Status.UNDECIDED),
+        ({}, 0, 1, None, Status.UNDECIDED),  # r may be as large as it likes
+        ({"D": 1}, 0, 1, 1, Status.REFUTED),  # the output takes what the input brings
+        ({"D": 1}, 0, 1, 2, Status.UNDECIDED),
+    ],
+)
+def test_motions_that_no_storage_survives(system, x, u, r, status):
+    witness = SupplyViolation(np.array([float(x)]), np.array([float(u)]))
+    certificate = forged(r=None if r is None else np.array([float(r)]), witness=witness, **system)
+    assert certificate.status is status
+
+
+def test_motions_refute_only_what_is_positive():
+    line, A, one = kp.orthant(1), exact_matrix([[1]], "A"), exact_matrix([[1]], "B")
+    unproven = PositivityCertificate.settle(A=A, B=-one, C=one, D=one, X=line, U=line, Y=line)
+    witness = SupplyViolation(np.array([1.0]), np.array([0.0]))
+    data = {"q": np.array([-1.0]), "r": np.array([1.0]), "witness": witness}
+    assert unproven.status is Status.UNDECIDED
+    assert DissipativityCertificate.settle(positivity=unproven, **data).status is Status.UNDECIDED

@@ -11,7 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import control_kpos as kp
+from control_kpos.arrays import exact_matrix
 from control_kpos.certificates.result import Status
+from control_kpos.positivity import PositivityCertificate, PositivityViolation
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 PLANT = [[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]]
@@ -250,3 +252,28 @@ def test_files_keep_the_verdict(tmp_path):
         cert.save(tmp_path / "c.json")
         again = kp.load_certificate(tmp_path / "c.json")
         assert again.status is cert.status and again.check() and again.explain() == cert.explain()
+
+
+@pytest.mark.parametrize(
+    ("a", "ray", "value", "discrete", "status"),
+    [
+        (0.5, 1, 0.0, False, Status.UNDECIDED),  # h'A x = 0 is allowed
+        (0.5, 1, 0.0, True, Status.UNDECIDED),
+        (-1, 0, -1.0, False, Status.UNDECIDED),  # h'A x < 0 is allowed where h'x > 0, in continuous time
+        (-1, 0, -1.0, True, Status.REFUTED),
+    ],
+)
+def test_what_is_no_violation_refutes_nothing(a, ray, value, discrete, status):
+    claimed = PositivityViolation("A X in X", 0, ray, np.array([1.0, 0.0]), np.eye(2)[ray], value)
+    A = exact_matrix([[a, 0], [0, a]], "A")
+    certificate = PositivityCertificate.settle(A=A, X=kp.orthant(2), discrete=discrete, witness=claimed)
+    assert certificate.status is status
+
+
+def test_a_violation_needs_the_facet_and_the_generator_it_names():
+    plane, A = kp.orthant(2), exact_matrix([[-1, -2], [0, -1]], "A")
+    named = PositivityViolation("A X in X", 0, 1, np.array([1.0, 0.0]), np.array([0.0, 1.0]), -2.0)
+    for change in ({"normal": np.array([1.0, 1.0])}, {"generator": np.array([1.0, 1.0])}, {"value": -2.1}, {}):
+        witness = replace(named, **change)
+        certificate = PositivityCertificate.settle(A=A, X=plane, witness=witness)
+        assert certificate.status is (Status.UNDECIDED if change else Status.REFUTED)

@@ -11,7 +11,11 @@ from hypothesis import strategies as st
 from test_positivity import PAPER, closed_loop, metzler, perturbations, unimodular
 
 import control_kpos as kp
+from control_kpos.arrays import exact_matrix
 from control_kpos.certificates.result import Status
+from control_kpos.errors import DataError
+from control_kpos.positivity import PositivityCertificate
+from control_kpos.stability import InstabilityDirection, LyapunovCertificate, exact_row
 
 
 def routh_stable(A):
@@ -255,3 +259,35 @@ def test_out_of_reach_is_undecided_and_no_error():
     port, line = np.ones((150, 1)), kp.orthant(1)
     supply = kp.dissipativity(A, port, port.T, [[0]], kp.orthant(150), line, line, q=[-1], r=[1])
     assert supply.status is kp.Status.UNDECIDED and supply.check() and "Undecided" in supply.explain()
+
+
+@pytest.mark.parametrize(("A", "discrete"), [([[-1, 1], [1, -1]], False), ([[1, 0], [0, 1]], True)])
+def test_equality_proves_no_decay(A, discrete):
+    positivity = kp.state_positivity(A, kp.orthant(2), discrete=discrete)
+    certificate = LyapunovCertificate.settle(positivity=positivity, v=np.ones(2), decay_rate=0.0)
+    assert positivity and certificate.status is kp.Status.UNDECIDED
+
+
+def test_a_direction_refutes_only_what_is_positive_and_only_if_it_is_one():
+    plane, up = kp.orthant(2), InstabilityDirection(np.array([1.0, 0.0]))
+    positivity = kp.state_positivity([[1, 0], [0, -1]], plane)
+    assert LyapunovCertificate.settle(positivity=positivity, witness=up).status is kp.Status.REFUTED
+    for witness in (InstabilityDirection(np.zeros(2)), "up"):
+        assert LyapunovCertificate.settle(positivity=positivity, witness=witness).status is kp.Status.UNDECIDED
+    unproven = PositivityCertificate.settle(A=exact_matrix([[1, 0], [-1, -1]], "A"), X=plane)
+    assert unproven.status is kp.Status.UNDECIDED
+    assert LyapunovCertificate.settle(positivity=unproven, witness=up).status is kp.Status.UNDECIDED
+
+
+@pytest.mark.parametrize(
+    ("v", "exact"),
+    [
+        (np.ones((1, 2)), None),
+        (np.array([1.0, np.nan]), None),
+        (np.array([0.5, 0.25]), (Fraction(1, 2),)),
+        (np.array([0.5, 0.25]), (Fraction(1, 2), Fraction(1, 3))),
+    ],
+)
+def test_vectors_that_are_none(v, exact):
+    with pytest.raises(DataError):
+        exact_row(v, exact)
