@@ -110,11 +110,11 @@ def plot_closed_loop(sys: Any, design: DesignResult, *, title: str | None = None
     X = design.closed_loop.X
     with control_style():
         figure, axes = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="tight")
-        open_loop = ct.ss(sys.A, sys.B, sys.C, sys.D, sys.dt)
+        open_loop = ct.ss(sys.A, sys.B, sys.C, sys.D, sys.dt, states=sys.state_labels)
         parts = [
             phase_portrait(open_loop, X=X, ax=axes[0], title="without feedback", **{"level_lines": False, **kwargs}),
             phase_portrait(
-                design.closed_loop, ax=axes[1], title=f"u = F x, decay rate {design.decay_rate:.3g}", **kwargs
+                design.closed_loop, ax=axes[1], title=f"{design.law}, decay rate {design.decay_rate:.3g}", **kwargs
             ),
         ]
         cplt = ct.ControlPlot(np.array([part.lines for part in parts], dtype=object), np.array([axes]), figure)
