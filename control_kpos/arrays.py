@@ -339,6 +339,34 @@ def as_stack(matrices: Sequence[ExactMatrix]) -> ExactMatrix:
     return ExactMatrix.from_fractions(np.array([m.fractions() for m in matrices], dtype=object))
 
 
+def pick(m: ExactMatrix, index: Any) -> ExactMatrix:
+    """Some rows of a dense matrix (an array of indices), or one matrix of a stack (an integer)."""
+    return ExactMatrix(
+        np.asarray(m.values)[index],
+        None if m.radius is None else m.radius[index],
+        None if m.numerators is None else m.numerators[index],
+        m.denominator,
+    )
+
+
+def transposed(m: ExactMatrix) -> ExactMatrix:
+    """The transpose of a dense matrix, or of every matrix of a stack."""
+
+    def swap(a: Any) -> Any:
+        return None if a is None else np.swapaxes(a, -1, -2)
+
+    return ExactMatrix(swap(m.values), swap(m.radius), swap(m.numerators), m.denominator)
+
+
+def plain(m: ExactMatrix) -> ExactMatrix:
+    """Dense, with one factor for all rows: rows with factors of their own become integers."""
+    if m.is_sparse:
+        return ExactMatrix(m.values.toarray())
+    if m.integer_rows is not None:
+        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
+    return m
+
+
 def identity(n: int, *, sparse: bool = False) -> ExactMatrix:
     """The n x n identity."""
     return ExactMatrix(sp.eye_array(n, format="csr") if sparse else np.eye(n))

@@ -113,6 +113,13 @@ def test_bad_input_is_named():
         find_cone(A, contains=[[1, 1]], within=[[1, 0], [1, -2]])
     with pytest.raises(ConeMismatchError, match="size 3, but A is 2 x 2"):
         find_cone(A, contains=[[1, 1, 1]])
+    fast = [[0, 0, 0], [0, -1, -5], [0, 5, -1]]
+    for question in ({"A": [fast, np.eye(3)]}, {"A": fast, "contains": [[1, 2, 0]]}):
+        with pytest.raises(DataError, match="max_rays is 3, but every .* at least 16 rays"):
+            find_cone(**question, max_rays=3, time_limit=1)
+    for wrong in ({"seed": 1.5}, {"restarts": -1}, {"time_limit": 0}, {"max_rays": 0}, {"discrete": "no"}):
+        with pytest.raises(DataError, match=next(iter(wrong))):
+            find_cone(A, **wrong)
     with pytest.raises(TimebaseError, match="discrete"):
         find_cone(ct.ss(A, [[1], [1]], [[1, 1]], 0), discrete=True)
 

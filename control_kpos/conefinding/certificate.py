@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, as_stack
+from ..arrays import ExactMatrix, as_stack, pick, transposed
 from ..certificates.exact import BilinearForms
 from ..certificates.portable_cones import encode_generators, given_generators
 from ..certificates.proofs import ProofOmittedError, Prover
@@ -26,7 +26,6 @@ from ..certificates.result import Certificate, Condition
 from ..cones import orthant
 from ..errors import DataError
 from .enclosure import Generators
-from .existence import layer, transposed
 
 
 @runtime_checkable
@@ -103,12 +102,12 @@ class ConeCertificate(Certificate):
         size = 0 if self.multipliers.is_sparse else rays.shape[0]
         off_diagonal = np.ones((size, size), dtype=bool) if self.discrete else ~np.eye(size, dtype=bool)
         for s in range(self.matrices.shape[0]):
-            image = (layer(matrices, s), rays)
+            image = (pick(matrices, s), rays)
             if self.multipliers.is_sparse:
                 P = self.multipliers
                 out.append(basis.sparse_combination(f"A{s} R = R P{s}", image, P, diagonal=self.discrete))
             else:
-                P = layer(self.multipliers, s)
+                P = pick(self.multipliers, s)
                 out.append(basis.combination(f"A{s} R = R P{s}", [image], P, off_diagonal))
         if contains is not None:
             if self.shares is None:
@@ -127,7 +126,7 @@ class ConeCertificate(Certificate):
         return out
 
     def _decrease(self, s: int, v: NDArray[np.float64], rays: ExactMatrix) -> Condition:
-        A = layer(self.matrices, s)
+        A = pick(self.matrices, s)
         if not self.discrete:
             return Condition(f"v'A{s} x < 0", BilinearForms(_row(v), A, rays), "<")
         from_identity = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
@@ -147,7 +146,7 @@ class ConeCertificate(Certificate):
         matrices, inner, outer = self._sides()
         for name in ("matrices", "rays", "contains", "within"):
             del out[name]
-        out["A"] = tuple(layer(matrices, s) for s in range(matrices.shape[0]))
+        out["A"] = tuple(pick(matrices, s) for s in range(matrices.shape[0]))
         out["X"] = encode_generators(self.rays, self.pointing)
         if inner is not None:
             out.update(B=transposed(inner), U=orthant(inner.shape[0]))
@@ -187,8 +186,8 @@ class ConeCertificate(Certificate):
         if self.multipliers.is_sparse:
             raise ProofOmittedError("cones with very many generators are for control_kpos alone")
         prover, rays, (matrices, inner, _) = Prover(), self.rays, self._sides()
-        images = [layer(matrices, s).fractions() @ rays.fractions().T for s in range(matrices.shape[0])]
-        guesses = [layer(self.multipliers, s) for s in range(matrices.shape[0])]
+        images = [pick(matrices, s).fractions() @ rays.fractions().T for s in range(matrices.shape[0])]
+        guesses = [pick(self.multipliers, s) for s in range(matrices.shape[0])]
         free = not self.discrete
         out = {"P": [prover.repaired(rays, y, P, invariance=free) for y, P in zip(images, guesses, strict=True)]}
         if inner is not None and self.shares is not None:

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, rounding_radius
+from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, pick, rounding_radius, transposed
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Condition
 from .products import as_doubles, summed_products
@@ -131,7 +131,7 @@ class Generators:
         # What is scaled by powers of two stays exact unless it underflows, which `_scaled` rules out.
         self.equilibrated = _scaled(rays, self.exponent)
         self.inverse = np.ldexp(right_inverse, -self.exponent)
-        product, bound = enclosed_product(_transposed(self.equilibrated), ExactMatrix(self.inverse.T))
+        product, bound = enclosed_product(transposed(self.equilibrated), ExactMatrix(self.inverse.T))
         with np.errstate(over="ignore", invalid="ignore"):
             defect = np.abs(np.eye(len(product)) - product) * (1 + 4 * HALF_ULP) + bound + 2 * HALF_ULP
             self.defect = defect.sum(axis=1) * (1 + 2.0**-40)
@@ -158,7 +158,7 @@ class Generators:
         """
         Q = np.asarray(multipliers.values)
         parts = [(_scaled_rows(M, self.exponent), x) for M, x in targets]
-        parts.append((-_transposed(self.equilibrated), _transposed(multipliers)))
+        parts.append((-transposed(self.equilibrated), transposed(multipliers)))
         residual = np.zeros((self.rays.shape[1], Q.shape[1]))
         error = np.zeros_like(residual)
         for M, x in parts:
@@ -203,7 +203,7 @@ class Generators:
         good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
         if good.size and good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT:
             columns = ExactMatrix(P[:, good].toarray())
-            vanishing, _ = self._exact_residual([(target[0], _rows(target[1], good))], columns, slice(None))
+            vanishing, _ = self._exact_residual([(target[0], pick(target[1], good))], columns, slice(None))
             exact[:, good[vanishing]] = True
         entries = P.tocoo()
         bad = (entries.data < 0) & (diagonal | (entries.coords[0] != entries.coords[1]))
@@ -227,7 +227,7 @@ class Generators:
         defect = self.defect.max(initial=0.0)
         if not defect < 0.9:
             return np.full_like(Q, -np.inf)
-        step, error = enclosed_product(ExactMatrix(self.inverse), _transposed(residual))
+        step, error = enclosed_product(ExactMatrix(self.inverse), transposed(residual))
         with np.errstate(over="ignore", invalid="ignore"):
             worst = (np.abs(residual.values) + residual.radius).max(axis=0, initial=0.0)
             spread = np.abs(self.inverse).sum(axis=1) * defect / (1 - defect)
@@ -241,8 +241,8 @@ class Generators:
         columns: NDArray[np.intp] | slice,
     ) -> tuple[NDArray[np.bool_], ExactMatrix]:
         """Some columns of T - R Q from exact arithmetic: which of them vanish, and all correctly rounded."""
-        terms = [(M, _rows(x, columns)) for M, x in targets]
-        terms.append((-_transposed(self.rays), _rows(_transposed(multipliers), columns)))
+        terms = [(M, pick(x, columns)) for M, x in targets]
+        terms.append((-transposed(self.rays), pick(transposed(multipliers), columns)))
         integers, factor = summed_products(terms)
         with np.errstate(over="ignore"):
             rounded = as_doubles(integers, factor)
@@ -260,24 +260,6 @@ def _size(rays: ExactMatrix, Q: Array, lower: Array) -> Array:
     return np.where(np.isfinite(size) & (size > 0), size, np.maximum(np.abs(lower), 1.0))
 
 
-def _transposed(m: ExactMatrix) -> ExactMatrix:
-    return ExactMatrix(
-        np.asarray(m.values).T,
-        None if m.radius is None else m.radius.T,
-        None if m.numerators is None else m.numerators.T,
-        m.denominator,
-    )
-
-
-def _rows(m: ExactMatrix, index: NDArray[np.intp] | slice) -> ExactMatrix:
-    return ExactMatrix(
-        np.asarray(m.values)[index],
-        None if m.radius is None else m.radius[index],
-        None if m.numerators is None else m.numerators[index],
-        m.denominator,
-    )
-
-
 def _scaled(rays: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
     """Columns times powers of two, with a radius where bits were lost."""
     values = np.ldexp(np.asarray(rays.values), exponent)
@@ -288,4 +270,4 @@ def _scaled(rays: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
 
 
 def _scaled_rows(m: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
-    return _transposed(_scaled(_transposed(m), exponent))
+    return transposed(_scaled(transposed(m), exponent))

@@ -12,12 +12,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, pick
 from ..certificates.files import register_record
 from ..certificates.result import Condition
 from .enclosure import Bounds
@@ -69,7 +68,7 @@ class SpectralObstruction:
         """The exact root counts behind the obstruction."""
         if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
             return None
-        holds = excludes_cones(spectrum_polynomial(layer(matrices, self.matrix)), self)
+        holds = excludes_cones(spectrum_polynomial(pick(matrices, self.matrix)), self)
         return [fact(f"the eigenvalue {self.kind} of {float(self.bound):.6g} is in the way", holds)]
 
     def __str__(self) -> str:
@@ -181,25 +180,6 @@ def excludes_cones(p: Polynomial, w: SpectralObstruction) -> bool:
         return imaginary_axis(shift_roots(p, w.bound))[1]
     rest, _ = without_roots_of_unity(circle_part(scale_roots(p, 1 / w.bound)))
     return len(rest) > 1 and imaginary_axis(moebius(rest, Fraction(1)))[1]
-
-
-def layer(stack: ExactMatrix, s: int) -> ExactMatrix:
-    """One matrix of a stack."""
-    return ExactMatrix(
-        stack.values[s],
-        None if stack.radius is None else stack.radius[s],
-        None if stack.numerators is None else stack.numerators[s],
-        stack.denominator,
-    )
-
-
-def transposed(m: ExactMatrix) -> ExactMatrix:
-    """The transpose, of every matrix of a stack."""
-
-    def swap(a: Any) -> Any:
-        return None if a is None else np.swapaxes(a, -1, -2)
-
-    return ExactMatrix(swap(m.values), swap(m.radius), swap(m.numerators), m.denominator)
 
 
 def fact(name: str, holds: bool) -> Condition:

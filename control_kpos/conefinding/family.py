@@ -10,11 +10,10 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, pick
 from ..linear_programs import solve
 from .certificate import ConeCertificate
 from .commutator import simplicial_descent
-from .existence import layer
 from .explicit import modal_cone
 from .filters import family_obstruction
 from .modes import Modes, modes
@@ -182,7 +181,7 @@ def _proven(
     if quick is None:
         found = []
         for s in range(matrices.shape[0]):
-            P = multipliers(layer(matrices, s), rays, pointing, discrete=discrete, remaining=remaining)
+            P = multipliers(pick(matrices, s), rays, pointing, discrete=discrete, remaining=remaining)
             if P is None:
                 return ConeCertificate.settle(matrices=matrices, discrete=discrete)
             found.append(P)

@@ -15,10 +15,10 @@ from itertools import combinations
 
 import numpy as np
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, pick
 from ..certificates.files import register_record
 from ..certificates.result import Condition
-from .existence import SpectralObstruction, excludes_cones, fact, layer, spectral_obstruction, spectrum_polynomial
+from .existence import SpectralObstruction, excludes_cones, fact, spectral_obstruction, spectrum_polynomial
 from .modes import Modes
 from .polynomials import real_roots_above
 from .port_obstruction import resolvent
@@ -80,7 +80,7 @@ def family_obstruction(
     """A proven reason why the family has no common cone, or None."""
     for s, m in enumerate(modes):
         if m is None:
-            found = spectral_obstruction(layer(matrices, s), matrix=s, discrete=discrete)
+            found = spectral_obstruction(pick(matrices, s), matrix=s, discrete=discrete)
             if found is not None:
                 return found
     if matrices.shape[-1] > _LARGEST or any(m is None for m in modes):
@@ -134,7 +134,7 @@ def _product(
     """The product of resolvents (or powers) up to a positive factor; None where one is not invariant."""
     out = None
     for i, s in zip(cycle, shifts, strict=True):
-        A = layer(matrices, i)
+        A = pick(matrices, i)
         if discrete:
             if s.denominator != 1 or not 1 <= s <= _POWER:
                 return None

@@ -11,20 +11,19 @@ import numpy as np
 from control import StateSpace, TransferFunction
 
 from ..arguments import choice, dimensions, flag, items, seconds, whole_number
-from ..arrays import ExactMatrix, exact_matrix
+from ..arrays import ExactMatrix, exact_matrix, pick, plain, transposed
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Status
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from ..progress import Reporter, Target
 from .certificate import ConeCertificate
-from .existence import layer, spectral_obstruction, transposed
+from .existence import spectral_obstruction
 from .explicit import fewest_rays
 from .family import NEARLY, Effort, find_common
 from .generated import proper_cone
 from .modes import dominant_index
 from .port_obstruction import port_obstruction
-from .reduction import select
 from .repeated import repeated_cones
 from .result import FoundCone
 from .single import as_stack, eigenvalues, find_single, prove_exactly
@@ -179,7 +178,7 @@ def family(data: Any, name: str) -> ExactMatrix:
 def _common(
     matrices: ExactMatrix, max_rays: int | None, discrete: bool, effort: Effort, report: Callable[[str], None]
 ) -> FoundCone:
-    bound = max(lower_bound(layer(matrices, s), discrete=discrete) for s in range(matrices.shape[0]))
+    bound = max(lower_bound(pick(matrices, s), discrete=discrete) for s in range(matrices.shape[0]))
     certificate, separators, conditioning, best = find_common(
         matrices, discrete=discrete, max_rays=max_rays, effort=effort, report=report
     )
@@ -215,10 +214,10 @@ def _of_system(
     U, Y = getattr(sys, "U", None), getattr(sys, "Y", None)
     B, C = exact_matrix(sys.B, "B"), exact_matrix(sys.C, "C")
     if contains is None:
-        columns = transposed(B) if U is None else _product(_dense(U.exact_rays), transposed(B))
+        columns = transposed(B) if U is None else _product(plain(U.exact_rays), transposed(B))
         contains = _nonzero(columns)
     if within is None:
-        rows = C if Y is None else _product(_dense(Y.exact_facets), C)
+        rows = C if Y is None else _product(plain(Y.exact_facets), C)
         within = _nonzero(rows)
     return matrix, _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets"), timed
 
@@ -229,22 +228,13 @@ def _rows(data: Any, name: str, n: int, kind: str) -> ExactMatrix:
         return ExactMatrix(np.zeros((0, n)))
     if isinstance(data, Cone):
         data = data.exact_rays if kind == "rays" else data.exact_facets
-    matrix = _dense(exact_matrix(data, name))
+    matrix = plain(exact_matrix(data, name))
     if matrix.shape[1] != n:
         raise ConeMismatchError(
             f"{name} has vectors of size {matrix.shape[1]}, but A is {n} x {n}; give one vector of size {n} a row "
             "(for the columns of B: B.T)."
         )
     return matrix
-
-
-def _dense(m: ExactMatrix) -> ExactMatrix:
-    """Plain exact data: rows with factors of their own become integers."""
-    if m.is_sparse:
-        return ExactMatrix(m.values.toarray())
-    if m.integer_rows is not None:
-        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
-    return m
 
 
 def _product(left: ExactMatrix, right: ExactMatrix) -> ExactMatrix:
@@ -255,7 +245,7 @@ def _product(left: ExactMatrix, right: ExactMatrix) -> ExactMatrix:
 def _nonzero(rows: ExactMatrix) -> ExactMatrix | None:
     """Rows that are not zero; None if there are none."""
     index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
-    return select(rows, index) if index.size else None
+    return pick(rows, index) if index.size else None
 
 
 def _with_ports(

@@ -20,12 +20,11 @@ import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, pick
 from ..certificates.files import register_record
 from ..certificates.result import Condition
-from .existence import fact, layer, spectrum_polynomial
+from .existence import fact, spectrum_polynomial
 from .polynomials import real_roots_above
-from .reduction import select
 
 _LARGEST = 40
 _MOST = 400
@@ -67,7 +66,7 @@ class PortObstruction:
         sizes = self.normal.shape == (1, n) and self.vector.shape == (1, n)
         if not sizes or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
             return None
-        return [fact("c'(s I - A)^-k b < 0", _negative(layer(matrices, 0), self))]
+        return [fact("c'(s I - A)^-k b < 0", _negative(pick(matrices, 0), self))]
 
     def __str__(self) -> str:
         if self.shift is None:
@@ -100,7 +99,7 @@ def port_obstruction(
         return None
     for j in range(vectors.shape[0]):
         for i in range(normals.shape[0]):
-            b, c = _one(vectors, j), _one(normals, i)
+            b, c = pick(vectors, [j]), pick(normals, [i])
             for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
                 found = PortObstruction(c, b, k, s, value, time, zero)
                 if _negative(A, found):
@@ -230,7 +229,3 @@ def resolvent(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
         power = T @ before
         coefficient = -sum(power[i, i] for i in range(n)) // k
     return -before, coefficient
-
-
-def _one(m: ExactMatrix, j: int) -> ExactMatrix:
-    return select(m, np.array([j]))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
 from ..linear_programs import solve
 from .multipliers import Frame
 
@@ -84,13 +83,3 @@ def _separator(points: Array, i: int, others: NDArray[np.intp]) -> tuple[bool, A
         if not forgotten.size:
             return True, g
         active[forgotten] = True
-
-
-def select(rays: ExactMatrix, index: NDArray[np.intp]) -> ExactMatrix:
-    """Some rows of exact data."""
-    return ExactMatrix(
-        np.asarray(rays.values)[index],
-        None if rays.radius is None else rays.radius[index],
-        None if rays.numerators is None else rays.numerators[index],
-        rays.denominator,
-    )

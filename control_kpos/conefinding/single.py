@@ -17,9 +17,8 @@ import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, as_stack
+from ..arrays import ExactMatrix, as_stack, pick
 from .certificate import ConeCertificate
-from .existence import layer
 from .explicit import Candidate, modal_cone
 from .modes import Modes, dominant_index, eigenbasis, modes
 from .multipliers import multipliers
@@ -219,7 +218,7 @@ def _prove(
     discrete: bool,
 ) -> ConeCertificate:
     """A certificate for generators whose multipliers are still to be found."""
-    P = multipliers(layer(stack, 0), rays, pointing, discrete=discrete)
+    P = multipliers(pick(stack, 0), rays, pointing, discrete=discrete)
     if P is None:
         return ConeCertificate.settle(matrices=stack, discrete=discrete)
     return ConeCertificate.settle(

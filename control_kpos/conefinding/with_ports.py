@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, concatenate
+from ..arrays import ExactMatrix, concatenate, pick
 from .assembly import Assembly, Path, assemble
 from .certificate import ConeCertificate
 from .chain import rational_chains
@@ -21,7 +21,7 @@ from .first_steps import first_steps, steps_on_boundary
 from .multipliers import Frame, nonnegative_combination
 from .orbit import Flow, flow, follow
 from .outlook import outlook
-from .reduction import extreme_generators, select
+from .reduction import extreme_generators
 from .single import as_stack, balanced, flatness
 from .split import Split, split
 
@@ -55,7 +55,7 @@ def find_with_ports(
         Half-spaces to lie in, such as the rows of C; r may be 0.
     """
     search = _Search(A, vectors, normals, discrete, max_rays)
-    on_boundary = [steps_on_boundary(A, select(vectors, np.array([j])), normals) for j in range(vectors.shape[0])]
+    on_boundary = [steps_on_boundary(A, pick(vectors, np.array([j])), normals) for j in range(vectors.shape[0])]
     s = split(search.matrix, discrete=discrete)
     attempts = [search.orthant(), search.orbits(s, on_boundary), search.chains()]
     if s is None or any(on_boundary):
@@ -178,7 +178,7 @@ class _Search:
         for length in lengths:
             paths: list[Path] = []
             for j, count in enumerate(on_boundary):
-                vector = select(self.vectors, np.array([j]))
+                vector = pick(self.vectors, np.array([j]))
                 first = first_steps(self.A, vector, count, float(length), f.dominant, discrete=f.discrete)
                 head = (np.asarray(first.points.values) / self.units) @ to_split
                 orbit = follow(f, head[-1], c, core)
@@ -224,7 +224,7 @@ class _Search:
             core, inverse = slice(0, len(index)), np.linalg.pinv(R)
             P = P + inverse @ np.where(column, 0.0, self.matrix @ R - R @ P)
             shares = shares + unheld @ inverse.T
-        return select(rays, index), ExactMatrix(P), separators, ExactMatrix(shares), core
+        return pick(rays, index), ExactMatrix(P), separators, ExactMatrix(shares), core
 
     def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[ExactMatrix, NDArray[np.bool_]]:
         """Exact generators, and which of them must stay because others are exact combinations of them."""

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, as_stack
+from ..arrays import ExactMatrix, as_stack, pick, plain
 from ..certificates.exact import BilinearForms
 from ..certificates.files import register_record
 from ..certificates.proofs import ProofOmittedError, Prover, violation
@@ -102,7 +102,7 @@ class DifferentialCertificate(Certificate):
 
     def _decrease(self, s: int) -> Condition:
         v = ExactMatrix(np.asarray(self.v, dtype=float)[None, :])
-        A = _layer(self.centres, s)
+        A = pick(self.centres, s)
         if self.discrete:
             A = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
         return Condition(f"v'J{s} x < 0", _worst(v, A, self.radii[s], _dense_rays(self.X), 1), "<")
@@ -116,7 +116,7 @@ class DifferentialCertificate(Certificate):
             np.array_equal(w.centre, c) and not r.any() for c, r in zip(self.centres.values, self.radii, strict=True)
         ):
             return None
-        h, x = _one(_dense_facets(self.X), w.facet), _one(_dense_rays(self.X), w.ray)
+        h, x = pick(_dense_facets(self.X), [w.facet]), pick(_dense_rays(self.X), [w.ray])
         out = [Condition("h'J x < 0", _worst(h, ExactMatrix(w.centre), w.radius, x, 1), "<")]
         if not self.discrete:
             out.append(Condition("h'x = 0", BilinearForms(h, None, x), "=="))
@@ -128,7 +128,7 @@ class DifferentialCertificate(Certificate):
         if self.source == "sampled" or np.any(self.radii):
             return out
         del out["centres"], out["radii"]
-        return {"A": tuple(_layer(self.centres, s) for s in range(self.centres.shape[0])), **out}
+        return {"A": tuple(pick(self.centres, s) for s in range(self.centres.shape[0])), **out}
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> DifferentialCertificate:
@@ -151,7 +151,7 @@ class DifferentialCertificate(Certificate):
         if self.source == "sampled" or np.any(self.radii):
             raise ProofOmittedError("Jacobians that are enclosed or sampled are for control_kpos alone")
         if w is None:
-            layers = (_layer(self.centres, s) for s in range(count))
+            layers = (pick(self.centres, s) for s in range(count))
             return {"P": [prover.inclusion(self.X, A, self.X, invariance=not self.discrete) for A in layers]}
         member = next(s for s in range(count) if np.array_equal(self.centres.values[s], w.centre))
         return {"P": [None] * count, "member": member, **violation("A", self.X.exact_facets, w.facet, w.ray)}
@@ -205,7 +205,7 @@ def invariance(certificate: DifferentialCertificate, s: int) -> Condition:
 def extreme_products(certificate: DifferentialCertificate, s: int, side: int) -> BilinearForms:
     """The largest (side 1) or smallest (side -1) h'J x over all J of piece s, for facets h and generators x."""
     X = certificate.X
-    return _worst(_dense_facets(X), _layer(certificate.centres, s), certificate.radii[s], _dense_rays(X), side)
+    return _worst(_dense_facets(X), pick(certificate.centres, s), certificate.radii[s], _dense_rays(X), side)
 
 
 def _worst(left: ExactMatrix, M: ExactMatrix, radius: Array, right: ExactMatrix, side: int) -> BilinearForms:
@@ -223,15 +223,6 @@ def _worst(left: ExactMatrix, M: ExactMatrix, radius: Array, right: ExactMatrix,
     return BilinearForms(_with_sizes(left), middle, _with_sizes(right))
 
 
-def _layer(stack: ExactMatrix, s: int) -> ExactMatrix:
-    return ExactMatrix(
-        stack.values[s],
-        None if stack.radius is None else stack.radius[s],
-        None if stack.numerators is None else stack.numerators[s],
-        stack.denominator,
-    )
-
-
 def _with_sizes(rows: ExactMatrix) -> ExactMatrix:
     """[x, |x|] for every row, exactly."""
     if rows.is_double and rows.integer_rows is None:
@@ -241,21 +232,8 @@ def _with_sizes(rows: ExactMatrix) -> ExactMatrix:
 
 
 def _dense_rays(X: Cone) -> ExactMatrix:
-    return _dense(X.exact_rays)
+    return plain(X.exact_rays)
 
 
 def _dense_facets(X: Cone) -> ExactMatrix:
-    return _dense(X.exact_facets)
-
-
-def _dense(m: ExactMatrix) -> ExactMatrix:
-    if m.is_sparse:
-        return ExactMatrix(m.values.toarray())
-    if m.integer_rows is not None:
-        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
-    return m
-
-
-def _one(m: ExactMatrix, row: int) -> ExactMatrix:
-    numerators = None if m.numerators is None else m.numerators[[row]]
-    return ExactMatrix(m.values[[row]], None if m.radius is None else m.radius[[row]], numerators, m.denominator)
+    return plain(X.exact_facets)
