@@ -40,6 +40,8 @@ from .certificate import DifferentialCertificate, DifferentialViolation, extreme
 Array = NDArray[np.float64]
 
 _SAMPLES = 200
+# Share of the time that goes into enclosures; the rest looks for a violation.
+_FOR_PROOFS = 0.7
 
 
 def differential_positivity(
@@ -97,9 +99,9 @@ def differential_positivity(
     X = as_cone(X, "X")
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")
-    pieces, end = whole_number(pieces, "pieces", least=1), time.monotonic() + seconds(time_limit)
+    begin, limit, pieces = time.monotonic(), seconds(time_limit), whole_number(pieces, "pieces", least=1)
     if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
-        return _of_system(jacobians, X, region, inputs, pieces, lambda: time.monotonic() > end)
+        return _of_system(jacobians, X, region, inputs, pieces, lambda part: time.monotonic() > begin + part * limit)
     if isinstance(jacobians, StateSpace):
         timed = jacobians.dt is not None and (jacobians.dt is True or jacobians.dt != 0)
         jacobians = [jacobians.A]
@@ -162,7 +164,7 @@ def _of_system(
     region: ArrayLike | None,
     inputs: ArrayLike | None,
     pieces: int,
-    late: Callable[[], bool],
+    late: Callable[[float], bool],
 ) -> DifferentialCertificate:
     n = int(sys.nstates or 0)
     if X.dim != n:
@@ -180,7 +182,7 @@ def _of_system(
         return invariance(piece, 0).verdict() is True
 
     try:
-        found = list(jacobian_pieces(function, whole, n, decided, pieces, late))
+        found = list(jacobian_pieces(function, whole, n, decided, pieces, lambda: late(_FOR_PROOFS)))
     except UnsupportedError:
         if clock.was_read:
             raise DataError(
@@ -193,7 +195,9 @@ def _of_system(
     certificate = _settled(ExactMatrix(centres), radii, X, discrete, "enclosed", None)
     if certificate:
         return certificate
-    for point in box_points(whole, 60):
+    for k, point in enumerate(box_points(whole, 60)):
+        if k and late(1.0):
+            break
         try:
             centre, radius = enclosed_jacobian(function, np.column_stack([point, point]), n)
         except UnboundedError:
