@@ -271,9 +271,10 @@ def test_what_is_no_violation_refutes_nothing(a, ray, value, discrete, status):
 
 
 def test_a_violation_needs_the_facet_and_the_generator_it_names():
-    plane, A = kp.orthant(2), exact_matrix([[-1, -2], [0, -1]], "A")
+    plane, A = kp.orthant(2), exact_matrix([[-1, -2], [0, 0]], "A")
     named = PositivityViolation("A X in X", 0, 1, np.array([1.0, 0.0]), np.array([0.0, 1.0]), -2.0)
-    for change in ({"normal": np.array([1.0, 1.0])}, {"generator": np.array([1.0, 1.0])}, {"value": -2.1}, {}):
+    other = np.array([1.0, 1.0])
+    for change in ({"normal": other}, {"generator": other, "value": -3.0}, {"value": -2.1}, {}):
         witness = replace(named, **change)
         certificate = PositivityCertificate.settle(A=A, X=plane, witness=witness)
         assert certificate.status is (Status.UNDECIDED if change else Status.REFUTED)
