@@ -1,0 +1,80 @@
+"""Whatever searches takes a time limit, keeps it on hard instances, and claims nothing it has not proven."""
+
+import inspect
+import time
+
+import control as ct
+import numpy as np
+import pytest
+
+import control_kpos as kp
+
+LIMIT = 0.3
+# Bounds that only something that hangs exceeds, however loaded the machine is.
+PATIENCE = 20
+
+
+def plant(n, m, seed=0):
+    rng = np.random.default_rng(seed)
+    return ct.ss(rng.standard_normal((n, n)), rng.standard_normal((n, m)), np.eye(n)[:2], np.zeros((2, m)))
+
+
+def family(n, count, seed=0):
+    rng = np.random.default_rng(seed)
+    return [rng.standard_normal((n, n)) - 4 * np.eye(n) for _ in range(count)]
+
+
+def vertices(n, m):
+    return [(A, plant(n, m).B) for A in family(n, 4)]
+
+
+def waves(size):
+    """A nonlinear system with sums of many waves, whose enclosures are slow and wide."""
+
+    def rates(t, x, u, p):
+        return [sum(0.1 * np.sin((k + 1) * x[i - 1]) for k in range(8)) - 3 * x[i] for i in range(size)]
+
+    return ct.nlsys(rates, inputs=0, states=size)
+
+
+def tanks(count):
+    tank = kp.ConeStateSpace([[-1, 1], [1, -1]], [[0], [1]], [[1, 0]], 0)
+    return [tank] * count, 0.3 * kp.examples.random_regular(count)
+
+
+SEARCHES = {
+    "find_cone": lambda **k: kp.find_cone(family(5, 3, seed=4), restarts=10**9, **k),
+    "find_cone of a large matrix": lambda **k: kp.find_cone(family(60, 1)[0], **k),
+    "design_cone_and_feedback": lambda **k: kp.design_cone_and_feedback(plant(10, 2), vertices(10, 2), **k),
+    "state_feedback": lambda **k: kp.state_feedback(plant(5, 3), X=kp.lorentz(5, 40), rate="max", **k),
+    "state_feedback on an orthant": lambda **k: kp.state_feedback(plant(40, 8), rate="max", gain_bound=5, **k),
+    "output_feedback": lambda **k: kp.output_feedback(plant(12, 3), rate="max", **k),
+    "observer_gain": lambda **k: kp.observer_gain(plant(40, 3), rate="max", **k),
+    "network_feedback": lambda **k: kp.network_feedback(*tanks(2000), rate=0.2, **k),
+    "network_feedback, one gain for all": lambda **k: kp.network_feedback(*tanks(2000), uniform=True, rate=0.2, **k),
+    "scale_free_feedback": lambda **k: kp.scale_free_feedback(tanks(8)[0][0], rate="max", **k),
+    "gain_rate_tradeoff": lambda **k: kp.gain_rate_tradeoff(plant(30, 8), rates=np.linspace(0, 1, 20), **k),
+    "differential_positivity": lambda **k: kp.differential_positivity(
+        waves(6), kp.orthant(6), [[-3, 3]] * 6, pieces=10**6, **k
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore::control_kpos.errors.ActuatorLossWarning")
+@pytest.mark.parametrize("name", SEARCHES)
+def test_searches_end(name):
+    begin = time.monotonic()
+    answer = SEARCHES[name](time_limit=LIMIT)
+    assert time.monotonic() - begin < LIMIT + PATIENCE
+    status = getattr(answer, "status", kp.Status.UNDECIDED)
+    check = getattr(answer, "check", None) or getattr(getattr(answer, "certificate", None), "check", None)
+    assert status is kp.Status.UNDECIDED or (check is not None and check())
+
+
+@pytest.mark.parametrize("name", sorted({name.split(" ")[0].rstrip(",") for name in SEARCHES}))
+@pytest.mark.parametrize("limit", [0, -1, np.nan, "soon", None, True, [1, 2]])
+def test_limits_are_positive_numbers_of_seconds(name, limit):
+    assert "time_limit" in inspect.signature(getattr(kp, name)).parameters
+    search = next(make for label, make in SEARCHES.items() if label.split(" ")[0].rstrip(",") == name)
+    with pytest.raises((kp.DataError, kp.ShapeError), match="time_limit"):
+        search(time_limit=limit)
