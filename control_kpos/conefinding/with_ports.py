@@ -27,8 +27,8 @@ from .split import Split, split
 
 Array = NDArray[np.float64]
 
-# Generators are tested for redundancy up to this number; each test is a linear program.
-_PRUNED = 250
+# Generators are tested for redundancy up to this number, times the dimension; each test is a linear program.
+_PRUNED = 1600
 _SHRINK = (1.0, 0.2)
 # The dynamics are followed with gaps reduced by this part of the smallest one.
 _SLACK = (1e-3, 1e-4, 1e-5)
@@ -164,7 +164,7 @@ class _Search:
                 if paths is None:
                     continue
                 built = assemble(f, paths, core)
-                if len(built.points) <= _PRUNED:
+                if built.points.size <= _PRUNED:
                     yield paths, built
                 else:
                     large.append((paths, built))
@@ -206,7 +206,7 @@ class _Search:
         rays, kept = self._rays(values, built, paths)
         index, separators = np.arange(len(values)), None
         P, shares = built.P, built.shares
-        if len(values) <= _PRUNED:
+        if values.size <= _PRUNED:
             index, separators = extreme_generators(values, s.left, kept)
             P, changed = _substituted(values, P, index, s.left)
             shares, separators = shares @ changed.T, separators / self.units
