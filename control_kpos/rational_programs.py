@@ -88,21 +88,27 @@ def exact_feasibility(
     x, y = _simplex(phase_one, target, cost, n, basis, work_limit, begun + time_limit)
     if y is not None:
         y = primitive_fractions(y * signs / factors)
-    if (x is not None and is_solution(matrix, right, x)) or (y is not None and is_farkas(matrix, right, y)):
+    if (x is not None and _solves(matrix, right, x)) or (y is not None and _excludes(matrix, right, y)):
         return x, y
     raise ArithmeticError("the exact simplex method returned a wrong answer; please report this.")
 
 
 def is_solution(M: Any, b: Any, x: Any) -> bool:
     """True if M x = b and x >= 0, in exact arithmetic."""
-    matrix, right = _integers(M, b)
-    x = np.array([Fraction(v) for v in x], dtype=object)
-    return x.shape == (matrix.shape[1],) and bool((x >= 0).all() and (matrix @ x == right).all())
+    return _solves(*_integers(M, b), x)
 
 
 def is_farkas(M: Any, b: Any, y: Any) -> bool:
     """True if y'M >= 0 and y'b < 0, in exact arithmetic: then M x = b has no solution x >= 0."""
-    matrix, right = _integers(M, b)
+    return _excludes(*_integers(M, b), y)
+
+
+def _solves(matrix: Integers, right: Integers, x: Any) -> bool:
+    x = np.array([Fraction(v) for v in x], dtype=object)
+    return x.shape == (matrix.shape[1],) and bool((x >= 0).all() and (matrix @ x == right).all())
+
+
+def _excludes(matrix: Integers, right: Integers, y: Any) -> bool:
     y = np.array([Fraction(v) for v in y], dtype=object)
     return y.shape == (matrix.shape[0],) and bool((y @ matrix >= 0).all() and y @ right < 0)
 

@@ -115,7 +115,7 @@ def test_bad_input_is_named():
         find_cone(A, contains=[[1, 1, 1]])
     fast = [[0, 0, 0], [0, -1, -5], [0, 5, -1]]
     for question in ({"A": [fast, np.eye(3)]}, {"A": fast, "contains": [[1, 2, 0]]}):
-        with pytest.raises(DataError, match="max_rays is 3, but every .* at least 16 rays"):
+        with pytest.raises(DataError, match=r"max_rays is 3, but every .* at least 16 rays"):
             find_cone(**question, max_rays=3, time_limit=1)
     for wrong in ({"seed": 1.5}, {"restarts": -1}, {"time_limit": 0}, {"max_rays": 0}, {"discrete": "no"}):
         with pytest.raises(DataError, match=next(iter(wrong))):
@@ -208,3 +208,11 @@ def test_slow_oscillations(gap, frequency, height):
     A = [[-1, 0, 0], [0, -1 - gap, -frequency], [0, frequency, -1 - gap]]
     found = find_cone(ct.ss(A, [[1], [1], [0]], [[lowest + height, 1, 0]], 0))
     assert found and found.certificate.check() and found.n_rays < 4000
+
+
+@pytest.mark.parametrize("name", ["contains", "within"])
+@pytest.mark.parametrize("rows", [[[0, 1], [0, -1]], [[1, 0], [-1, 1], ["-1/3", "-1"]]])
+def test_vectors_that_leave_a_cone_no_room_are_refused(name, rows):
+    """A cone that holds b and -b is not pointed; one between two opposite half-spaces is not solid."""
+    with pytest.raises(kp.ConeMismatchError, match=f"of {name} with positive weights is zero"):
+        kp.find_cone([[0, 1], [-1, -3]], **{name: rows})

@@ -91,3 +91,11 @@ def test_refusals():
         exact_feasibility([[1], [2]], [1])
     with pytest.raises(TooLargeError):
         exact_feasibility(np.random.default_rng(0).normal(size=(300, 300)), np.ones(300))
+
+
+def test_common_denominators_longer_than_a_double():
+    """Fractions whose common denominator exceeds 1e308."""
+    primes = [10**30 + k for k in (57, 99, 147, 1, 3, 7, 9, 11, 13, 17, 19, 21)]
+    M = [[Fraction(1, p) for p in primes], [1] * len(primes)]
+    x, y = exact_feasibility(M, [0, 1])
+    assert x is None and is_farkas(M, [0, 1], y)

@@ -17,6 +17,7 @@ from ..certificates.result import Status
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from ..progress import Reporter, Target
+from ..rational_programs import exact_feasibility
 from .certificate import ConeCertificate
 from .existence import spectral_obstruction
 from .explicit import fewest_rays
@@ -264,6 +265,8 @@ def _with_ports(
             f"product is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and "
             "lies in the other. Change the sign of an input or output, or choose other ones."
         )
+    _require_room(vectors, "contains", "vectors", "holds them holds a line, and is not pointed")
+    _require_room(normals, "within", "normals", "lies in these half-spaces is flat, and not solid")
     bound = lower_bound(A, discrete=discrete)
     certificate, separators, conditioning = find_with_ports(
         A, vectors, normals, discrete=discrete, max_rays=max_rays, report=report
@@ -279,6 +282,21 @@ def _with_ports(
         return FoundCone(refuted, None, bound, np.inf)
     _require_rays(max_rays, bound)
     return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
+
+
+def _require_room(rows: ExactMatrix, name: str, kind: str, consequence: str) -> None:
+    """Raise if a combination of some rows with positive weights is zero."""
+    index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
+    if index.size < 2:
+        return
+    some = pick(rows, index).fractions()
+    weights, _ = exact_feasibility(np.vstack([some.T, np.ones(len(some), dtype=int)]), [0] * some.shape[1] + [1])
+    if weights is not None:
+        used = ", ".join(str(k) for k in index[weights > 0][:6])
+        raise ConeMismatchError(
+            f"a sum of the {kind} {used} of {name} with positive weights is zero, so every cone that {consequence}. "
+            f"Leave one of them out, or change its sign."
+        )
 
 
 def _require_rays(max_rays: int | None, bound: int) -> None:
