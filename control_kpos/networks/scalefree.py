@@ -97,8 +97,8 @@ class OutWeightCertificate(Certificate):
             entering = " (or the sum over those that enter a node)" if kinds == 1 and self.link.shape == (1, 1) else ""
             return (
                 f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links "
-                f"that leave a node{entering} is at most {self.weight:.6g}, is positive and stable with decay rate at least "
-                f"{self.decay_rate:.4g}."
+                f"that leave a node{entering} is at most {self.weight:.6g}, is positive and stable with decay rate at "
+                f"least {self.decay_rate:.4g}."
             )
         return (
             f"Not certified: already a node with a self-loop of weight {self.weight:.6g} fails. {self.local.explain()} "
