@@ -84,8 +84,8 @@ class AbscissaCertificate(Certificate):
         if self:
             return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
         return (
-            f"Undecided: no proven bracket of the spectral {what} was found; "
-            "see the certificate of the network for what breaks it."
+            f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its certificate "
+            "says what breaks it; otherwise rounding leaves too little room, and a larger relative width may help."
         )
 
 
