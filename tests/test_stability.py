@@ -291,3 +291,13 @@ def test_a_direction_refutes_only_what_is_positive_and_only_if_it_is_one():
 def test_vectors_that_are_none(v, exact):
     with pytest.raises(DataError):
         exact_row(v, exact)
+
+
+@pytest.mark.parametrize(
+    ("slow", "bound", "proven"), [(1, 1.0, True), (1, 1.5, True), (1, 0.5, False), (-1, 1.0, False)]
+)
+def test_a_bound_on_decay_rates_needs_a_direction_that_is_slow(slow, bound, proven):
+    positivity = kp.state_positivity([[-1, 0], [0, -2]], kp.orthant(2))
+    direction = {"slow_direction": np.array([float(slow), 0.0]), "decay_rate_bound": bound}
+    certificate = LyapunovCertificate.settle(positivity=positivity, v=np.ones(2), decay_rate=1.0, **direction)
+    assert (certificate.status is kp.Status.PROVED) is proven
