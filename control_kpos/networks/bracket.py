@@ -84,8 +84,9 @@ class AbscissaCertificate(Certificate):
         if self:
             return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
         return (
-            f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its certificate "
-            "says what breaks it; otherwise rounding leaves too little room, and a larger relative width may help."
+            f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
+            "certificate says what breaks it; otherwise rounding leaves too little room, and a larger width may "
+            "help."
         )
 
 
