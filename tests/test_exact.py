@@ -70,6 +70,31 @@ def test_stacks_agree_with_single_problems(problem, size, random):
     )
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    ("row", "middle", "right"),
+    [
+        ([1.8e158], [[1e150, -1.0]], [4.6e-206, 1.0]),  # l'M overflows, z does not
+        ([1.0], [[1e300, 1e300]], [-1e9, 0.9e9]),  # z overflows
+        ([1.0, 1.0], [[1.7e308, -1.0], [1.7e308, 0.0]], [0.0, 1.0]),  # l'M overflows where it does not matter
+        ([1.0], [[1.7e308, 1.7e308, -1.7e308, -1.75e308]], [1.0, 1.0, 1.0, 1.0]),  # a partial sum overflows
+        ([1.0, 1.0, 1.0, 1.0], [[1.7e308], [1.7e308], [-1.7e308], [-1.75e308]], [1.0]),
+    ],
+)
+def test_overflow_decides_nothing(row, middle, right, sign):
+    L, M, R = sign * np.array([row]), np.array(middle), np.array([right])
+    expected = truth(L, M, R)
+    assert expected[0, 0] == -sign
+    for wrap in (ExactMatrix, lambda m: ExactMatrix(sp.csr_array(m))):
+        signs = BilinearForms(*map(wrap, (L, M, R))).signs()
+        np.testing.assert_array_equal(signs.toarray() if sp.issparse(signs) else signs, expected)
+    stack = BilinearForms(ExactMatrix(L[None]), ExactMatrix(np.array([M, M])), ExactMatrix(R)).signs()
+    np.testing.assert_array_equal(stack[:, 0, 0], [-sign, -sign])
+    if row == [1.0]:
+        alone = BilinearForms(ExactMatrix(sign * M), None, ExactMatrix(R))
+        np.testing.assert_array_equal(alone.signs(), expected)
+
+
 def test_cancellation_below_rounding_is_seen():
     # 0.1 + 0.2 - 0.3 is not zero for the doubles, and is zero for the decimals
     row, ones = [["0.1", "0.2", "-0.3"]], [[1, 1, 1]]
