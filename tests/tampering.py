@@ -117,6 +117,8 @@ COMPARISONS = {
     ast.Is: (ast.IsNot,),
     ast.IsNot: (ast.Is,),
 }
+# relations that conditions are given as text
+RELATIONS = {">": (">=", "<"), ">=": (">", "<="), "<": ("<=", ">"), "<=": ("<", ">="), "==": (">=", "<=")}
 OPERATORS = {ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Add}
 
 
@@ -175,6 +177,9 @@ def changes(node):
         for k, operator in enumerate(node.ops):
             for other in COMPARISONS[type(operator)]:
                 yield node, setter(node, "ops", [*node.ops[:k], other(), *node.ops[k + 1 :]])
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value in RELATIONS:
+        for other in RELATIONS[node.value]:
+            yield node, setter(node, "value", other)
     elif isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
         yield node, setter(node, "op", OPERATORS[type(node.op)]())
     elif isinstance(node, ast.BoolOp):
