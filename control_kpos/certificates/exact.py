@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 from ..arrays import HALF_ULP, SMALLEST_NORMAL, ExactMatrix, Integers, dense, granularity, integers_of_doubles
 
 UNKNOWN = 2
-LARGEST = np.finfo(np.float64).max
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
 EXACT_LIMIT = 3 * 10**8
 _CHUNK = 10**6
@@ -296,10 +295,12 @@ def _finite(m: ExactMatrix) -> bool:
 
 
 def _decide(out: NDArray[np.int8], z: NDArray[np.float64], bound: NDArray[np.float64]) -> None:
-    # the bounds hold where nothing overflowed; overflow on the way to z leaves it infinite or NaN
-    with np.errstate(invalid="ignore"):
-        out[(z > bound) & (z <= LARGEST)] = 1
-        out[(z < -bound) & (z >= -LARGEST)] = -1
+    with np.errstate(invalid="ignore", over="ignore"):
+        out[z > bound] = 1
+        out[z < -bound] = -1
+        # the bounds hold where nothing overflowed; overflow on the way to z leaves it, and the sum, infinite or NaN
+        if not np.isfinite(z.sum()):
+            out[~np.isfinite(z)] = UNKNOWN
 
 
 def _row_length(m: ExactMatrix) -> int:
