@@ -305,8 +305,8 @@ class ConeNetwork(NetworkResponses):
         overlay = self._changes()
         links = []
         for given, name in ((sources, "sources"), (targets, "targets")):
-            shapes = given if isinstance(given, Mapping) else dict.fromkeys(items(given, name), 1.0)
-            _require_numbers(shapes, name)
+            nodes = _require_numbers(given if isinstance(given, Mapping) else items(given, name), name)
+            shapes = given if isinstance(given, Mapping) else dict.fromkeys(nodes, 1.0)
             links.append({overlay.identity(k): w for k, w in shapes.items()})
         return room_for(overlay, self._single(system), *links)
 
