@@ -179,5 +179,5 @@ def take_blocks(M: ExactMatrix, rows: Index, columns: Index) -> ExactMatrix:
     r, c = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     if r.size == 0:
         return ExactMatrix(np.zeros(r.shape))
-    flat = sp.csr_array(M.values)[r.ravel(), c.ravel()]
+    flat = sp.csr_array(M.values)[r.flatten(), c.flatten()]  # copies: older scipy writes into indices
     return ExactMatrix(np.asarray(flat.todense() if sp.issparse(flat) else flat, dtype=float).reshape(r.shape))

@@ -87,7 +87,7 @@ def plot_cone(
     if size > _LARGEST:
         raise DataError(f"size is {size:g}; matplotlib draws numbers up to {_LARGEST:g} only.")
     title, label = words(title, "title"), words(label, "label") or None
-    if color is not None and not is_color_like(color):
+    if color is not None and not _is_color(color):
         raise DataError(f"color is {found(color)}; give a matplotlib color.")
     if X.dim not in (2, 3):
         raise ShapeError(
@@ -110,6 +110,13 @@ def plot_cone(
         cplt = ct.ControlPlot(lines, ax, ax.figure, legend=legend)
     set_title(cplt, user_ax, title, f"Cone with {X.n_rays} rays and {X.n_facets} facets")
     return cplt
+
+
+def _is_color(color: Any) -> bool:
+    try:
+        return bool(is_color_like(color))
+    except (TypeError, ValueError):  # matplotlib 3.9 asks a generator for its length
+        return False
 
 
 def _draw_cone_in_plane(
