@@ -185,3 +185,105 @@ def test_radii_of_every_operand_count_at_every_scale(signs):
         assert BilinearForms(*operands).signs()[0, 0] == np.prod(signs)
         if signs[1] > 0:
             assert BilinearForms(operands[0], None, operands[2]).signs()[0, 0] == signs[0] * signs[2]
+
+
+# -- the bounds are those that are stated, neither smaller nor much larger
+
+
+def rational(m):
+    return np.vectorize(Fraction, otypes=[object])(np.asarray(m, dtype=float))
+
+
+def relative_error(inner, outer):
+    """K u / (1 - K u) for K = 2 (inner + outer) + 16 roundings."""
+    count = Fraction(2 * (inner + outer) + 16, 2**53)
+    return count / (1 - count)
+
+
+def within(found, stated, factor):
+    found = rational(found)
+    assert (found >= stated * (1 - Fraction(1, 10**9))).all() and (found <= factor * stated).all()
+
+
+TINY = Fraction(2) ** -1022
+
+
+@pytest.mark.parametrize("shapes", [[(2, 3), (3, 4), (5, 4)], [(2, 3), None, (5, 3)], [(1, 20), (20, 30), (2, 30)]])
+@pytest.mark.parametrize("known", ["exact", "left", "middle", "right", "none"])
+@pytest.mark.parametrize("power", [0, 300, -700])
+def test_the_bounds_are_the_stated_ones(shapes, known, power):
+    rng, with_middle = np.random.default_rng(len(known) + abs(power)), shapes[1] is not None
+    shapes = [shape for shape in shapes if shape]
+    values = [rng.normal(size=shape) * 2.0 ** (power if k else 0) for k, shape in enumerate(shapes)]
+    if power < 0:
+        values[0] = values[0] * 2.0**-350  # products underflow
+    loose = [name in ("none", known) for name in ("left", "middle", "right")] if known != "none" else [True] * 3
+    loose = loose if with_middle else [loose[0], loose[2]]
+    radii = [abs(v) * 1e-9 * rng.random(v.shape) if free else None for v, free in zip(values, loose, strict=True)]
+    forms = BilinearForms(*operands(values, radii, with_middle))
+    inner, outer = (shapes[1][0], shapes[1][1]) if with_middle else (0, shapes[0][1])
+    sizes = [abs(rational(v)) for v in values]
+    errors = [rational(v * 0 if d is None else d) for v, d in zip(values, radii, strict=True)]
+    reach = [size + error for size, error in zip(sizes, errors, strict=True)]
+    error = sum(chain([*reach[:k], errors[k], *sizes[k + 1 :]]) for k in range(len(sizes)))
+    stated = relative_error(inner, outer) * chain(sizes) + error * Fraction(101, 100)
+    stated = stated + 4 * TINY * ((inner + 1) * sizes[-1].sum(axis=1)[None, :] + outer + 1)
+    within(forms._entry_bound(), stated, 1 + Fraction(1, 10**9))
+
+    left, right, dl, dr = (lengths(part) for part in (sizes[0], sizes[-1], errors[0], errors[-1]))
+    nm, dm = (lengths(part.reshape(1, -1))[0] for part in (sizes[1], errors[1])) if with_middle else (1, 0)
+    stated = relative_error(inner, outer) * nm * np.outer(left, right)
+    stated = stated + 4 * TINY * ((inner + 1) * Fraction(np.sqrt(outer)) * right[None, :] + outer + 1)
+    radius = np.outer(dl, right) * nm + np.outer(left + dl, right) * dm + np.outer(left + dl, dr) * (nm + dm)
+    within(forms._norm_bound(), stated + Fraction(101, 100) * radius, 15)
+
+
+def lengths(rows):
+    """Euclidean norms of rational rows, to double precision at any scale."""
+    top = rows.max(axis=1)
+    return np.array(
+        [
+            t * Fraction(float(np.linalg.norm((row / t).astype(float)))) if t else t
+            for t, row in zip(top, rows, strict=True)
+        ],
+        dtype=object,
+    )
+
+
+def operands(values, radii, with_middle):
+    out = [ExactMatrix(v, d, np.zeros(v.shape, dtype=object)) for v, d in zip(values, radii, strict=True)]
+    return out if with_middle else (out[0], None, out[1])
+
+
+def chain(parts):
+    """|l|'|M||r| for all rows."""
+    *head, right = parts
+    return (head[0] @ head[1] if len(head) == 2 else head[0]) @ right.T
+
+
+def test_bounds_are_infinite_where_roundings_are_too_many():
+    forms = BilinearForms(ExactMatrix(np.ones((1, 1))), None, ExactMatrix(np.ones((1, 1))))
+    for length, expected in ((2**50 - 8, 1 / 3), (2**51 - 9, 1.0), (2**51 - 8, np.inf), (2**52, np.inf)):
+        vars(forms)["_lengths"] = (0, length)
+        assert forms._relative_error() == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("powers", "limit"),
+    [
+        ((0, 0, 0), 2.0**52),
+        ((-3, -5, 2), 2.0**46),
+        ((-500, -500, 0), 2.0**-948),
+        ((-500, -501, 0), -1),
+        ((-600, -600, 400), -1),  # l'M is too fine although z is not
+        ((-200, -200, -600), 2.0**-948),
+        ((-200, -200, -601), -1),
+        ((400, 400, 100), np.ldexp(1.0, 952)),
+        ((400, 400, 101), -1),
+    ],
+)
+def test_products_are_exact_up_to_a_limit(powers, limit):
+    forms = BilinearForms(*(ExactMatrix(np.array([[2.0**k]])) for k in powers))
+    assert forms._exactness_limit() == limit if limit > 0 else forms._exactness_limit() < 0
+    inexact_data = ExactMatrix(np.ones((1, 1)), np.zeros((1, 1)))
+    assert BilinearForms(inexact_data, None, ExactMatrix(np.ones((1, 1))))._exactness_limit() < 0
