@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from control_kpos.arrays import ExactMatrix, concatenate, exact_matrix, integers_of_doubles
-from control_kpos.certificates.exact import UNKNOWN, BilinearForms
+from control_kpos.certificates.exact import UNKNOWN, BilinearForms, _row_norms
 
 doubles = st.one_of(
     st.integers(-3, 3).map(float),
@@ -208,15 +208,23 @@ def within(found, stated, factor):
 TINY = Fraction(2) ** -1022
 
 
-@pytest.mark.parametrize("shapes", [[(2, 3), (3, 4), (5, 4)], [(2, 3), None, (5, 3)], [(1, 20), (20, 30), (2, 30)]])
+@pytest.mark.parametrize(
+    ("shapes", "room"),  # norms of long rows are sharp
+    [
+        ([(2, 3), (3, 4), (5, 4)], 15),
+        ([(2, 3), None, (5, 3)], 5),
+        ([(1, 20), (20, 30), (2, 30)], 1 + 1e-7),
+        ([(2, 20), None, (3, 20)], 1 + 1e-7),
+    ],
+)
 @pytest.mark.parametrize("known", ["exact", "left", "middle", "right", "none"])
-@pytest.mark.parametrize("power", [0, 300, -700])
-def test_the_bounds_are_the_stated_ones(shapes, known, power):
-    rng, with_middle = np.random.default_rng(len(known) + abs(power)), shapes[1] is not None
+@pytest.mark.parametrize(
+    "powers", [(0, 0, 0), (0, 300, 300), (-350, -700, -700), (-500, -600, 400), (-500, -600, -100)]
+)
+def test_the_bounds_are_the_stated_ones(shapes, room, known, powers):
+    rng, with_middle = np.random.default_rng(len(known)), shapes[1] is not None
+    values = [rng.normal(size=n) * 2.0**power for n, power in zip(shapes, powers, strict=True) if n]
     shapes = [shape for shape in shapes if shape]
-    values = [rng.normal(size=shape) * 2.0 ** (power if k else 0) for k, shape in enumerate(shapes)]
-    if power < 0:
-        values[0] = values[0] * 2.0**-350  # products underflow
     loose = [name in ("none", known) for name in ("left", "middle", "right")] if known != "none" else [True] * 3
     loose = loose if with_middle else [loose[0], loose[2]]
     radii = [abs(v) * 1e-9 * rng.random(v.shape) if free else None for v, free in zip(values, loose, strict=True)]
@@ -235,7 +243,25 @@ def test_the_bounds_are_the_stated_ones(shapes, known, power):
     stated = relative_error(inner, outer) * nm * np.outer(left, right)
     stated = stated + 4 * TINY * ((inner + 1) * Fraction(np.sqrt(outer)) * right[None, :] + outer + 1)
     radius = np.outer(dl, right) * nm + np.outer(left + dl, right) * dm + np.outer(left + dl, dr) * (nm + dm)
-    within(forms._norm_bound(), stated + Fraction(101, 100) * radius, 15)
+    within(forms._norm_bound(), stated + Fraction(101, 100) * radius, Fraction(room))
+
+
+@pytest.mark.parametrize("count", [1, 4, 16, 17, 25, 36])
+@pytest.mark.parametrize("size", [2.0**-1074, 2.0**-1022, 1.0, 2.0**1000])
+def test_norms_are_not_too_small_and_hardly_too_large(count, size):
+    tiny, margin = Fraction(2) ** -1022, 1 + Fraction(1, 10**8)
+    rows = np.vstack([np.full(count, size), np.zeros(count), np.append(size, np.zeros(count - 1))])
+    exact = [Fraction(size) * Fraction(np.sqrt(count)), Fraction(0), Fraction(size)]  # roots of squares, mostly
+    for m in (ExactMatrix(rows), ExactMatrix(sp.csr_array(rows))):
+        found, radius = _row_norms(m)
+        spread = 1 if m.is_sparse or count > 16 else Fraction(np.sqrt(count))
+        assert not np.any(radius)
+        for value, norm in zip(found.tolist(), exact, strict=True):
+            assert (
+                norm * (1 + Fraction(1, 2 * 10**9)) + tiny / 2 <= Fraction(value) <= norm * margin * spread + 2 * tiny
+            )
+    empty = _row_norms(ExactMatrix(sp.csr_array((2, count))))[0]
+    assert empty.shape == (2,) and (empty > 0).all() and (empty < 1e-300).all()
 
 
 def lengths(rows):
