@@ -134,7 +134,7 @@ def file_path(value: Any, name: str = "path") -> Path:
     """
     if isinstance(value, (str, PathLike)):
         path = fspath(value)
-        if isinstance(path, str) and path and "\0" not in path:
+        if isinstance(path, str) and "\0" not in path and Path(path).name:
             return Path(path)
     raise DataError(f"{name} is {found(value)}; give the path of a file.")
 

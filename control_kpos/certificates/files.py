@@ -11,8 +11,8 @@ import hashlib
 import importlib
 import json
 import os
+import secrets
 import sys
-import tempfile
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
@@ -50,9 +50,10 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     target = file_path(path)
     compact = target.suffix == ".npz"
     content = _describe(certificate, compact=compact)
-    handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
+    # named before it exists, so that an interruption at any moment finds what to remove
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with open(temporary, "xb") as stream:
             if compact:
                 write_archive(stream, content)
             else:
@@ -61,7 +62,7 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
             os.fsync(stream.fileno())
         os.replace(temporary, target)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 
