@@ -79,7 +79,7 @@ def test_growth_with_size(contest, size, graph, exponent):
         who,
         lambda: proved(net),
         at_most=limit,
-        rounds=2 if exponent == 6 else 5,
+        rounds=6,
     )
 
 
