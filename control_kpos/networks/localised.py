@@ -23,6 +23,8 @@ from .solvers import PortSystem
 # Smaller networks are better served by `descend` alone.
 LEAST_NODES = 50_000
 _TRIES = 3
+# Steps along links to the edge of a neighbourhood; an eigenvector that reaches farther is not localised.
+_STEPS = 1000
 
 
 @dataclass
@@ -66,8 +68,10 @@ def localised_peak(model: NetworkModel, start: float, relative: float, progress:
     near = _first_steps(model, start, progress)
     if near is None:
         return None
-    links = _links(model)
     size = _sizes(model, near.x)
+    if size.max() <= 1.001 * np.median(size):  # equal nodes, equally connected
+        return None
+    links = _links(model)
     count = max(50, model.n_nodes // 2000)
     reach, seeds = model.n_nodes // 20, np.argpartition(size, -count)[-count:]
     mask = neighbourhood(links, seeds, reach)
@@ -106,15 +110,15 @@ def _first_steps(model: NetworkModel, start: float, progress: Progress | None) -
 
 
 def neighbourhood(links: sp.csr_array, seeds: Index, reach: int) -> NDArray[np.bool_]:
-    """The nodes around the seeds, breadth first, up to `reach` nodes, as a mask."""
+    """The nodes around the seeds, breadth first, up to `reach` nodes and `_STEPS` links away, as a mask."""
     mask = np.zeros(links.shape[0], dtype=bool)
     mask[seeds] = True
     front, count = seeds, len(seeds)
-    while front.size:
+    for _ in range(_STEPS):
         reached = np.unique(links[front].indices)
         front = reached[~mask[reached]]
         count += front.size
-        if count > reach:
+        if not front.size or count > reach:
             break
         mask[front] = True
     return mask
