@@ -38,12 +38,30 @@ from control_kpos.certificates import checker, exact  # noqa: E402
 
 # Changes that prove the same: parts of their descriptions, and why.
 LARGER = "the bound becomes larger, so that more signs are left to integers"
+INTEGERS = "the same sign is left to integers"
+WORK = "an estimate of work, or a limit on it"
+EITHER = "both ways give the same"
 AXIS = "axis 1 is the last one of a matrix"
 KERNEL = {
-    "3 * 10 ** 8 -> ": "a limit on work",
+    "3 * 10 ** 8 -> ": WORK,
+    "cost > EXACT_LIMIT -> ": WORK,
+    "_decide_by_integers: len(": WORK,
+    "_decide_by_integers: out.ndim": WORK,
+    "_decide_by_integers: self.middle is not None -> ": WORK,
+    "_decide_by_integers: -1 -> +1": WORK,
+    "_stacked: -1 -> +1": WORK,
+    "_stacked: self.left.shape[-1] * self.right.shape[-1] -> ": WORK,
+    "_dense_if_small: m.shape[0]": EITHER,
+    "__init__: not self.is_sparse -> ": EITHER,
+    "_norm: 0 < count <= _SHORT -> ": EITHER,
+    "_csr_integers: m.integer_rows is None -> ": EITHER,
+    "_csr_integers: m.numerators is None -> ": EITHER,
+    "signs: out == UNKNOWN -> ": INTEGERS,
+    "signs: magnitudes <= limit -> ": INTEGERS,
     "16) * HALF_ULP -> ": LARGER,
     "count < 0.5 -> count > 0.5": LARGER,
-    "self._relative_error() * nl -> ": LARGER,
+    "self._relative_error() * nl -> self._relative_error() + nl": LARGER,
+    "self._relative_error() * self.magnitudes.data -> ": LARGER,
 }
 POSITIVITY = {
     "refutation: '==' -> '<='": "h'x is not negative on the cone",

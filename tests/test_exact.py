@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from control_kpos.arrays import ExactMatrix, concatenate, exact_matrix, integers_of_doubles
-from control_kpos.certificates.exact import UNKNOWN, BilinearForms, _row_norms
+from control_kpos.certificates.exact import UNKNOWN, BilinearForms, _decide, _row_norms
 
 doubles = st.one_of(
     st.integers(-3, 3).map(float),
@@ -64,6 +64,10 @@ def test_stacks_agree_with_single_problems(problem, size, random):
         return
     expected = np.array([truth(L, m, R) for m in stack])
     np.testing.assert_array_equal(BilinearForms(ExactMatrix(L), ExactMatrix(stack), ExactMatrix(R)).signs(), expected)
+    rights = np.broadcast_to(R, (size, *R.shape)).copy()
+    for right in (rights, rights[:1]):
+        forms = BilinearForms(ExactMatrix(L), ExactMatrix(stack), ExactMatrix(right))
+        np.testing.assert_array_equal(forms.signs(), expected)
     lefts = np.broadcast_to(L, (size, *L.shape)).copy()
     np.testing.assert_array_equal(
         BilinearForms(ExactMatrix(lefts), ExactMatrix(stack), ExactMatrix(R)).signs(), expected
@@ -313,3 +317,72 @@ def test_products_are_exact_up_to_a_limit(powers, limit):
     assert forms._exactness_limit() == limit if limit > 0 else forms._exactness_limit() < 0
     inexact_data = ExactMatrix(np.ones((1, 1)), np.zeros((1, 1)))
     assert BilinearForms(inexact_data, None, ExactMatrix(np.ones((1, 1))))._exactness_limit() < 0
+
+
+def test_a_value_on_its_bound_is_not_decided():
+    out, z = np.full(6, UNKNOWN, dtype=np.int8), np.array([1.0, -1.0, 2.0, -2.0, np.inf, np.nan])
+    _decide(out, z, np.ones(6))
+    assert out.tolist() == [UNKNOWN, UNKNOWN, 1, -1, UNKNOWN, UNKNOWN]
+
+
+def test_entries_that_round_to_zero_are_not_zero():
+    small = exact_matrix([["1e-400", "0", "-1e-400", 0.1]], "small")  # zero, zero, zero and 0.1 as doubles
+    right = exact_matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [1, 1, 1, 0], [0, 0, 0, 1], [2, 1, 1, 0]], "right")
+    for middle in (None, exact_matrix(np.eye(4), "middle")):
+        assert BilinearForms(small, middle, right).signs().tolist() == [[1, 0, -1, 0, 1, 1]]
+
+
+def test_sparse_entries_as_large_as_their_radius_count():
+    class Exact:
+        def __call__(self, index):
+            return np.array([[1, -1, 5]], dtype=object)[index]
+
+    values, radius = sp.csr_array([[1e-17, 1e-17, 1.0]]), sp.csr_array([[1e-17, 2e-17, 1e-17]])
+    left = ExactMatrix(values, radius, integer_rows=Exact())
+    signs = BilinearForms(left, None, ExactMatrix(sp.eye_array(3, format="csr"))).signs()
+    assert signs.toarray().tolist() == [[1, -1, 1]]
+
+
+def thirds(rng, *shape):
+    """Fractions among which sums often vanish."""
+    return np.vectorize(lambda k: Fraction(int(k), 3), otypes=[object])(rng.integers(-1, 2, shape))
+
+
+def test_stacks_of_fractions_and_of_larger_blocks():
+    rng = np.random.default_rng(0)
+    for size in (2, 5, 20):
+        L, M, R = thirds(rng, 3, 2, size), thirds(rng, 3, size, size), thirds(rng, 3, 4, size)
+        expected = np.array([truth(*parts) for parts in zip(L, M, R, strict=True)])
+        assert expected.any() and (size > 2 or not expected.all())
+        stacks = [ExactMatrix.from_fractions(part) for part in (L, M, R)]
+        np.testing.assert_array_equal(BilinearForms(*stacks).signs(), expected)
+        doubles = [ExactMatrix(np.array(3 * part, dtype=float)) for part in (L, M, R)]
+        np.testing.assert_array_equal(BilinearForms(*doubles).signs(), expected)
+        plain = np.array([truth(left, np.eye(size), right) for left, right in zip(L, R, strict=True)])
+        np.testing.assert_array_equal(BilinearForms(stacks[0], None, stacks[2]).signs(), plain)
+
+
+def test_dense_rows_with_a_sparse_matrix_between():
+    rng, n = np.random.default_rng(1), 70
+    L, R = rng.integers(-1, 2, (2, n)).astype(float), rng.integers(-1, 2, (3, n)).astype(float)
+    M = sp.csr_array(np.diag(rng.integers(-1, 2, n).astype(float)))
+    expected = truth(L, M.toarray(), R)
+    np.testing.assert_array_equal(BilinearForms(*map(ExactMatrix, (L, M, R))).signs(), expected)
+    third = ExactMatrix.from_fractions(rational(R) / 3)
+    np.testing.assert_array_equal(BilinearForms(ExactMatrix(L), ExactMatrix(M), third).signs(), expected)
+    tight = BilinearForms(
+        ExactMatrix(np.eye(n)[:1]),
+        ExactMatrix(sp.csr_array(np.eye(n)), sp.csr_array(np.eye(n) * 2)),
+        ExactMatrix(np.eye(n)[:1]),
+    )
+    assert tight.signs(integers=False)[0, 0] == UNKNOWN
+
+
+def test_sums_have_as_many_terms_as_there_can_be():
+    stack = BilinearForms(*(ExactMatrix(np.ones(shape)) for shape in ((2, 1, 7), (2, 7, 5), (2, 3, 5))))
+    assert stack._lengths == (7, 5)
+    plane = BilinearForms(ExactMatrix(np.ones((1, 7))), None, ExactMatrix(np.ones((3, 7))))
+    assert plane._lengths == (0, 7)
+    rows = sp.csr_array([[1.0, 1.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
+    thin = BilinearForms(ExactMatrix(rows), ExactMatrix(sp.eye_array(4, format="csr")), ExactMatrix(rows))
+    assert thin._lengths == (1, 3)
