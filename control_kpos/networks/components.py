@@ -160,5 +160,5 @@ def _listening(model: NetworkModel) -> sp.csr_array:
     coo = model.W.tocoo()
     at = model.owners(1)[coo.coords[0]], model.owners(2)[coo.coords[1]]
     out = sp.csr_array((np.ones(coo.nnz), at), shape=(n, n))
-    out.sum_duplicates()  # several links between two nodes; scipy 1.13 never ends on repeated entries
+    out.sum_duplicates()  # several links between two nodes
     return out
