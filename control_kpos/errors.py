@@ -34,7 +34,7 @@ class UndecidedError(KposError):
 
 
 class TooLargeError(KposError):
-    """A dense array was asked for where only sparse data are affordable."""
+    """More is asked for than is affordable: a dense array of sparse data, or all facets of a cone with too many."""
 
 
 class CertificateFileError(KposError):

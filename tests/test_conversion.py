@@ -10,6 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import control_kpos.cones.conversion as conversion
+import control_kpos.cones.hull as hull
+import control_kpos.cones.polyhedral as polyhedral
 from control_kpos.cones import PolyhedralCone, orthant
 from control_kpos.cones.elimination import echelon, inverse_rows, normals
 from control_kpos.cones.lifting import transposed_inverse_rows
@@ -363,6 +365,49 @@ def test_cones_too_large_for_elimination_are_refused():
     rays[-1] = rays[0] + rays[1]
     with pytest.raises(TooLargeError, match="250 vectors in dimension 250"):
         _ = PolyhedralCone(rays).facets
+
+
+CYCLIC = [[t**k for k in range(8)] for t in range(-8, 9)]  # 572 facets
+
+
+def test_work_is_limited_with_a_word_about_how_far_it_came(monkeypatch):
+    monkeypatch.setattr(hull, "LIMIT", 64 * 800)
+    with pytest.raises(TooLargeError, match=r"17 vectors in dimension 8 .* 1\d of the 17 alone have \d{3} simplicial"):
+        _ = PolyhedralCone(CYCLIC).facets
+    monkeypatch.setattr(hull, "LIMIT", 64 * 4000)
+    assert PolyhedralCone(CYCLIC).n_facets == 572
+
+
+def test_work_in_integers_is_limited(monkeypatch):
+    cross = np.column_stack([np.ones(16), np.concatenate([np.eye(8), -np.eye(8)])])  # the cone over 256 facets
+    rows = cross @ np.random.default_rng(0).integers(-9, 10, (9, 9))
+    assert PolyhedralCone(rows).n_facets == 256
+    monkeypatch.setattr(hull, "LIMIT", 256 * 9**2 * 1.2)  # normals in integers count a thousand times as much
+    monkeypatch.setattr(
+        hull.Hyperplanes, "approximate", lambda self, v: (np.zeros((len(v), 9)), np.full(len(v), np.inf))
+    )
+    with pytest.raises(TooLargeError, match="simplicial pieces"):
+        _ = PolyhedralCone(rows).facets
+
+
+def test_a_refusal_is_remembered(monkeypatch):
+    X = PolyhedralCone(CYCLIC)
+    monkeypatch.setattr(hull, "LIMIT", 1000)
+    with pytest.raises(TooLargeError):
+        _ = X.facets
+    monkeypatch.setattr(polyhedral, "convert", lambda _: pytest.fail("it tries again"))
+    for question in (lambda: X.facets, lambda: X.dual.rays, lambda: X.is_proper):
+        with pytest.raises(TooLargeError, match="17 vectors"):
+            question()
+
+
+def test_less_is_allowed_for_a_while(monkeypatch):
+    X = PolyhedralCone(CYCLIC)
+    before = hull.ALLOWANCE.set(hull.Allowance(1000))
+    with pytest.raises(TooLargeError):
+        _ = X.facets
+    hull.ALLOWANCE.reset(before)
+    assert X.n_facets == 572
 
 
 @pytest.mark.parametrize("n", [1, 2, 5, 12])

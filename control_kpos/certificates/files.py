@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import importlib
 import json
+import math
 import os
 import secrets
 import sys
@@ -106,7 +107,7 @@ def load_certificate(path: str | PathLike[str], *, trusted: bool = False) -> Any
     try:
         content = read_content(path)
         size = os.path.getsize(path)
-        allowed = ALLOWANCE.set(None if trusted else Allowance(_FREE_WORK + _WORK_PER_BYTE * size))
+        allowed = ALLOWANCE.set(Allowance(math.inf if trusted else _FREE_WORK + _WORK_PER_BYTE * size))
         try:
             return _decode_claim(content, Decoder(size, _decode_claim, decode_cone))
         finally:

@@ -25,6 +25,8 @@ from .simplicial import LARGE, simplicial_facets
 _CHEAP = 200_000
 # Normals with a larger error, relative to their largest entry, are replaced by exact ones.
 _POOR = 2.0**-30
+# Entries of the matrices that are inverted together.
+_CHUNK = 2_000_000
 # Number of rows times the square of their length above which exact elimination is not attempted.
 _TOO_LARGE = 5_000_000
 
@@ -71,7 +73,8 @@ def convert(generators: ExactMatrix) -> Faces:
     Notes
     -----
     Simplicial cones cost one elimination (n <= 24) or a few floating point inverses (n > 24), other
-    cones about 10 microseconds per simplex of the triangulations that lead to the answer.
+    cones about 10 microseconds per simplex of the triangulations that lead to the answer, and up to a
+    millisecond where rounding leaves signs open.  `TooLargeError` after about half a minute of that.
     """
     p, n = generators.shape
     if p == n > LARGE:
@@ -153,7 +156,10 @@ class FacetNormals:
 
     def approximate(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """All normals in floating point, largest entries in [1/2, 1), and bounds of their errors."""
-        h, error = self.hyperplanes.approximate(self.vertices)
+        count, size = self.vertices.shape
+        step = max(1, _CHUNK // (size + 1) ** 2)
+        parts = [self.hyperplanes.approximate(self.vertices[s : s + step]) for s in range(0, count, step)]
+        h, error = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
         back, lengths = unit_rows(self.project @ self.hyperplanes.T)
         with np.errstate(all="ignore"):
             values = h @ back.T

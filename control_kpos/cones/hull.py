@@ -29,26 +29,41 @@ _CHUNK = 2_000_000
 
 
 class Allowance:
-    """Work that conversions may take together, while files of unknown origin are read.
+    """Work that conversions may take together.
 
     Parameters
     ----------
     work : float
         Simplices made, times the square of the dimension.
+    integers : float
+        Normals computed in integers, in the same unit, a tenth of a microsecond or so.
+
+    Notes
+    -----
+    Counts what is done rather than time, so that the same cone is refused on every machine.
     """
 
-    def __init__(self, work: float) -> None:
-        self.left = work
+    def __init__(self, work: float, integers: float = np.inf) -> None:
+        self.work, self.integers = work, integers
 
-    def spend(self, simplices: int, G: Integers) -> None:
-        """Take off what was made for the generators G; TooLargeError if too little is left."""
-        self.left -= simplices * G.shape[1] ** 2
-        if self.left < 0:
+    def spend(self, boundary: _Boundary, simplices: int = 0, normals: int = 0) -> None:
+        """Take off what is about to be made; TooLargeError if too little is left."""
+        G = boundary.hyperplanes.G
+        p, n = G.shape
+        self.work -= simplices * n**2
+        if normals:  # fraction-free elimination: n^3 / 2 products of up to n times the digits of the data
+            self.integers -= normals * 0.6 * n**3 * (1 + n * boundary.digits / 1024) ** 1.6
+        if min(self.work, self.integers) < 0:
             raise TooLargeError(
-                f"to find the facets of {len(G)} generators in dimension {G.shape[1]} takes more work than was allowed."
+                f"to convert {p} vectors in dimension {n} (generators to facets, or facets to generators) takes too "
+                f"much work: {boundary.taken} of the {p} alone have {len(boundary.signs)} simplicial pieces of facets, "
+                "and more are coming. Use fewer vectors, an orthant, a simplicial cone (n vectors) or a product of "
+                "smaller cones."
             )
 
 
+# Work that one conversion may take where nothing else is said, about half a minute.
+LIMIT = 3e8
 ALLOWANCE: ContextVar[Allowance | None] = ContextVar("ALLOWANCE", default=None)
 
 
@@ -89,9 +104,9 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
     Notes
     -----
     Costs about 10 microseconds per simplex ever made in moderate dimensions: 0.2 s for 60 random
-    generators in R^8.
+    generators in R^8.  Raises TooLargeError at `LIMIT`, or at the `ALLOWANCE` in force.
     """
-    boundary, allowance = _Boundary(G), ALLOWANCE.get()
+    boundary = _Boundary(G, ALLOWANCE.get() or Allowance(LIMIT, LIMIT))
     inside = list(boundary.first)
     for x in boundary.order:
         sign = boundary.signs_at(x)
@@ -100,9 +115,8 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
                 # -x lies in the cone; the smallest face that holds it makes up lines with x
                 return Lines(np.append(boundary.in_face(sign == 0, np.array(inside)), x))
             boundary.join(sign < 0, x)
-            if allowance is not None:
-                allowance.spend(len(boundary.signs) - int((sign >= 0).sum()), G)
         inside.append(x)
+        boundary.taken = len(inside)
     return boundary.facets()
 
 
@@ -120,14 +134,21 @@ class _Boundary:
         Sign of h'x for the inner normal h of each simplex and every generator x, or _UNKNOWN.
     exact : ndarray of int (object), shape (k, n)
         Inner normals, once they are needed; zero before.
+    taken : int
+        Number of generators taken up so far.
+    digits : int
+        Binary digits of the longest entry of G.
 
     Notes
     -----
     The arrays have room for more rows, so that adding a generator costs no copy of all of them.
     """
 
-    def __init__(self, G: Integers) -> None:
+    def __init__(self, G: Integers, allowance: Allowance) -> None:
         p, n = G.shape
+        self.allowance = allowance
+        self.taken = n
+        self.digits = max(abs(int(x)).bit_length() for x in G.ravel())
         T = round_map(G)
         Z, lengths = unit_rows(G @ T)
         preferred = qr(Z.T, mode="r", pivoting=True)[1]
@@ -174,6 +195,7 @@ class _Boundary:
     def join(self, seen: NDArray[np.bool_], x: int) -> None:
         """Replace the simplices that see x by those joining x to the horizon."""
         ridges = _horizon(self.vertices[seen])
+        self.allowance.spend(self, simplices=len(ridges))
         new = np.sort(np.concatenate([ridges, np.full((len(ridges), 1), x)], axis=1), axis=1)
         holes = np.flatnonzero(seen)
         size = len(seen) + len(new) - len(holes)
@@ -223,6 +245,7 @@ class _Boundary:
         needed, place = np.unique(at, return_inverse=True)
         missing = needed[~(self.exact[needed] != 0).any(axis=1)]
         if len(missing):
+            self.allowance.spend(self, normals=len(missing))
             self.exact[missing] = self.hyperplanes.exact(self.vertices[missing])
         G, h = self.hyperplanes.G, self.exact[needed]
         step = max(1, _CHUNK // G.shape[1])

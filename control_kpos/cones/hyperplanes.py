@@ -16,6 +16,9 @@ from ..arrays import HALF_ULP, Integers, integers_of_doubles
 from .elimination import divide_by_content, normals
 from .rows import unit_rows
 
+# Entries of the matrices that are eliminated together, so that long integers do not fill the memory.
+_CHUNK = 500_000
+
 
 class Hyperplanes:
     """Inner normals h of simplicial cones spanned by n - 1 of the given generators.
@@ -42,7 +45,10 @@ class Hyperplanes:
 
     def exact(self, vertices: NDArray[np.intp]) -> Integers:
         """Inner normals without common factors; vertices has shape (k, n - 1), the result (k, n)."""
-        h = normals(self.G[vertices])
+        h = np.zeros((len(vertices), self.G.shape[1]), dtype=object)
+        step = max(1, _CHUNK // self.G.shape[1] ** 2)
+        for s in range(0, len(vertices), step):
+            h[s : s + step] = normals(self.G[vertices[s : s + step]])
         inward = (h * self.center).sum(axis=1) > 0
         return np.where(inward[:, None], h, -h)
 

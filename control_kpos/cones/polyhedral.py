@@ -9,10 +9,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..arrays import ExactMatrix
 from ..certificates.exact import BilinearForms
-from ..errors import DataError, NotProperConeError, UndecidedError
+from ..errors import DataError, NotProperConeError, TooLargeError, UndecidedError
 from .base import Cone, nonzero_rows
 from .conversion import Faces, convert
 from .elimination import divide_by_content
+from .hull import ALLOWANCE
 from .rows import equilibrate, frozen
 
 
@@ -24,10 +25,18 @@ class _Conversion:
 
     def __init__(self, generators: ExactMatrix) -> None:
         self.generators = generators
+        self._refusal = ""
 
     @cached_property
     def faces(self) -> Faces:
-        return convert(self.generators)
+        if self._refusal:
+            raise TooLargeError(self._refusal)
+        try:
+            return convert(self.generators)
+        except TooLargeError as error:
+            if ALLOWANCE.get() is None:  # refused for good: do not try again for half a minute
+                self._refusal = str(error)
+            raise
 
 
 class PolyhedralCone(Cone):
@@ -50,7 +59,8 @@ class PolyhedralCone(Cone):
     -----
     Exact: facets, redundancy, incidence and all other answers are about the very numbers given, without
     any tolerance.  Doubles count with their binary value, so that 0.1 is not "1/10".  The conversion runs
-    when its result is first needed; see `control_kpos.cones.conversion` for its cost.
+    when its result is first needed; see `control_kpos.cones.conversion` for its cost.  Where the facets
+    are too many, what needs them raises `TooLargeError` after about half a minute.
 
     Examples
     --------
