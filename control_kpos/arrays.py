@@ -329,7 +329,12 @@ def concatenate(parts: Sequence[ExactMatrix], axis: int) -> ExactMatrix:
             stack = sp.vstack if axis == -2 else sp.hstack
             return ExactMatrix(sp.csr_array(stack([part.values for part in parts], format="csr")))
         return ExactMatrix(np.concatenate([part.values for part in parts], axis=axis))
-    return ExactMatrix.from_fractions(np.concatenate([part.fractions() for part in parts], axis=axis))
+    exact = [part.as_integers() for part in parts]
+    common = lcm(*(Fraction(factor).denominator for _, factor in exact))
+    numerators = np.concatenate([ints * int(factor * common) for ints, factor in exact], axis=axis)
+    values = [dense(part.values) for part in parts]
+    radii = [np.zeros(v.shape) if m.radius is None else dense(m.radius) for m, v in zip(parts, values, strict=True)]
+    return ExactMatrix(np.concatenate(values, axis=axis), np.concatenate(radii, axis=axis), numerators, common)
 
 
 def as_stack(matrices: Sequence[ExactMatrix]) -> ExactMatrix:

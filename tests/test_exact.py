@@ -117,6 +117,16 @@ def test_sums_of_forms_through_stacked_matrices():
         assert forms.signs().tolist() == [[sign]]
 
 
+@pytest.mark.parametrize("axis", [-1, -2])
+def test_matrices_side_by_side_keep_their_exact_entries(axis):
+    parts = [exact_matrix(rows, "part") for rows in ([["1/3", "0.1"], [2, 1e-30]], [[0.1, -5e-324], [3, 2**70]])]
+    joined = concatenate(parts, axis)
+    expected = np.concatenate([part.fractions() for part in parts], axis=axis)
+    assert (joined.fractions() == expected).all()
+    far = np.array([abs(a - Fraction(b)) for a, b in zip(expected.ravel(), joined.values.ravel(), strict=True)])
+    assert (far <= [Fraction(r) for r in joined.radius.ravel()]).all()
+
+
 def test_radius_of_inexact_rows_is_respected():
     # the doubles say +1e-17, the radius says the true value may be negative, the integers say zero
     class Zero:
