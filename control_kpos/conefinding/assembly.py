@@ -9,14 +9,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .core import Core
+from .core import LARGEST_DENSE, Core
 from .first_steps import FirstSteps
 from .orbit import Flow, Orbit
 
 Array = NDArray[np.float64]
-
-# From this many generators on only the core takes up rounding errors: the multipliers become sparse.
-_DENSE = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +52,8 @@ class Assembly:
         Its row; -1 if it lies inside the core.
     exact : ndarray of bool, shape (N,)
         Columns of P that leave no residual.
-    core : slice
-        Rows of the core.
+    support : ndarray of int
+        Rows of generators that take up rounding errors.
     """
 
     points: Array
@@ -64,17 +61,16 @@ class Assembly:
     shares: Array
     starts: list[int]
     exact: NDArray[np.bool_]
-    core: slice
+    support: NDArray[np.intp]
 
 
 def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
     """Generators of all paths and of the core, with multipliers."""
     points = np.concatenate([*(path.points[:-1] for path in paths), core.points])
     count, N = len(points) - len(core.points), len(points)
-    large = N > _DENSE
+    large = N > LARGEST_DENSE
     weights = np.concatenate([np.zeros(count), core.weights]) if large else _interior(points, count, core)
-    inflow = np.zeros((N - count, N))  # rows of the core
-    inflow[:, count:] = core.P
+    inflow = np.zeros((N - count, count))  # to rows of the core
     diagonal, below = np.zeros(count), np.zeros(count)
     exact = np.zeros(N, dtype=bool)
     shares = np.zeros((len(paths), N))
@@ -104,13 +100,16 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
             below[at[-1]] = 0.0
         row += steps
     spread = np.where(exact[:count], 0.0, f.slack * points[:count, 0])
+    support = np.flatnonzero(weights)
     if large:
-        inflow[:, :count] += np.outer(core.weights, spread)
+        inflow += np.outer(core.weights, spread)
         at = np.arange(count)
         places = np.concatenate([at, at[1:]]), np.concatenate([at, at[:-1]])
-        chain = sp.coo_array((np.concatenate([diagonal, below[:-1]]), places), shape=(count, N))
-        return Assembly(points, sp.csr_array(sp.vstack([chain, inflow])), shares, starts, exact, slice(count, N))
-    P = np.concatenate([np.zeros((count, N)), inflow])
+        chain = sp.coo_array((np.concatenate([diagonal, below[:-1]]), places), shape=(count, count))
+        P = sp.block_array([[chain, None], [sp.csr_array(inflow), sp.csr_array(core.P)]], format="csr")
+        return Assembly(points, sp.csr_array(P), shares, starts, exact, support)
+    P = np.zeros((N, N))
+    P[count:, :count], P[count:, count:] = inflow, core.P
     P[np.arange(count), np.arange(count)] = diagonal
     P[np.arange(1, count), np.arange(count - 1)] += below[:-1]
     P[:, :count] += np.outer(weights, spread)
@@ -120,7 +119,7 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
     if np.isfinite(part):
         P[count:, count:] -= part * core.weights[:, None]
         P[:, count:] += part * weights[:, None]
-    return Assembly(points, P, shares, starts, exact, slice(count, N))
+    return Assembly(points, P, shares, starts, exact, support)
 
 
 def _interior(points: Array, count: int, core: Core) -> Array:

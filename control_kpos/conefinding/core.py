@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sl
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from ..cones import PolyhedralCone
-from .explicit import modal_cone
+from .explicit import Candidate, Multipliers, modal_cone
 from .modes import Modes, modes
 from .multipliers import Frame, multipliers, nonnegative_combination
 from .single import candidates
@@ -24,6 +26,8 @@ _LARGEST = (1.0, 1e3)
 _INSIDE = 1 - 1e-9
 # Facets of a polytope in more dimensions are too many to enumerate.
 _HULL_DIMENSION = 7
+# From this many generators on few of them take up rounding errors: the multipliers become sparse.
+LARGEST_DENSE = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,15 +58,15 @@ class Core:
     ----------
     points : ndarray, shape (N, n)
         Generators, first coordinate 1.
-    P : ndarray, shape (N, N)
-        Multipliers, positive off the diagonal (discrete time: everywhere).
+    P : ndarray or csr_array, shape (N, N)
+        Multipliers, positive off the diagonal (discrete time: everywhere); sparse ones in rows with weights.
     weights : ndarray, shape (N,)
         e as a combination of the generators.
     blocks : list of Block
     """
 
     points: Array
-    P: Array
+    P: Any
     weights: Array
     blocks: list[Block]
 
@@ -119,27 +123,43 @@ def core_inside(split: Split, normals: Array, vectors: Array, shrink: float, *, 
 
 
 def _one_for_each_mode(m: Modes, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
+    parts = _parts(m, discrete, thin=None)
+    thin = sum(part.R.shape[1] for part in parts) > LARGEST_DENSE
+    parts = _parts(m, discrete, thin=True) if thin else parts
+    if len(parts) != len(m.bases):
+        return None
     rows: list[Array] = []
     blocks: list[Block] = []
-    parts: list[Array] = []
     start, count = 1, 0
-    for value, V in zip(m.others, m.bases, strict=True):
+    for V, part in zip(m.bases, parts, strict=True):
         size = V.shape[1]
-        eye = np.eye(1 + size)
-        alone = Modes(m.dominant, eye[0], eye[0], np.array([value]), [eye[:, 1:]], 1.0)
-        found = modal_cone(alone, discrete=discrete)
-        if found is None or found.P is None:
-            return None
         at = slice(start, start + size)
-        corners = _scaled((found.R[1:] / found.R[0]).T, normals[:, at], normals[:, 0], shrink, largest)
+        corners = _scaled((part.R[1:] / part.R[0]).T, normals[:, at], normals[:, 0], shrink, largest)
         points = np.zeros((len(corners), len(m.right)))
         points[:, 0], points[:, at] = 1.0, corners
         rows.append(points)
-        parts.append(found.P)
         blocks.append(_in_order(slice(count, count + len(corners)), at, corners))
         start, count = start + size, count + len(corners)
+    points = np.concatenate(rows)
+    if thin:
+        P = _thinly_coupled([part.multipliers for part in parts if part.multipliers is not None])
+        return Core(points, P.combined(), P.weights, blocks)
     weights = np.concatenate([np.full(len(p), 1 / (len(p) * len(rows))) for p in rows])
-    return Core(np.concatenate(rows), _coupled(parts, weights), weights, blocks)
+    own = [part.multipliers.combined() for part in parts if part.multipliers is not None]
+    return Core(points, _coupled(own, weights), weights, blocks)
+
+
+def _parts(m: Modes, discrete: bool, *, thin: bool | None) -> list[Candidate]:
+    """A cone for each mode alone, in the coordinates of (1, mode); fewer than modes if one has none."""
+    out: list[Candidate] = []
+    for value, V in zip(m.others, m.bases, strict=True):
+        eye = np.eye(1 + V.shape[1])
+        alone = Modes(m.dominant, eye[0], eye[0], np.array([value]), [eye[:, 1:]], 1.0)
+        found = modal_cone(alone, discrete=discrete, thin=thin)
+        if found is None or found.multipliers is None:
+            break
+        out.append(found)
+    return out
 
 
 def _one_block(split: Split, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
@@ -187,6 +207,15 @@ def _coupled(parts: list[Array], weights: Array) -> Array:
         out[:, at] += part * weights[:, None]
         start += size
     return out
+
+
+def _thinly_coupled(parts: list[Multipliers]) -> Multipliers:
+    """Multipliers of the free sum, what is kept aside going to few generators of every block."""
+    return Multipliers(
+        sp.csr_array(sp.block_diag([part.core for part in parts])),
+        np.concatenate([part.weights for part in parts]) / len(parts),
+        np.concatenate([part.slack for part in parts]),
+    )
 
 
 def _in_order(rows: slice, at: slice, corners: Array) -> Block:

@@ -2,36 +2,69 @@
 
 Every cone here has generators e + V w: the dominant direction e displaced along the other modes.
 One real mode gets a segment, a complex pair a regular m-gon, and a few modes together can share one
-m-gon as its harmonics: a circulant Q with Q = sum_k c_k S^k, S the cyclic shift, has the eigenvalues
-sum_k c_k z^(jk), z = exp(2 pi i/m), j = 0..m-1, so c follows from the wanted eigenvalues by a
-discrete Fourier transform, and what must hold is c_k >= 0 for k >= 1 (discrete time: also c_0 >= 0).
-For one pair with decay gap a and frequency w that is tan(pi/m) <= a/w (Dmitriev and Dynkin, 1946).
+m-gon as its harmonics (`polygons`).
 
 Polygons are combined in two ways.  *Free sum*: the convex hull around e.  *Attaching*: one vertex x
 is replaced by x + (polygon), which saves a generator; it costs decay, since the polygon must now be
 invariant relative to the rate Q_xx at which x stays.  An all-real spectrum then gives exactly n
 generators.
 
-A part rho_j e of A x_j is kept aside and spread over all generators (e is inside the cone), which
-makes every off-diagonal entry of P positive: that slack is what the proof lives on.
+A part rho_j e of A x_j is kept aside and spread over generators that have e inside: over all of them, or, for very
+many generators, over a few that span the space, which keeps P sparse.  That slack is what the proof lives on.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .grouping import Group, groupings, spectra
+from ..deadline import require_seconds, seconds_left
+from .grouping import Group, groupings
 from .modes import Modes
+from .polygons import Polygon, dimensions, smallest_polygon
+
+Array = NDArray[np.float64]
 
 # Part of the available decay kept aside for the strictness of P.
 _SLACK = 0.02
 _TIGHT = 1e-4
-_LARGEST_POLYGON = 8000
-# From this many generators on the first cone found is taken: others would save little and cost much.
-_LARGE = 1000
+# From this many generators on P is sparse, and the first cone found is taken: others would save little and cost much.
+LARGE = 1000
+# Separators are compared with all generators; they are left out for more of these.
+_SEPARATED = 3000
+_SECONDS_PER_ENTRY = 5e-8
+
+
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """P = core + weights slack', for which A R = R P.
+
+    Attributes
+    ----------
+    core : csr_array, shape (N, N)
+        A R = R core + e slack'.
+    weights, slack : ndarray, shape (N,)
+        e = R weights; not negative.
+    """
+
+    core: sp.csr_array
+    weights: Array
+    slack: Array
+
+    @property
+    def is_thin(self) -> bool:
+        """True if a few generators only have weights."""
+        return bool((self.weights == 0).any())
+
+    def combined(self) -> Array | sp.csr_array:
+        """P, sparse if a few generators only have weights."""
+        if not self.is_thin:
+            return self.core.toarray() + np.outer(self.weights, self.slack)
+        return sp.csr_array(self.core + sp.csr_array(self.weights[:, None]) @ sp.csr_array(self.slack[None, :]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +77,24 @@ class Candidate:
         Generators, one a column.
     pointing : ndarray, shape (n,)
         Positive on every generator.
-    P : ndarray, shape (N, N), or None
+    multipliers : Multipliers or None
         A R = R P up to rounding.
     separators : ndarray, shape (N, n), or None
         Row i is negative on generator i and positive on the others: each generator is extreme.
     """
 
-    R: NDArray[np.float64]
-    pointing: NDArray[np.float64]
-    P: NDArray[np.float64] | None = None
-    separators: NDArray[np.float64] | None = None
+    R: Array
+    pointing: Array
+    multipliers: Multipliers | None = None
+    separators: Array | None = None
+
+    @property
+    def right_inverse(self) -> Array:
+        """Y with R Y = I up to rounding; rows are zero where P must not be corrected."""
+        out = np.zeros(self.R.T.shape)
+        some = slice(None) if self.multipliers is None else np.flatnonzero(self.multipliers.weights)
+        out[some] = np.linalg.pinv(self.R[:, some])
+        return out
 
 
 def fewest_rays(others: NDArray[np.complex128], dominant: float, n: int) -> int:
@@ -74,239 +115,210 @@ def fewest_rays(others: NDArray[np.complex128], dominant: float, n: int) -> int:
     return max(n, int(np.ceil(np.pi / angle * (1 - 1e-9)).max()))
 
 
-def modal_cone(m: Modes, *, discrete: bool = False, max_rays: int | None = None) -> Candidate | None:
+def modal_cone(
+    m: Modes, *, discrete: bool = False, max_rays: int | None = None, thin: bool | None = None
+) -> Candidate | None:
     """The smallest of several attached sums of polygons; None if none has at most `max_rays`.
 
+    Parameters
+    ----------
+    m : Modes
+    discrete : bool
+    max_rays : int, optional
+    thin : bool, optional
+        Whether few generators only have weights, so that P is sparse.  By default where there are many.
+
+    Notes
+    -----
     Costs a few milliseconds for n = 30.
     """
-    best: _Builder | None = None
-    top = 1.0 if discrete else 0.0
     scale = abs(m.dominant) if discrete else 1.0
     if scale == 0:
         return None
     targets = m.others / scale if discrete else m.others - m.dominant
-    for groups in groupings(targets, top, discrete=discrete):
-        for tight in (True, False):
-            built = _build(targets, groups, top, discrete, tight=tight)
-            if built is not None and (best is None or built.size < best.size):
-                best = built
-        if best is not None and best.size > _LARGE:
-            break
+    best: _Sum | None = None
+    for kind in (False, True) if thin is None else (thin,):
+        best = best or _smallest_sum(targets, discrete=discrete, thin=kind, most=LARGE if thin is None else None)
     if best is None or (max_rays is not None and best.size > max_rays):
         return None
+    require_seconds(_SECONDS_PER_ENTRY * best.size * len(m.right))
     V = np.column_stack([m.right, *m.bases])
-    P = best.core + np.outer(best.weights, best.slack)
-    P = P * scale if discrete else P + m.dominant * np.eye(best.size)
-    return Candidate(V @ best.points, m.left, P, np.linalg.solve(V.T, best.separators().T).T)
+    points, unscaled = best.built()
+    eye = sp.eye_array(best.size, format="csr")
+    core = unscaled.core * scale if discrete else unscaled.core + m.dominant * eye
+    multipliers = Multipliers(sp.csr_array(core), unscaled.weights, unscaled.slack * scale)
+    separators = best.separators(points)
+    if separators is not None:
+        separators = np.linalg.solve(V.T, separators.T).T
+    return Candidate(V @ points, m.left, multipliers, separators)
 
 
-class _Builder:
+def _smallest_sum(targets: NDArray[np.complex128], *, discrete: bool, thin: bool, most: int | None) -> _Sum | None:
+    """The smallest of several sums of polygons, of at most `most` generators unless `thin`."""
+    best: _Sum | None = None
+    for groups in groupings(targets, 1.0 if discrete else 0.0, discrete=discrete):
+        for tight in (True, False):
+            built = _placed(targets, groups, discrete=discrete, thin=thin, tight=tight)
+            if (
+                built is not None
+                and (best is None or built.size < best.size)
+                and (thin or not most or built.size <= most)
+            ):
+                best = built
+        if best is not None and (best.size > LARGE or seconds_left() <= 0):
+            break
+    return best
+
+
+class _Step(NamedTuple):
+    """One polygon of a sum: attached to generator `place`, or added freely where that is None."""
+
+    place: int | None
+    polygon: Polygon
+    rows: NDArray[np.intp]
+    slack: float
+
+
+class _Sum:
     """A growing cone in modal coordinates (first coordinate: the dominant direction, always 1).
 
-    A X = X core + e slack' and e = X weights, up to the shift or scale that makes the dominant
-    eigenvalue `top`.
+    A X = X core + e slack' and e = X weights, up to the shift or scale that makes the dominant eigenvalue `top`.
+    While it grows it keeps what choices depend on: at which rate each generator stays, and whether it has a weight.
     """
 
-    def __init__(self, dims: int, top: float, discrete: bool) -> None:
-        self.points = np.zeros((dims, 0))
-        self.core = np.zeros((0, 0))
-        self.slack = np.zeros(0)
-        self.weights = np.zeros(0)
-        self.blocks: list[NDArray[np.intp]] = []
-        self.top, self.discrete = top, discrete
+    def __init__(self, dims: int, *, discrete: bool, thin: bool) -> None:
+        self.dims, self.discrete, self.thin = dims, discrete, thin
+        self.top = 1.0 if discrete else 0.0
+        self.steps: list[_Step] = []
+        self.stay = np.zeros(0)
+        self.weighted = np.zeros(0, dtype=bool)
 
-    def separators(self) -> NDArray[np.float64]:
-        """Functionals that single out each generator.
+    @property
+    def size(self) -> int:
+        """Number of generators."""
+        return len(self.stay)
+
+    def add(self, polygon: Polygon, rows: NDArray[np.intp], slack: float) -> None:
+        """Free sum with a polygon around e."""
+        self._append(_Step(None, polygon, rows, slack), np.arange(self.size))
+
+    def attach(self, k: int, polygon: Polygon, rows: NDArray[np.intp]) -> None:
+        """Replace generator k by its copies displaced to the corners of a polygon."""
+        self._append(_Step(k, polygon, rows, 0.0), np.delete(np.arange(self.size), k))
+
+    def _append(self, step: _Step, kept: NDArray[np.intp]) -> None:
+        self.steps.append(step)
+        self.stay = np.concatenate([self.stay[kept], np.full(step.polygon.size, step.polygon.rates[0])])
+        self.weighted = np.concatenate([self.weighted[kept], step.polygon.shares(thin=self.thin) > 0])
+
+    def place(self, group: NDArray[np.complex128], rows: NDArray[np.intp], *, tight: bool) -> bool:
+        """Add one group of modes where it costs the fewest generators."""
+        gap = float((self.top - (np.abs(group) if self.discrete else group.real)).min())
+        if gap <= 0:
+            return False
+        best, found = 0, None
+        able = np.flatnonzero(self.weighted)
+        _, owners = np.unique(self.stay[able], return_index=True)
+        for k in able[owners if tight else owners[::-1]]:
+            fit = smallest_polygon(group, float(self.stay[k]), discrete=self.discrete)
+            if fit is not None and (found is None or fit.size < found.size):
+                best, found = int(k), fit
+                if fit.size <= dimensions(group) + 1:
+                    break
+        free, slack = self._free(group, gap)
+        if found is not None and (free is None or found.size - 1 <= free.size):
+            self.attach(best, found, rows)
+            return True
+        if free is None:
+            return False
+        self.add(free, rows, slack)
+        return True
+
+    def _free(self, group: NDArray[np.complex128], gap: float) -> tuple[Polygon | None, float]:
+        """The smallest polygon around e, and the decay kept aside."""
+        tight = smallest_polygon(group, self.top - _TIGHT * gap, discrete=self.discrete)
+        free = smallest_polygon(group, self.top - _SLACK * gap, discrete=self.discrete)
+        if free is None or (tight is not None and tight.size < free.size):
+            return tight, _TIGHT * gap
+        return free, _SLACK * gap
+
+    def built(self) -> tuple[Array, Multipliers]:
+        """Generators, one a column, and multipliers up to shift and scale."""
+        points, core = np.zeros((self.dims, 0)), sp.csr_array((0, 0))
+        weights, slack = np.zeros(0), np.zeros(0)
+        placed = 0
+        for step in self.steps:
+            N, m, k = len(weights), step.polygon.size, step.place
+            shares, ring = step.polygon.shares(thin=self.thin), _circulant(step.polygon.rates)
+            if k is None:
+                kept = np.concatenate([np.arange(N), np.full(m, -1)])
+                points = np.column_stack([points, np.zeros((self.dims, m))])
+                points[0, N:] = 1.0
+                core = sp.csr_array(sp.block_diag([core, ring])) if N else ring
+                part = len(step.rows) / (len(step.rows) + placed) if N else 1.0
+                weights = np.concatenate([weights * (1 - part), shares * part])
+                slack = np.concatenate([slack, np.full(m, step.slack)])
+            else:
+                rest = np.delete(np.arange(N), k)
+                kept = np.concatenate([rest, np.full(m, k)])
+                points, slack = points[:, kept], slack[kept]
+                weights = np.concatenate([weights[rest], weights[k] * shares])
+                core = _attached(core, k, rest, ring, shares)
+            points[np.ix_(step.rows, np.arange(len(weights) - m, len(weights)))] = step.polygon.corners
+            placed += len(step.rows)
+        return points, Multipliers(core, weights, slack)
+
+    def separators(self, points: Array) -> Array | None:
+        """Functionals that single out each generator, or None for too many of them.
 
         All corners w of one polygon have the same length, so 1 - w'y/w'w vanishes at w and is positive
         at the other corners and at 0; the sum over the polygons that a generator is a corner of
         vanishes at this generator only.
         """
-        out = np.zeros((self.size, self.points.shape[0]))
-        for rows in self.blocks:
-            corner = self.points[rows].T
+        if self.size > _SEPARATED:
+            return None
+        out = np.zeros((self.size, self.dims))
+        for step in self.steps:
+            corner = points[step.rows].T
             length = (corner**2).sum(axis=1, keepdims=True)
             on = length[:, 0] > 0
-            out[np.ix_(np.flatnonzero(on), rows)] = -corner[on] / length[on]
+            out[np.ix_(np.flatnonzero(on), step.rows)] = -corner[on] / length[on]
             out[on, 0] += 1.0
-        values = out @ self.points
+        values = out @ points
         np.fill_diagonal(values, np.inf)
         out[:, 0] -= 0.5 * np.minimum(values.min(axis=1), 1.0)
         return out
 
-    @property
-    def size(self) -> int:
-        return self.points.shape[1]
 
-    def add(
-        self, polygon: NDArray[np.float64], rows: NDArray[np.intp], rates: NDArray[np.float64], slack: float
-    ) -> None:
-        """Free sum with a polygon around e."""
-        m, N = len(rates), self.size
-        self.blocks.append(rows)
-        points = np.zeros((self.points.shape[0], N + m))
-        points[:, :N] = self.points
-        points[0, N:] = 1.0
-        points[np.ix_(rows, np.arange(N, N + m))] = polygon
-        core = np.zeros((N + m, N + m))
-        core[:N, :N] = self.core
-        core[N:, N:] = _circulant(rates)
-        share = 1.0 if N == 0 else len(rows) / (len(rows) + np.count_nonzero(self.points[1:].any(axis=1)))
-        self.weights = np.concatenate([self.weights * (1 - share), np.full(m, share / m)])
-        self.slack = np.concatenate([self.slack, np.full(m, slack)])
-        self.points, self.core = points, core
-
-    def attach(self, k: int, polygon: NDArray[np.float64], rows: NDArray[np.intp], rates: NDArray[np.float64]) -> None:
-        """Replace generator k by its copies displaced to the corners of a polygon."""
-        m, N = len(rates), self.size
-        self.blocks.append(rows)
-        rest = np.delete(np.arange(N), k)
-        keep = np.concatenate([rest, np.full(m, k)])
-        core = self.core[np.ix_(keep, keep)]
-        core[N - 1 :, :] /= m  # what flowed to x_k is shared by its copies
-        core[N - 1 :, N - 1 :] = _circulant(rates)
-        self.points = self.points[:, keep]
-        self.points[np.ix_(rows, np.arange(N - 1, N - 1 + m))] = polygon
-        self.core, self.slack = core, self.slack[keep]
-        self.weights = np.concatenate([self.weights[rest], np.full(m, self.weights[k] / m)])
-
-
-def _circulant(rates: NDArray[np.float64]) -> NDArray[np.float64]:
+def _circulant(rates: Array) -> sp.csr_array:
     """Q with Q[j + k mod m, j] = rates[k]."""
-    m = len(rates)
-    index = np.arange(m)
-    return rates[(index[:, None] - index[None, :]) % m]
+    m, k = len(rates), np.flatnonzero(rates)
+    column = np.broadcast_to(np.arange(m)[:, None], (m, len(k)))
+    data = np.broadcast_to(rates[k], (m, len(k)))
+    return sp.csr_array((data.ravel(), (((column + k) % m).ravel(), column.ravel())), shape=(m, m))
 
 
-def _build(
-    targets: NDArray[np.complex128], groups: list[Group], top: float, discrete: bool, *, tight: bool
-) -> _Builder | None:
+def _attached(core: sp.csr_array, k: int, rest: NDArray[np.intp], ring: sp.csr_array, shares: Array) -> sp.csr_array:
+    """Core after generator k was replaced: what flowed to it is shared by its copies, which flow as it did."""
+    outflow, inflow = core[:, [k]][rest], core[[k]][:, rest]
+    copied = outflow @ sp.csr_array(np.ones((1, len(shares))))
+    shared = sp.csr_array(shares[:, None]) @ inflow
+    return sp.csr_array(sp.block_array([[core[rest][:, rest], copied], [shared, ring]], format="csr"))
+
+
+def _placed(
+    targets: NDArray[np.complex128], groups: list[Group], *, discrete: bool, thin: bool, tight: bool
+) -> _Sum | None:
     sizes = np.where(targets.imag > 0, 2, 1)
     first_row = np.concatenate([[1], 1 + np.cumsum(sizes)])
-    cone = _Builder(int(first_row[-1]), top, discrete)
+    cone = _Sum(int(first_row[-1]), discrete=discrete, thin=thin)
     if not groups:
-        cone.add(np.zeros((0, 1)), np.zeros(0, dtype=int), np.array([top]), 0.0)
+        cone.add(Polygon(np.array([cone.top]), np.zeros((0, 1))), np.zeros(0, dtype=int), 0.0)
     for group in groups:
         rows = [np.arange(first_row[i], first_row[i] + sizes[i]) for i in group]
-        if _place(cone, targets[list(group)], np.concatenate(rows), tight):
+        if cone.place(targets[list(group)], np.concatenate(rows), tight=tight):
             continue
-        if len(group) == 1 or not all(_place(cone, targets[[i]], r, tight) for i, r in zip(group, rows, strict=True)):
+        alone = zip(group, rows, strict=True)
+        if len(group) == 1 or not all(cone.place(targets[[i]], r, tight=tight) for i, r in alone):
             return None
     return cone
-
-
-def _place(cone: _Builder, group: NDArray[np.complex128], rows: NDArray[np.intp], tight: bool) -> bool:
-    """Add one group of modes where it costs the fewest generators."""
-    gap = float((cone.top - (np.abs(group) if cone.discrete else group.real)).min())
-    if gap <= 0:
-        return False
-    best, found = 0, None
-    _, owners = np.unique(np.diag(cone.core), return_index=True)
-    for k in owners if tight else owners[::-1]:
-        fit = _smallest(group, float(cone.core[k, k]), cone.discrete)
-        if fit is not None and (found is None or len(fit[0]) < len(found[0])):
-            best, found = int(k), fit
-            if len(fit[0]) <= _dims(group) + 1:
-                break
-    slack = _SLACK * gap
-    free = None
-    for part in (slack, _TIGHT * gap):
-        free = _smallest(group, cone.top - part, cone.discrete)
-        slack = part
-        if free is not None:
-            tighter = _smallest(group, cone.top - _TIGHT * gap, cone.discrete)
-            if tighter is not None and len(tighter[0]) < len(free[0]):
-                free, slack = tighter, _TIGHT * gap
-            break
-    if found is not None and (free is None or len(found[0]) - 1 <= len(free[0])):
-        cone.attach(best, found[1], rows, found[0])
-        return True
-    if free is None:
-        return False
-    cone.add(free[1], rows, free[0], slack)
-    return True
-
-
-def _dims(group: NDArray[np.complex128]) -> int:
-    return int(np.where(group.imag > 0, 2, 1).sum())
-
-
-def _smallest(
-    group: NDArray[np.complex128], total: float, discrete: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Rates and corners of the smallest polygon that carries the group at column sum `total`."""
-    dims = _dims(group)
-    if len(group) > 1 or group[0].imag == 0:
-        return _rates(group, dims + 1, total, discrete)
-    size = _polygon_size(complex(group[0]), total, discrete)
-    return None if size is None else _rates(group, size, total, discrete)
-
-
-def _polygon_size(target: complex, total: float, discrete: bool) -> int | None:
-    if not discrete:
-        gap = total - target.real
-        if gap <= 0:
-            return None
-        size = max(3, int(np.ceil(np.pi / np.arctan2(gap, target.imag) * (1 - 1e-12))))
-        return size if size <= _LARGEST_POLYGON else None
-    if abs(target) >= total:
-        return None
-    for sizes in (np.arange(3, 100), np.arange(100, _LARGEST_POLYGON + 1)):
-        step = 2 * np.pi / sizes
-        inside = abs(target) * np.cos(np.angle(target) % step - step / 2) <= total * np.cos(step / 2) * (1 + 1e-14)
-        if inside.any():
-            return int(sizes[np.argmax(inside)])
-    return None
-
-
-def _rates(
-    group: NDArray[np.complex128], m: int, total: float, discrete: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Nonnegative circulant rates on m corners with the group's eigenvalues, and the corners."""
-    if m != _dims(group) + 1:
-        return _polygon(complex(group[0]), m, total, discrete)
-    pairs, reals = group[group.imag > 0], group[group.imag == 0]
-    if len(reals) > 1:
-        return None
-    best: tuple[NDArray[np.float64], list[int]] | None = None
-    for harmonics, spectrum in spectra(pairs[:, None], reals.real if len(reals) else None):
-        spectrum[0, 0] = total
-        rates = np.fft.fft(spectrum[0]).real / m
-        floor = rates.min() if discrete else rates[1:].min()
-        if floor >= -1e-14 * abs(rates).max() and (best is None or rates[0] > best[0][0]):
-            best = (rates, harmonics)
-    if best is None:
-        return None
-    rates, harmonics = best
-    rates[1:] = np.maximum(rates[1:], 0.0)
-    angle = 2 * np.pi * np.arange(m) / m
-    corners = [row for j in harmonics for row in (np.cos(j * angle), np.sin(j * angle))]
-    if len(reals):
-        corners.append(np.cos(np.pi * np.arange(m)))
-    return rates, np.array(corners)
-
-
-def _polygon(
-    target: complex, m: int, total: float, discrete: bool
-) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """One pair on a regular m-gon with more corners than it needs."""
-    angle = 2 * np.pi * np.arange(m) / m
-    corners = np.array([np.cos(angle), np.sin(angle)])
-    rates = np.zeros(m)
-    if discrete:
-        k = int(np.floor(np.angle(target) / (2 * np.pi / m)))
-        near = np.array([k, (k + 1) % m])
-        rates[near] = np.linalg.solve(corners[:, near], [target.real, target.imag])
-        rest = total - rates.sum()
-        if rest < -1e-14 or rates.min() < -1e-14:
-            return None
-        return np.maximum(rates, 0.0) + max(rest, 0.0) / m, corners
-    rates[1] = target.imag / np.sin(angle[1])
-    rest = total - target.real - rates[1] * (1 - np.cos(angle[1]))
-    if rest < -1e-12 * abs(target):
-        return None
-    far = [m // 2, (m + 1) // 2]  # the opposite corner, or both: the least outflow for a given decay
-    rates[far[0]] += max(rest, 0.0) / (1 - np.cos(angle[far[0]])) / 2
-    rates[far[1]] += max(rest, 0.0) / (1 - np.cos(angle[far[1]])) / 2
-    rates[0] = total - rates[1:].sum()
-    return rates, corners

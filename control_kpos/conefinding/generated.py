@@ -10,11 +10,17 @@ from ..certificates.exact import BilinearForms
 from ..cones import PolyhedralCone
 from .enclosure import Generators
 
+# More generators are not compared with each other.
+_COMPARED = 3000
+# More numbers are not put through an enumeration, which would drop redundant generators.
+_ENUMERATED = 1600
+
 
 class GeneratedCone(PolyhedralCone):
-    """A `PolyhedralCone` known to be proper, with generators (or, as a dual, normals) known to be extreme.
+    """A `PolyhedralCone` known to be proper, whose generators (or, as a dual, normals) are taken as they are.
 
-    What it was made from costs nothing to read; the other description is enumerated when first asked for.
+    They are extreme wherever that could be proven at little cost; else some may be redundant.  What the cone was made
+    from costs nothing to read; the other description is enumerated when first asked for.
     Made by `proper_cone`.
     """
 
@@ -63,14 +69,12 @@ def proper_cone(
     rays : ExactMatrix, shape (N, n)
     separators : ndarray, shape (N, n), or None
         Row i should be negative on generator i and positive on all others, which proves generator i
-        extreme.  Where this fails, or without them, redundant generators are found by enumeration.
+        extreme.  Where this fails, or without them, a cone of few generators finds redundant ones by enumeration
+        when asked for its rays; many are kept as they are.
     right_inverse : ndarray, shape (N, n)
         Y with rays' Y close to the identity.
     """
-    if separators is None or rays.shape[0] != len(separators):
-        return PolyhedralCone(rays)
-    signs = BilinearForms(ExactMatrix(separators), None, rays).signs()
-    if not np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)):
+    if not _are_extreme(rays, separators) and rays.values.size <= _ENUMERATED:
         return PolyhedralCone(rays)
     cone = GeneratedCone(rays)
     values = np.asarray(rays.values)
@@ -85,3 +89,11 @@ def proper_cone(
         point.flags.writeable = False
         vars(cone)["_interior_point"] = point  # cones refuse to be changed from outside
     return cone
+
+
+def _are_extreme(rays: ExactMatrix, separators: NDArray[np.float64] | None) -> bool:
+    """Whether every separator is proven to single out its generator."""
+    if separators is None or not rays.shape[0] == len(separators) <= _COMPARED:
+        return False
+    signs = BilinearForms(ExactMatrix(separators), None, rays).signs()
+    return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))

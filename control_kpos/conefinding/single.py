@@ -133,7 +133,7 @@ def find_single(
     stack = as_stack([A])
     well_conditioned = m is not None and m.conditioning < _WELL_CONDITIONED
     for candidate in candidates(matrix, m, discrete=discrete, max_rays=max_rays):
-        programs = well_conditioned or candidate.P is None
+        programs = well_conditioned or candidate.multipliers is None
         certificate = prove(stack, candidate, units, discrete=discrete, programs=programs)
         if certificate:
             separators = None if candidate.separators is None else candidate.separators / units
@@ -169,17 +169,16 @@ def _preconditioned(
     inverse = np.linalg.inv(V / units[:, None]) / units
     for candidate in candidates(T, modes(T, discrete=discrete), discrete=discrete, max_rays=max_rays):
         R = ExactMatrix(np.ascontiguousarray(candidate.R.T))
-        P = None if candidate.P is None else ExactMatrix(candidate.P)
-        P = P or multipliers(ExactMatrix(T), R, candidate.pointing, discrete=discrete)
+        P = _own_multipliers(candidate) or multipliers(ExactMatrix(T), R, candidate.pointing, discrete=discrete)
         if P is None:
             continue
         certificate = ConeCertificate.settle(
             matrices=as_stack([A]),
             discrete=discrete,
             rays=exact_product(R, ExactMatrix(V)),
-            multipliers=as_stack([P]),
+            multipliers=P if P.is_sparse else as_stack([P]),
             pointing=candidate.pointing @ inverse,
-            right_inverse=np.linalg.pinv(candidate.R) @ inverse,
+            right_inverse=candidate.right_inverse @ inverse,
         )
         yield certificate, None if candidate.separators is None else candidate.separators @ inverse
 
@@ -190,14 +189,25 @@ def prove(
     """Put a candidate in balanced coordinates to the proof, with linear programs for P if its own will not do."""
     rays = ExactMatrix(np.ascontiguousarray(candidate.R.T * units))
     pointing = candidate.pointing / units
-    inverse = np.linalg.pinv(candidate.R) / units
-    P = None if candidate.P is None else ExactMatrix(candidate.P[None])
-    certificate = ConeCertificate.settle(
-        matrices=stack, discrete=discrete, rays=rays, multipliers=P, pointing=pointing, right_inverse=inverse
-    )
+    inverse = candidate.right_inverse / units
+    P = _own_multipliers(candidate)
+    certificate = ConeCertificate.settle(matrices=stack, discrete=discrete)
+    if P is not None:
+        certificate = ConeCertificate.settle(
+            matrices=stack,
+            discrete=discrete,
+            rays=rays,
+            multipliers=P if P.is_sparse else as_stack([P]),
+            pointing=pointing,
+            right_inverse=inverse,
+        )
     if certificate or not programs:
         return certificate
-    return _prove(stack, rays, pointing, inverse, discrete=discrete)
+    return _prove(stack, rays, pointing, np.linalg.pinv(candidate.R) / units, discrete=discrete)
+
+
+def _own_multipliers(candidate: Candidate) -> ExactMatrix | None:
+    return None if candidate.multipliers is None else ExactMatrix(candidate.multipliers.combined())
 
 
 def prove_exactly(

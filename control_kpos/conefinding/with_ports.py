@@ -130,12 +130,12 @@ class _Search:
         if np.sign(self.c @ s.right).sum() + np.sign(self.b @ s.left).sum() < 0:
             s = s.turned()
         for paths, built in self._proposals(s, on_boundary):
-            rays, P, separators, shares, core = self._exactly(built, paths, s)
+            rays, P, separators, shares, support = self._exactly(built, paths, s)
             if rays.shape[0] > self.most:
                 continue
             R = (np.asarray(rays.values) / self.units).T
             inverse = np.zeros(R.T.shape)
-            inverse[core] = np.linalg.pinv(R[:, core])
+            inverse[support] = np.linalg.pinv(R[:, support])
             yield (
                 self.certificate(
                     shares=shares,
@@ -191,7 +191,7 @@ class _Search:
 
     def _exactly(
         self, built: Assembly, paths: list[Path], s: Split
-    ) -> tuple[ExactMatrix, ExactMatrix, Array | None, ExactMatrix, slice]:
+    ) -> tuple[ExactMatrix, ExactMatrix, Array | None, ExactMatrix, NDArray[np.intp]]:
         """Generators in the user's coordinates, the vectors themselves among them, none redundant.
 
         Returns
@@ -199,7 +199,7 @@ class _Search:
         rays, multipliers : ExactMatrix
         separators : ndarray or None
         shares : ExactMatrix
-        support : slice
+        support : ndarray of int
             Generators that take up rounding errors.
         """
         values = built.points @ s.basis.T
@@ -214,17 +214,19 @@ class _Search:
         # What is known exactly stays: columns without residual, vectors that are generators themselves.
         column, own = built.exact[index], np.isin(built.starts, index)[:, None]
         unheld = np.where(own, 0.0, self.b - shares @ R.T)
+        residual = np.where(column, 0.0, self.matrix @ R - (P.T @ R.T).T)
+        support = built.support if sp.issparse(P) else np.arange(len(index))
+        inverse = np.linalg.pinv(R[:, support])
+        shares[:, support] += unheld @ inverse.T
+        correction = inverse @ residual
         if sp.issparse(P):
-            core, rest = built.core, np.where(column, 0.0, self.matrix @ R - (P.T @ R.T).T)
-            inverse = np.linalg.pinv(R[:, core])
-            above = sp.csr_array((core.start, len(index)))
-            P = sp.csr_array(P + sp.vstack([above, sp.csr_array(inverse @ rest)]))
-            shares[:, core] += unheld @ inverse.T
+            to = sp.csr_array(
+                (np.ones(len(support)), (support, np.arange(len(support)))), shape=(len(index), len(support))
+            )
+            P = sp.csr_array(P + to @ sp.csr_array(correction))
         else:
-            core, inverse = slice(0, len(index)), np.linalg.pinv(R)
-            P = P + inverse @ np.where(column, 0.0, self.matrix @ R - R @ P)
-            shares = shares + unheld @ inverse.T
-        return pick(rays, index), ExactMatrix(P), separators, ExactMatrix(shares), core
+            P = P + correction
+        return pick(rays, index), ExactMatrix(P), separators, ExactMatrix(shares), support
 
     def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[ExactMatrix, NDArray[np.bool_]]:
         """Exact generators, and which of them must stay because others are exact combinations of them."""

@@ -1,0 +1,101 @@
+"""Slow decay beside fast oscillation: cones of thousands of generators, with sparse multipliers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import control as ct
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import block_diag
+from scipy.sparse import csr_array
+
+from control_kpos import Status, find_cone, load_certificate
+from control_kpos.arrays import ExactMatrix
+from control_kpos.conefinding.explicit import LARGE, modal_cone
+from control_kpos.conefinding.modes import modes
+
+
+def oscillations(*ratios: float, seed: int = 0, discrete: bool = False) -> np.ndarray:
+    """A dominant eigenvalue and pairs with these ratios of gap to frequency, in random coordinates."""
+    blocks = [np.array([[-ratio, 1.0], [-1.0, -ratio]]) * (1 + 0.3 * k) for k, ratio in enumerate(ratios)]
+    if discrete:  # a small angle, and a modulus that its polygon of about pi / ratio corners just holds
+        blocks = [np.array([[np.cos(r), np.sin(r)], [-np.sin(r), np.cos(r)]]) * (1 - r * r / 2) for r in ratios]
+    A = block_diag(*blocks, float(discrete))
+    T = np.linalg.qr(np.random.default_rng(seed).standard_normal(A.shape))[0]
+    return T @ A @ T.T
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("ratios", [(1e-3,), (4e-5,), (1e-3, 2e-3, 0.5), (1e-3,) * 4])
+def test_very_many_generators_are_proven(ratios, discrete):
+    A = oscillations(*ratios, discrete=discrete)
+    found = find_cone(A, discrete=discrete)
+    assert found.status is Status.PROVED and found.n_rays >= found.fewest_rays and found.n_rays > LARGE
+    assert found.certificate.multipliers.is_sparse and found.certificate.check()
+    R, P = found.rays.T, found.certificate.multipliers.values
+    assert np.abs(A @ R - (P.T @ R.T).T).max() < 1e-10 * abs(P).max()
+    entries = P.tocoo()
+    free = entries.data[entries.coords[0] != entries.coords[1]]
+    assert (entries.data if discrete else free).min() >= 0
+
+
+def test_few_facets_may_be_many():
+    A = oscillations(1e-3)
+    found = find_cone(A, few="facets")
+    assert found and found.n_rays > LARGE and found.certificate.by_facets and found.certificate.check()
+    assert found.cone.n_facets == found.n_rays
+
+
+def test_what_is_wrong_with_sparse_multipliers_is_noticed():
+    certificate = find_cone(oscillations(1e-3, 0.5)).certificate
+    P = certificate.multipliers.values.tolil()
+    i, j = 7, 1200
+    for value in (-1e-9, 1e-3):
+        wrong = P.copy()
+        wrong[i, j] += value
+        changed = replace(certificate, multipliers=ExactMatrix(csr_array(wrong)))
+        assert not changed.check()
+    assert not replace(certificate, matrices=ExactMatrix(certificate.matrices.values + 1e-2)).check()
+    assert not replace(certificate, right_inverse=0 * certificate.right_inverse).check()
+
+
+def test_they_are_saved_and_read(tmp_path):
+    found = find_cone(oscillations(1e-3))
+    found.certificate.save(tmp_path / "cone.json")
+    loaded = load_certificate(tmp_path / "cone.json")
+    assert loaded.status is Status.PROVED and loaded.check()
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 5e-5])
+def test_with_inputs_and_outputs(ratio):
+    sys = ct.ss(oscillations(ratio, 0.7, seed=2), np.eye(5), np.eye(5), 0)
+    e = np.linalg.svd(sys.A)[2][-1]
+    found = find_cone(sys.A, contains=[e + 0.1 * np.eye(5)[0]], within=[e])
+    assert found and found.n_rays > LARGE and found.certificate.multipliers.is_sparse and found.certificate.check()
+    assert (found.rays @ e > 0).all()
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 4), st.booleans(), st.booleans())
+def test_multipliers_in_closed_form_satisfy_their_equation(seed, pairs, discrete, thin):
+    rng = np.random.default_rng(seed)
+    A = oscillations(*10.0 ** rng.uniform(-2, 1, pairs), seed=seed, discrete=discrete)
+    if discrete:
+        A = A * rng.uniform(0.1, 10)
+    m = modes(A, discrete=discrete)
+    candidate = None if m is None else modal_cone(m, discrete=discrete, thin=thin)
+    if candidate is None:
+        return
+    R, P = candidate.R, candidate.multipliers.combined()
+    P = P.toarray() if candidate.multipliers.is_thin else P
+    size = np.abs(P).max()
+    assert np.abs(A @ R - R @ P).max() < 1e-9 * size
+    assert P[~np.eye(len(P), dtype=bool)].min(initial=0) >= -1e-12 * size
+    assert not discrete or np.diag(P).min() >= -1e-12 * size
+    weights = candidate.multipliers.weights
+    np.testing.assert_allclose(R @ weights, m.right, atol=1e-9)
+    assert weights.min() >= 0 and (thin or weights.min() > 0)
+    np.testing.assert_allclose(R @ candidate.right_inverse, np.eye(len(A)), atol=1e-6)
