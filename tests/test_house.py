@@ -37,6 +37,7 @@ FLOORS = {
         "arrays",
         "arguments",
         "cards",
+        "deadline",
         "certificates.exact",
         "linear_programs",
         "rational_programs",
