@@ -10,6 +10,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from math import lcm
 from typing import Any, ClassVar
 
 import numpy as np
@@ -21,6 +22,7 @@ from ..certificates.portable_cones import portable_rows
 from ..certificates.proofs import ProofOmittedError, Prover
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
+from ..deadline import OutOfTimeError, seconds_left
 from ..errors import DataError
 from ..positivity import PositivityCertificate, cone_positivity
 from ..stability import LyapunovCertificate, linear_lyapunov, transpose
@@ -30,6 +32,10 @@ from .plant import Floats, Plant
 _DIGITS = (3, 4, 5, 6, 8, 10, 12, 15)
 # Part of the margins of F that a rounding of it must keep.
 _KEPT = 0.5
+# What a proof takes, for each entry of the closed loop and for each product of integers in it.
+_SECONDS_PER_ENTRY, _SECONDS_PER_PRODUCT = 6e-6, 6e-8
+# Seconds by which a proof may end after the deadline.
+_OVERTIME = 0.3
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -231,7 +237,12 @@ class Accepted:
 
 def closed_loop(A: ExactMatrix, B: ExactMatrix, F: Floats | NDArray[np.object_]) -> ExactMatrix:
     """A + B F exactly."""
-    return ExactMatrix.from_fractions(A.fractions() + B.fractions() @ exact_matrix(F, "F").fractions())
+    (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), exact_matrix(F, "F").as_integers()
+    own, product = Fraction(unit), Fraction(first) * second
+    # integers throughout: sums and products of fractions take ten times as long
+    common = lcm(own.denominator, product.denominator)
+    left, right = int(own * common), int(product * common)
+    return ExactMatrix.from_fractions((a * left + (b @ f) * right) * Fraction(1, common))
 
 
 def roundings(F: Floats) -> Iterator[Floats]:
@@ -268,7 +279,7 @@ def accept(
     gain : float
         Roundings whose max |F x_k| exceeds this are passed over.
     deadline : float
-        On the clock of `time.monotonic`; a proof that has begun by then is finished.
+        On the clock of `time.monotonic`; a proof that would end more than a moment later is not begun.
     """
     F = np.asarray(F, dtype=float)
     shape = (plant.m, plant.n if plant.C is None else plant.C.shape[0])
@@ -276,9 +287,10 @@ def accept(
         return None
     if plant.pattern is not None:
         F = np.where(plant.pattern, F, 0.0)
-    wanted = _slack(plant, F)
+    wanted, effort = _slack(plant, F), _seconds(plant)
     for candidate in roundings(F):
-        if time.monotonic() > deadline:
+        left = min(deadline - time.monotonic(), seconds_left())
+        if left < 0 or effort > left + _OVERTIME:
             return None
         full = candidate if plant.C is None else candidate @ np.asarray(plant.C.values)
         with np.errstate(all="ignore"):
@@ -291,9 +303,18 @@ def accept(
             found = _prove(plant, candidate, rate, x)
         except DataError:  # numbers so large that the closed loop is no double
             continue
+        except OutOfTimeError:
+            return None
         if found is not None:
             return found
     return None
+
+
+def _seconds(plant: Plant) -> float:
+    """About what one proof takes, most of it to form A + B F from numbers of any length."""
+    loops = len(plant.A) * (1 if plant.coupling is None else 2)
+    forms = plant.n**2 + len(plant.facets) * len(plant.rays) / 50
+    return loops * (_SECONDS_PER_ENTRY * forms + _SECONDS_PER_PRODUCT * plant.n**2 * plant.m)
 
 
 def _proven_loop(M: ExactMatrix, plant: Plant, rate: float) -> LyapunovCertificate | None:

@@ -7,12 +7,14 @@ only if invariance alone is already impossible, which is linear in the gain and 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ..certificates.result import Status
+from ..deadline import OutOfTimeError
 from .acceptance import Accepted, accept
 from .alternation import GainProgram, Iterate
 from .backend import Programs
@@ -62,23 +64,24 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
     ceiling = 2 * rate + plant.scale
     best: tuple[Accepted, float] | None = None
     fastest = -np.inf
-    for number, v in enumerate(program.starts(_STARTS, hints)):
-        lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}")
-        found = program.speed_up(v, ceiling, goal)
-        if found is None:
-            continue
-        fastest = max(fastest, found.rate)
-        if found.rate <= goal:
-            continue
-        for gain in _candidates(program, found, rate, goal):
-            accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain), deadline=lp.deadline)
-            if accepted is not None:
-                size = _size(plant, accepted.F)
-                if best is None or size < best[1]:
-                    best = accepted, size
+    with suppress(OutOfTimeError):
+        for number, v in enumerate(program.starts(_STARTS, hints)):
+            lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}")
+            found = program.speed_up(v, ceiling, goal)
+            if found is None:
+                continue
+            fastest = max(fastest, found.rate)
+            if found.rate <= goal:
+                continue
+            for gain in _candidates(program, found, rate, goal):
+                accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain), deadline=lp.deadline)
+                if accepted is not None:
+                    size = _size(plant, accepted.F)
+                    if best is None or size < best[1]:
+                        best = accepted, size
+                    break
+            if best is not None and number >= 1 + len(hints):
                 break
-        if best is not None and number >= 1 + len(hints):
-            break
     if best is not None:
         return succeed(plant, best[0], SMALLEST_GAIN, best[1], best[1])
     proof = _unstructured_refutation(plant, rate, lp)
@@ -123,11 +126,12 @@ def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) 
 def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floats, ...]) -> DesignResult:
     ceiling = 1e5 * plant.scale
     best: Iterate | None = None
-    for number, v in enumerate(program.starts(_MANY_STARTS, hints)):
-        lp.stage(f"vector {number + 1} of {_MANY_STARTS + len(hints)}")
-        found = program.speed_up(v, ceiling)
-        if found is not None and (best is None or found.rate > best.rate):
-            best = found
+    with suppress(OutOfTimeError):
+        for number, v in enumerate(program.starts(_MANY_STARTS, hints)):
+            lp.stage(f"vector {number + 1} of {_MANY_STARTS + len(hints)}")
+            found = program.speed_up(v, ceiling)
+            if found is not None and (best is None or found.rate > best.rate):
+                best = found
     if best is None or best.rate <= 0:
         return (
             DesignResult(

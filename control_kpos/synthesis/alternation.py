@@ -16,12 +16,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .plant import Floats, Plant
 from .ratio import TIERS, Solver
+from .rows import assembled, bordered, diagonals, products, scaled_rows, stacked
 
 _RHO = 1e-2
 _SHIFTS = (1.0, 0.1, 0.01, 1e-4)
@@ -66,13 +68,12 @@ class GainProgram:
         sizes = [np.abs(plant.facets @ A @ plant.rays.T).max() for A, _ in plant.pairs]
         self.unit = max(sizes) / max(inputs) if max(inputs) > 0 and max(sizes) > 0 else 1.0
 
-    def _coefficients(self, left: Floats, k: NDArray[np.intp]) -> Floats:
+    def _coefficients(self, left: Floats, k: NDArray[np.intp]) -> Any:
         """Rows of left_r' L R x_k(r) over the free entries of L."""
-        full = left[:, :, None] * self.seen[k][:, None, :]
-        return full.reshape(len(left), self.shape[0] * self.shape[1])[:, self.free]
+        return products(left, self.seen, k, self.free)
 
     @cached_property
-    def invariance(self) -> tuple[Floats, Floats]:
+    def invariance(self) -> tuple[Any, Floats]:
         """(G, g) with G l + g >= 0: invariance for every vertex, and ports."""
         plant = self.plant
         i, k = np.nonzero(plant.incidence)
@@ -86,34 +87,38 @@ class GainProgram:
             a, b = (index.ravel() for index in np.indices((len(facets), len(plant.rays))))
             rows.append(self._coefficients((facets @ D)[a], b))
             constants.append((facets @ C @ plant.rays.T)[a, b])
-        return np.concatenate(rows), np.concatenate(constants)
+        return stacked(*rows), np.concatenate(constants)
 
     @cached_property
-    def inputs(self) -> tuple[Floats, NDArray[np.intp]]:
+    def inputs(self) -> tuple[Any, NDArray[np.intp]]:
         """Rows of (L R x_k)_j over the free entries, and j for each."""
         j, k = (index.ravel() for index in np.indices((self.plant.m, len(self.plant.rays))))
         return self._coefficients(np.eye(self.plant.m)[j], k), j
 
-    def _bounds(self) -> tuple[Floats, Floats]:
-        """Rows and right-hand sides of |L R x_k| <= bound, or a very large box."""
-        rows, j = self.inputs
-        bound = np.full(self.plant.m, _BOX * self.unit) if self.plant.gain_bound is None else self.plant.gain_bound
-        return np.concatenate([rows, -rows]), np.concatenate([bound[j], bound[j]])
+    @cached_property
+    def _both(self) -> Any:
+        return stacked(self.inputs[0], -self.inputs[0])
 
-    def _stability(self, v: Floats) -> tuple[Floats, Floats, Floats]:
+    def _bounds(self) -> tuple[Any, Floats]:
+        """Rows and right-hand sides of |L R x_k| <= bound, or a very large box."""
+        j = self.inputs[1]
+        bound = np.full(self.plant.m, _BOX * self.unit) if self.plant.gain_bound is None else self.plant.gain_bound
+        return self._both, np.concatenate([bound[j], bound[j]])
+
+    def _stability(self, v: Floats) -> tuple[Any, Floats, Floats]:
         """(S, s, w): v'(drift + B L R) x_k = S l + s, and w = v'x_k."""
         k = np.arange(len(self.plant.rays))
         rows = [self._coefficients(np.tile(v @ B, (len(k), 1)), k) for _, B in self.plant.pairs]
         constants = [self.plant.rays @ (v @ M) for M in self.drifts]
         weights = np.tile(self.plant.rays @ v, len(rows))
-        return np.concatenate(rows), np.concatenate(constants), weights
+        return stacked(*rows), np.concatenate(constants), weights
 
     def any_invariant(self) -> bool | None:
         """Whether some gain keeps X invariant within the bounds; None if the solver failed."""
         G, g = self.invariance
         bounds, right = self._bounds()
         answer = self.lp(
-            np.zeros(len(self.free)), np.concatenate([-G, bounds]), np.concatenate([g, right]), bounds=(-np.inf, np.inf)
+            np.zeros(len(self.free)), stacked(-G, bounds), np.concatenate([g, right]), bounds=(-np.inf, np.inf)
         )
         return {"optimal": True, "infeasible": False}.get(answer.outcome)
 
@@ -124,9 +129,8 @@ class GainProgram:
         if most is not None:
             right = np.minimum(right, most)
         S, s, w = self._stability(v)
-        zero = lambda rows: np.zeros((len(rows), 1))  # noqa: E731
-        rows = np.concatenate([np.hstack([-G, zero(G)]), np.hstack([bounds, zero(bounds)]), np.hstack([S, w[:, None]])])
-        cost = np.append(_RHO * (S / w[:, None]).sum(axis=0) / len(w), -1.0)
+        rows = bordered(stacked(-G, bounds), S, w)
+        cost = np.append(_RHO * scaled_rows(S, 1 / w).sum(axis=0) / len(w), -1.0)
         low = np.full(len(cost), -np.inf)
         high = np.append(np.full(len(self.free), np.inf), ceiling)
         answer = self.lp(cost, rows, np.concatenate([g, right, -s]), bounds=(low, high))
@@ -139,18 +143,9 @@ class GainProgram:
         G, g = self.invariance
         bounds, right = self._bounds()
         S, s, w = self._stability(v)
-        inputs, _ = self.inputs
-        both = np.concatenate([inputs, -inputs])
-        zero = lambda rows: np.zeros((len(rows), 1))  # noqa: E731
-        rows = np.concatenate(
-            [
-                np.hstack([-G, zero(G)]),
-                np.hstack([bounds, zero(bounds)]),
-                np.hstack([S, zero(S)]),
-                np.hstack([both, -np.ones((len(both), 1))]),
-            ]
-        )
-        limits = np.concatenate([g, right, -s - rate * w, np.zeros(len(both))])
+        both = self._both
+        rows = bordered(stacked(-G, bounds, S), both, -np.ones(both.shape[0]))
+        limits = np.concatenate([g, right, -s - rate * w, np.zeros(both.shape[0])])
         cost = np.append(np.zeros(len(self.free)), 1.0)
         answer = self.lp(cost, rows, limits, bounds=(-np.inf, np.inf))
         if not answer:
@@ -162,11 +157,11 @@ class GainProgram:
         G, g = self.invariance
         bounds, right = self._bounds()
         S, s, w = self._stability(v)
-        size = np.abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
+        size = abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
         scale = np.concatenate([np.where(size > 0, size, 1.0), w * max(self.plant.scale, rate)])
-        slack = np.hstack([np.diag(scale * tier) for tier in TIERS])
+        slack = diagonals([scale * tier for tier in TIERS])
         count, free = slack.shape[1], len(self.free)
-        rows = np.block([[np.concatenate([-G, S]), slack], [bounds, np.zeros((len(bounds), count))]])
+        rows = assembled([[stacked(-G, S), slack], [bounds, None]])
         limits = np.concatenate([g, -s - rate * w, np.minimum(right, most)])
         cost = np.concatenate([np.zeros(free), -np.ones(count)])
         low = np.concatenate([np.full(free, -np.inf), np.zeros(count)])

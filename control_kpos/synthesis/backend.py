@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ..deadline import seconds_left
 from ..errors import SolverError
 from ..linear_programs import Solution, failure, guarded, solve, vetted
 
@@ -30,7 +31,7 @@ class Programs:
         None: HiGHS.  A name: that solver through cvxpy.  A callable: f(c, A_ub, b_ub, A_eq, b_eq, bounds)
         that returns x or a `Solution`.
     time_limit : float
-        Seconds for all programs together.
+        Seconds for all programs together; fewer if the search around them ends earlier.
     report : callable, optional
         Told what is being done, line by line.
 
@@ -53,13 +54,13 @@ class Programs:
             self._call = solver
         else:
             raise SolverError(f"solver is {solver!r}; give the name of a solver, a callable, or None for HiGHS.")
-        self.deadline = time.monotonic() + time_limit
+        self.deadline = time.monotonic() + min(time_limit, seconds_left())
         self._report, self._stage, self._count = report, "", 0
 
     @property
     def left(self) -> float:
-        """Seconds until the deadline; not positive after it."""
-        return self.deadline - time.monotonic()
+        """Seconds until the deadline, or to the end of the search around it; not positive after it."""
+        return min(self.deadline - time.monotonic(), seconds_left())
 
     def on_highs(self, most: float = np.inf) -> Programs:
         """The same with HiGHS, whatever the solver, and for `most` seconds."""

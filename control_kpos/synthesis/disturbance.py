@@ -22,6 +22,7 @@ from ..certificates.exact import BilinearForms
 from ..certificates.proofs import Prover
 from ..certificates.result import Certificate, Condition, Status
 from ..cones import Cone, orthant
+from ..deadline import seconds_left
 from ..errors import DataError, ShapeError
 from ..linear_programs import failure
 from ..positivity import PositivityCertificate, cone_positivity
@@ -33,6 +34,7 @@ from .one_shot import succeed
 from .plant import Floats, Plant
 from .ratio import Solver
 from .result import DesignResult
+from .rows import bordered, scaled_rows, stacked
 from .simplicial import SimplicialProgram, gain_of
 
 LINF_GAIN = "L-infinity gain from w to z"
@@ -185,16 +187,13 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     fixed = program._fixed(None)
     drift = program._decreasing(rate)
 
-    def solve(gamma: float | None, cost: Floats, extra: Floats | None = None) -> Any:
-        rows = [np.hstack([fixed, np.zeros((len(fixed), 1))]), np.hstack([-outputs, np.zeros((len(outputs), 1))])]
-        rows += [np.hstack([drift, np.zeros((n, 1))]), np.hstack([total, -np.ones((len(total), 1))])]
-        right = [np.zeros(len(fixed) + len(outputs)), -push, -through]
-        if extra is not None:
-            rows.append(extra)
-            right.append(np.zeros(len(extra)))
+    def solve(gamma: float | None, cost: Floats) -> Any:
+        above = stacked(fixed, -outputs, drift)
+        right = [np.zeros(fixed.shape[0] + outputs.shape[0]), -push, -through]
         low = np.concatenate([np.full(n, 1e-6), np.full(n * m, -np.inf), [-np.inf]])
         high = np.append(np.full(v, np.inf), np.inf if gamma is None else gamma)
-        answer = lp(cost, np.concatenate(rows), np.concatenate(right), bounds=(low, high))
+        rows = bordered(above, total, -np.ones(len(total)))
+        answer = lp(cost, rows, np.concatenate(right), bounds=(low, high))
         inside = bool(answer) and (answer.x[:n] > 0).all()
         return answer if inside or not answer else failure("the solver returned a point that violates the program")
 
@@ -215,11 +214,9 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
         gamma = best + slack * max(abs(best), 1e-6)
         # at this gamma, the smallest |F x_k| with the weights xi of the first point
         xi = first.x[:n]
-        slope = program.slope[: n * m] / np.repeat(xi, m)[:, None]
-        extra = np.hstack([np.concatenate([slope, -slope]), np.zeros((2 * n * m, 1))])
-        size = np.abs(extra[:, :-1] @ first.x[:-1]).max(initial=0.0)
-        margin = 1e-7 * np.abs(program.closed) @ np.abs(first.x[:-1])
-        second = _small(program, fixed, outputs, drift, total, push, through, gamma, extra, size, margin, lp)
+        slope = scaled_rows(program.slope, 1 / np.tile(np.repeat(xi, m), 2))
+        margin = 1e-7 * (abs(program.closed) @ np.abs(first.x[:-1]))
+        second = _small(program, fixed, outputs, drift, total, push, through, gamma, slope, margin, lp)
         for point in (p for p in (second, first.x[:-1]) if p is not None):
             xi, columns = split(point, n, m)
             found = _certify(
@@ -234,33 +231,30 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
 
 def _small(
     program: SimplicialProgram,
-    fixed: Floats,
-    outputs: Floats,
-    drift: Floats,
+    fixed: Any,
+    outputs: Any,
+    drift: Any,
     total: Floats,
     push: Floats,
     through: Floats,
     gamma: float,
-    extra: Floats,
-    size: float,
+    slope: Any,
     margin: Floats,
     lp: Solver,
 ) -> Floats | None:
     """Minimise the largest entry of |F x_k| (frozen weights) with a little margin in every inequality."""
     n, v = program.n, fixed.shape[1]
-    pad = lambda rows: np.hstack([rows, np.zeros((len(rows), 1))])  # noqa: E731
-    extra = np.hstack([extra[:, :-1], -np.ones((len(extra), 1))])
-    rows = np.concatenate([pad(fixed), pad(-outputs), pad(drift), pad(total), extra])
-    shifted = np.zeros(len(fixed))
+    rows = bordered(stacked(fixed, -outputs, drift, total), slope, -np.ones(slope.shape[0]))
+    shifted = np.zeros(fixed.shape[0])
     shifted[: len(margin)] = -margin
     for strength in (1.0, 1e-2, 0.0):
         right = np.concatenate(
             [
                 strength * shifted,
-                np.zeros(len(outputs)),
+                np.zeros(outputs.shape[0]),
                 -push,
                 gamma - through - 1e-6 * abs(gamma),
-                np.zeros(len(extra)),
+                np.zeros(slope.shape[0]),
             ]
         )
         low = np.concatenate([np.full(n, 1e-6), np.full(v - n, -np.inf), [0.0]])
@@ -275,6 +269,8 @@ def _certify(
 ) -> Any:
     E, G, H, D = data
     for candidate in roundings(F):
+        if seconds_left() <= 0:
+            return None
         found = accept(plant, candidate, rate=rate)
         if found is None or not np.array_equal(found.F, candidate):
             continue

@@ -10,7 +10,7 @@ because T^{-1}(A + B F)T is then Metzler and maps xi below -rate xi.  In discret
 for all i, k and the second has (1 - rate) d_i xi_i on its right.  Bounds |F t_k| <= f read |z_k| <= f xi_k.
 
 Everything here works on doubles and on integers alike: the linear programs and the proofs that there is
-no gain are about the same rows.
+no gain are about the same rows.  In doubles they are sparse: a closed row holds 1 + m of n (1 + m) entries.
 """
 
 from __future__ import annotations
@@ -20,25 +20,28 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+
+from .rows import entry_rows, stacked
 
 Rows = NDArray[Any]
 
 
 @dataclass(frozen=True)
 class Inequalities:
-    """Homogeneous rows over x = (xi_1..xi_n, z_1..z_n), z_k in R^m.
+    """Homogeneous rows over x = (xi_1..xi_n, z_1..z_n), z_k in R^m: ndarrays of numbers, or csr_arrays of doubles.
 
     Attributes
     ----------
-    closed : ndarray, shape (R, n + n m)
+    closed : ndarray or csr_array, shape (R, n + n m)
         closed x >= 0.
-    drift : ndarray, shape (S n, n + n m)
+    drift : ndarray or csr_array, shape (S n, n + n m)
         drift x < theta * weight * xi[owner], theta = -rate (continuous) or 1 - rate (discrete).
     weight : ndarray, shape (S n,)
     owner : ndarray of int, shape (S n,)
     labels : tuple
-        What each closed row says: ("positivity", s, i, k), ("gain", j, k), ("output", i, k) ...
+        What each closed row says: ("positivity", s, i, k), ("gain", j, k), ("output", i, k) ...; empty for doubles.
     """
 
     n: int
@@ -55,7 +58,7 @@ class Inequalities:
         return self.n * (1 + self.m)
 
     def decreasing(self, theta: Any) -> Rows:
-        """Rows that must be negative: drift x - theta weight xi[owner]."""
+        """Rows that must be negative: drift x - theta weight xi[owner]; not for doubles."""
         rows = self.drift.copy()
         index = np.arange(len(rows))
         rows[index, self.owner] = rows[index, self.owner] - theta * self.weight
@@ -63,7 +66,7 @@ class Inequalities:
 
     def with_closed(self, rows: Rows, labels: Sequence[tuple[Any, ...]]) -> Inequalities:
         """The same with more closed rows."""
-        closed = np.concatenate([self.closed, rows])
+        closed = stacked(self.closed, rows)
         return Inequalities(self.n, self.m, closed, self.drift, self.weight, self.owner, self.labels + tuple(labels))
 
 
@@ -93,21 +96,24 @@ def feedback_inequalities(
     """
     n, m = len(rays), plants[0][1].shape[1]
     where = np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)
+    exact = facets.dtype == object
     closed, labels = [], []
     for s, (A, B) in enumerate(plants):
         i, k = np.nonzero(where)
         closed.append(column_rows((facets @ A @ rays.T)[i, k], (facets @ B)[i], k, n))
-        labels += [("positivity", s, int(a), int(b)) for a, b in zip(i, k, strict=True)]
+        labels += [("positivity", s, int(a), int(b)) for a, b in zip(i, k, strict=True)] if exact else []
     drift = [
         np.concatenate([facets @ A @ rays.T, np.tile(facets @ B, (1, n))], axis=1) for A, B in drift_plants or plants
     ]
+    if not exact:
+        drift = [sp.csr_array(rows) for rows in drift]
     diagonal = np.array([facets[i] @ rays[i] for i in range(n)], dtype=facets.dtype)
     copies = len(drift)
     return Inequalities(
         n,
         m,
-        np.concatenate(closed),
-        np.concatenate(drift),
+        stacked(*closed),
+        stacked(*drift),
         np.tile(diagonal, copies),
         np.tile(np.arange(n), copies),
         tuple(labels),
@@ -125,12 +131,12 @@ def column_rows(constant: Rows, slope: Rows, k: NDArray[np.intp], n: int) -> Row
     n : int
     """
     count, m = slope.shape
-    dtype = object if object in (constant.dtype, slope.dtype) else float
-    rows = np.zeros((count, n * (1 + m)), dtype=dtype)
-    index = np.arange(count)
-    rows[index, k] = constant
-    for j in range(m):
-        rows[index, n + k * m + j] = slope[:, j]
+    columns = np.concatenate([k[:, None], n + m * k[:, None] + np.arange(m)], axis=1)
+    data = np.concatenate([constant[:, None], slope], axis=1)
+    if data.dtype != object:
+        return entry_rows(data.astype(float), columns, n * (1 + m))
+    rows = np.zeros((count, n * (1 + m)), dtype=object)
+    rows[np.arange(count)[:, None], columns] = data
     return rows
 
 
@@ -139,18 +145,24 @@ def gain_rows(n: int, m: int, lengths: Rows, bound: Rows | None) -> tuple[Rows, 
 
     Returns
     -------
-    slope, level : ndarray, shape (2 n m, n + n m)
+    slope, level : ndarray or csr_array, shape (2 n m, n + n m)
         With `bound` None, level is that of a common bound 1.
     labels : list
+        Empty for doubles.
     """
     k, j = np.divmod(np.arange(n * m), m)
-    dtype = lengths.dtype if bound is None else np.result_type(lengths, bound)
-    level = np.zeros((n * m, n * (1 + m)), dtype=dtype)
-    level[np.arange(n * m), k] = lengths[k] if bound is None else lengths[k] * bound[j]
+    index, width = np.arange(n * m), n * (1 + m)
+    sizes = lengths[k] if bound is None else lengths[k] * bound[j]
+    if sizes.dtype != object:
+        slope = sp.csr_array((np.ones(n * m), (index, n + index)), shape=(n * m, width))
+        level = sp.csr_array((sizes.astype(float), (index, k)), shape=(n * m, width))
+        return stacked(slope, -slope), stacked(level, level), []
+    level = np.zeros((n * m, width), dtype=object)
+    level[index, k] = sizes
     slope = np.zeros_like(level)
-    slope[np.arange(n * m), n + np.arange(n * m)] = 1
+    slope[index, n + index] = 1
     labels = [("gain", int(b), int(a)) for a, b in zip(k, j, strict=True)]
-    return np.concatenate([slope, -slope]), np.concatenate([level, level]), labels + labels
+    return stacked(slope, -slope), stacked(level, level), labels + labels
 
 
 def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:

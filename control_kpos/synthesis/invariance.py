@@ -24,6 +24,9 @@ from ..errors import DataError, TooLargeError
 from ..rational_programs import exact_feasibility
 from .plant import SECONDS_PER_ENTRY, Plant, within_doubles
 
+# Of the check of multipliers, for each entry of the rows; seconds by which it may end after the deadline.
+_SECONDS_TO_CHECK, _OVERTIME = 1e-5, 0.3
+
 
 @register_record
 @dataclass(frozen=True, eq=False)
@@ -131,7 +134,8 @@ def no_invariance(plant: Plant, deadline: float = np.inf) -> NoInvariance | None
         "discrete": plant.discrete,
     }
     pairs = np.prod(plant.X.incidence.shape) * len(plant.A)
-    if pairs * (1 + pattern.sum()) * SECONDS_PER_ENTRY > deadline - time.monotonic():
+    entries = pairs * (1 + pattern.sum())
+    if entries * SECONDS_PER_ENTRY > deadline - time.monotonic():
         return None
     rows, constants = NoInvariance(**data).rows()
     matrix = np.concatenate([rows.T, constants[None, :]])
@@ -144,4 +148,6 @@ def no_invariance(plant: Plant, deadline: float = np.inf) -> NoInvariance | None
         )
     except (TooLargeError, DataError):
         return None
-    return None if weights is None else NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))
+    if weights is None or entries * _SECONDS_TO_CHECK > deadline - time.monotonic() + _OVERTIME:
+        return None
+    return NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))

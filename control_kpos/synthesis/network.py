@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ from ..arguments import flag, items
 from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
 from ..cones import Cone
+from ..deadline import OutOfTimeError
 from ..errors import ActuatorLossWarning, DataError, NotProperConeError, ShapeError
 from ..networks.coupling import read_coupling
 from ..networks.model import NetworkModel, NodeStack, gather
@@ -21,6 +23,7 @@ from ..networks.network import ConeNetwork
 from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from .backend import Programs, SolverChoice
+from .limits import within
 from .network_program import MARGINS, NetworkProgram
 from .network_refusal import beyond_gains, explain_failure
 from .network_units import generator_lengths, own_cones
@@ -35,7 +38,8 @@ BOUNDED = "largest |F_j x_k| relative to its bound"
 # Entries of the closed loop up to which A + B F is formed in rational arithmetic.
 _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
-_NODES_TRIED, _SECONDS_EACH = 50, 10.0
+# Of a proof, for each entry of A; seconds by which a proof may end after the time limit.
+_SECONDS_PER_ENTRY, _OVERTIME = 3e-6, 0.3
 # What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
 _SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
 # Bounds on gains are numbers of a linear program.
@@ -109,17 +113,25 @@ def network_feedback(
     target = read_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
-    single = isinstance(systems, (NodeStack, ConeStateSpace))
-    given = [systems] if single else items(systems, "systems")
-    stacks, members, dt = gather(given)
-    empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
-    model = empty.with_coupling(read_coupling(coupling, empty))
-    _require_nodes(model, uniform)
-    bound = _read_bound(gain_bound, model)
-    cones = own_cones(given)
-    with Reporter(progress) as report:
-        result, alarm = _designed(model, bound, uniform, float(target), Programs(solver, limit, report), cones)
-    if alarm:
+    alarms: list[str] = []
+
+    def design() -> DesignResult:
+        single = isinstance(systems, (NodeStack, ConeStateSpace))
+        given = [systems] if single else items(systems, "systems")
+        stacks, members, dt = gather(given)
+        empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+        model = empty.with_coupling(read_coupling(coupling, empty))
+        _require_nodes(model, uniform)
+        bound = _read_bound(gain_bound, model)
+        cones = own_cones(given)
+        with Reporter(progress) as report:
+            lp = Programs(solver, limit, report)
+            result, alarm = _designed(model, bound, uniform, float(target), lp, cones)
+        alarms.extend([alarm] if alarm else [])
+        return result
+
+    result = within(limit, design)
+    for alarm in alarms:
         warnings.warn(alarm, ActuatorLossWarning, stacklevel=2)
     return result
 
@@ -137,11 +149,21 @@ def _designed(
         result, alarm = _design(model, program, bound, rate, lp)
         if result:
             return result, alarm
-    refused = beyond_gains(model)
+        if lp.left <= 0:
+            break
+    refused = beyond_gains(model) if _effort(model) < lp.left + _OVERTIME else None
+    if lp.left <= 0 and refused is None:
+        message = result.message or "the time limit was reached before gains were found."
+        return DesignResult(Status.UNDECIDED, limit=result.limit, message=message), ""
     if refused is not None or result.message:
         return (result if refused is None else refused), ""
     program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
     return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp), ""
+
+
+def _effort(model: NetworkModel) -> float:
+    """About the seconds that one proof takes."""
+    return sum(s.A.values.size * (1 + s.sizes[1] / 10) for s in model.stacks) * _SECONDS_PER_ENTRY
 
 
 def _require_nodes(model: NetworkModel, uniform: bool) -> None:
@@ -192,7 +214,7 @@ def _design(
         points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
     for x in points:
         for digits in _DIGITS:
-            if lp.left <= 0:
+            if lp.left <= 0 or _effort(model) > lp.left + _OVERTIME:
                 break
             lp.stage(f"{model.n_nodes} nodes: proof with gains of {digits} digits")
             result = _certified(model, program, bound, rate, x, digits, limit)
@@ -204,11 +226,12 @@ def _design(
 
 def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: float, lp: Programs) -> Floats | None:
     """A point with a little more gain than the smallest, and as wide margins as that allows."""
-    for margin in _WIDE if limit > 0 else ():
-        wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
-        point, _ = wide.start(rate, limit * (1 + _SLACK))
-        if point is not None:
-            return point
+    with suppress(OutOfTimeError):
+        for margin in _WIDE if limit > 0 else ():
+            wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
+            point, _ = wide.start(rate, limit * (1 + _SLACK))
+            if point is not None:
+                return point
     return None
 
 

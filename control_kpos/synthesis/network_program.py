@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..deadline import require_seconds, seconds_left
 from ..linear_programs import Solution
 from ..networks.model import NetworkModel, NodeStack
 from .network_units import input_units, state_units
@@ -30,6 +31,8 @@ Index = NDArray[np.intp]
 _STRICT, MARGINS = 1e-6, (1e-1, 1e-3, 1e-6)
 # From this many variables on, the interior point method without crossover is faster than the simplex method.
 _LARGE = 4000
+# Seconds to set up and scale a program, for each entry of its rows.
+_SECONDS_PER_ENTRY = 1e-6
 
 
 class Geometry:
@@ -99,6 +102,7 @@ class NetworkProgram:
         margin: float = MARGINS[-1],
         lengths: list[Floats] | None = None,
     ) -> None:
+        require_seconds(sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks) * _SECONDS_PER_ENTRY)
         self.model, self.uniform, self.margin, self.lengths = model, uniform, margin, lengths
         given = [None] * len(model.stacks) if lengths is None else lengths
         self.parts = [Geometry(s, own) for s, own in zip(model.stacks, given, strict=True)]
@@ -231,6 +235,8 @@ class NetworkProgram:
 
     def start(self, rate: float | None, gain: float | None = None) -> tuple[Floats | None, str]:
         """Any solution, or what the solver said."""
+        if seconds_left() <= 0:
+            return None, "the time limit has passed"
         fixed = self.fixed(rate, gain)
         if gain is None and self.bound is None:
             answer = first_point(fixed, self.slope, self.owner, self.lp)
@@ -336,4 +342,6 @@ def _sum(parts: list[tuple[Floats, Index, Index]], shape: tuple[int, int]) -> sp
 
 def _distinct(rows: sp.csr_array) -> sp.csr_array:
     """Each row once; rows over few shared variables repeat for alike nodes."""
-    return sp.csr_array(np.unique(rows.toarray(), axis=0))
+    keys = rows @ np.random.default_rng(0).standard_normal((rows.shape[1], 2))
+    first = np.unique(keys[:, 0] + 1j * keys[:, 1], return_index=True)[1]
+    return sp.csr_array(rows[np.sort(first)])

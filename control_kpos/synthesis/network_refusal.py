@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix, dense
 from ..certificates.result import Status
 from ..cones import Cone, product
+from ..deadline import OutOfTimeError
 from ..networks.certificate import NetworkCertificate
 from ..networks.certify import violation
 from ..networks.model import NetworkModel, NodeStack
@@ -84,15 +86,16 @@ def beyond_gains(model: NetworkModel) -> DesignResult | None:
 def _nearest(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
 ) -> Nearest | None:
-    if rate > 0:
-        start, _ = program.start(0.0)
-        if start is not None:
-            return Nearest(decay_rate=program.largest_rate(start)[1])
-    if bound is not None:
-        free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
-        start, _ = free.start(rate)
-        if start is not None:
-            return Nearest(gain_bound=free.smallest_gain(rate, start)[1])
+    with suppress(OutOfTimeError):
+        if rate > 0:
+            start, _ = program.start(0.0)
+            if start is not None:
+                return Nearest(decay_rate=program.largest_rate(start)[1])
+        if bound is not None:
+            free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
+            start, _ = free.start(rate)
+            if start is not None:
+                return Nearest(gain_bound=free.smallest_gain(rate, start)[1])
     return None
 
 
@@ -108,11 +111,13 @@ def _blocking_node(
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
             X = cones.get(j, s.X)
+            if lp.left <= 0:
+                return None
             key = (np.asarray(s.A.values[place]).tobytes(), np.asarray(s.B.values[place]).tobytes(), id(X))
             if key in seen:
                 continue
             seen.add(key)
-            if len(seen) > _NODES_TRIED or lp.left <= 0:
+            if len(seen) > _NODES_TRIED:
                 return None
             lp.stage(f"{model.name_of(j)} alone")
             plant = read_plant(node_system(s, place), X, gain_bound=None if bounds is None else bounds[g][place])

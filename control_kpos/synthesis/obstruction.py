@@ -27,6 +27,9 @@ from .inequalities import Inequalities, column_rows, feedback_inequalities, gain
 from .plant import SECONDS_PER_ENTRY, Plant, column_freedom, exact_geometry
 from .repair import repaired_multipliers
 
+# Of the check of multipliers, for each entry of the rows; seconds by which it may end after the deadline.
+_SECONDS_TO_CHECK, _OVERTIME = 1e-5, 0.3
+
 
 @register_record
 @dataclass(frozen=True, eq=False)
@@ -200,7 +203,7 @@ def output_rows(
     """Rows of (C + D F) t_k in Y."""
     i, k = (index.ravel() for index in np.indices((len(facets), len(rays))))
     rows = column_rows((facets @ C @ rays.T)[i, k], (facets @ D)[i], k, len(rays))
-    return rows, [("output", int(a), int(b)) for a, b in zip(i, k, strict=True)]
+    return rows, [("output", int(a), int(b)) for a, b in zip(i, k, strict=True)] if rows.dtype == object else []
 
 
 def _rational(M: ExactMatrix) -> NDArray[np.object_]:
@@ -250,6 +253,8 @@ def decide(
         except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
             return None, None
     if multipliers is not None:
+        if _entries(plant, ports) * _SECONDS_TO_CHECK > deadline - time.monotonic() + _OVERTIME:
+            return None, None
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]
         certificate = NoFeedback.settle(

@@ -6,6 +6,7 @@ safely inside; then proof.  If the program has no solution, Farkas multipliers i
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 from ..arrays import ExactMatrix
 from ..certificates.result import Certificate, Status
 from ..cones import Cone
+from ..deadline import OutOfTimeError
 from ..errors import DataError
 from ..statespace import ConeStateSpace
 from .acceptance import Accepted, accept, closed_loop
@@ -84,13 +86,20 @@ def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
 def _smallest(
     plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str, lp: Programs
 ) -> DesignResult:
+    if lp.left <= 0:
+        return exact_design(plant, rate, lp)
     x, infimum = program.smallest_gain(rate, start)
     allowed = infimum * (1 + GAIN_SLACK)
     fast, reachable = program.largest_rate(x, allowed, tolerance=0.05)
     reachable = min(reachable, rate + plant.scale)
     target = rate + _RATE_SHARE * max(reachable - rate, 0.0)
     # the fast point meets the target with room to spare; the others are fallbacks, each closer to the boundary
-    for point in (program.centred(target, allowed, fast), program.centred(rate, allowed, x), fast, x, start):
+    for make in (
+        lambda: program.centred(target, allowed, fast),
+        lambda: program.centred(rate, allowed, x),
+        *((lambda point=point: point) for point in (fast, x, start)),
+    ):
+        point = make()
         F, inside = program.read(point)
         found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK), deadline=lp.deadline)
         if found is not None:
@@ -123,7 +132,8 @@ def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float
         )
     return DesignResult(
         Status.UNDECIDED,
-        message="the linear program has no solution that could be proven, and exact arithmetic would take too long.",
+        message="the linear program has no solution that could be proven, and exact arithmetic would take too long, or "
+        "longer than the time limit leaves.",
     )
 
 
@@ -141,12 +151,15 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
         )
     if limit <= 0:
         return exact_design(plant, 0.0, lp)
+    result = DesignResult(Status.UNDECIDED)
     for share in (_MAX_RATE_SHARE, 0.99, 0.9):
         again = program.start(limit * share)
         point = x if isinstance(again, Failure) else again
         result = _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
         if result:
             return replace(result, limit=limit)
+        if lp.left <= 0:
+            break
     return result
 
 
@@ -161,16 +174,17 @@ def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProg
 
 def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest | None:
     slowest = bound = None
-    if rate > 0:
-        best = program.supremum_of_rates()
-        if not isinstance(best, Failure):
-            limit = best[1]
-            slowest = limit if np.isfinite(limit) and limit > 0 else None
-    if plant.gain_bound is not None:
-        unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.free, program.lp)
-        start = unbounded.start(rate)
-        if not isinstance(start, Failure):
-            bound = unbounded.smallest_gain(rate, start)[1]
+    with suppress(OutOfTimeError):
+        if rate > 0:
+            best = program.supremum_of_rates()
+            if not isinstance(best, Failure):
+                limit = best[1]
+                slowest = limit if np.isfinite(limit) and limit > 0 else None
+        if plant.gain_bound is not None:
+            unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.free, program.lp)
+            start = unbounded.start(rate)
+            if not isinstance(start, Failure):
+                bound = unbounded.smallest_gain(rate, start)[1]
     return None if slowest is None and bound is None else Nearest(slowest, bound)
 
 

@@ -18,6 +18,7 @@ from ..stability import transpose
 from ..statespace import ConeStateSpace
 from .alternating import design_by_alternation
 from .backend import Programs, SolverChoice
+from .limits import within
 from .one_shot import design_on_simplicial
 from .plant import as_system, read_plant
 from .result import OBSERVER, DesignResult, dual_words
@@ -85,11 +86,17 @@ def output_feedback(
     (True, (1, 1))
     """
     limit, target = read_time_limit(time_limit), read_rate(rate)
-    plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, output=True)
-    if np.any(np.asarray(plant.system.D)):
-        raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
-    with Reporter(progress) as report:
-        result = design_by_alternation(plant, target, Programs(solver, limit, report))
+
+    def design() -> DesignResult:
+        plant = read_plant(
+            sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, output=True
+        )
+        if np.any(np.asarray(plant.system.D)):
+            raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
+        with Reporter(progress) as report:
+            return design_by_alternation(plant, target, Programs(solver, limit, report))
+
+    result = within(limit, design)
     return replace(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
 
 
@@ -145,19 +152,20 @@ def observer_gain(
     (True, (2, 1))
     """
     limit, target = read_time_limit(time_limit), read_rate(rate)
-    system = as_system(sys, X)
-    A, B, C, D = system._data()
-    dual = ConeStateSpace(
-        transpose(A), transpose(C), transpose(B), transpose(D), system.dt, X=system.X.dual, remove_useless_states=False
-    )
-    plant = read_plant(dual, None, gain_bound=gain_bound)
-    design = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
-    with Reporter(progress) as report:
-        result = design(plant, target, Programs(solver, limit, report))
-    if not result:
-        return replace(result, law=OBSERVER)
-    L = result.F.T
-    return _as_observer(result, system, L)
+
+    def design() -> DesignResult:
+        system = as_system(sys, X)
+        A, B, C, D = system._data()
+        dual = ConeStateSpace(
+            *(transpose(M) for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False
+        )
+        plant = read_plant(dual, None, gain_bound=gain_bound)
+        by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
+        with Reporter(progress) as report:
+            result = by(plant, target, Programs(solver, limit, report))
+        return _as_observer(result, system, result.F.T) if result else result
+
+    return replace(within(limit, design), law=OBSERVER)
 
 
 def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> DesignResult:

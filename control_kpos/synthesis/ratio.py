@@ -14,10 +14,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..deadline import seconds_left
 from ..linear_programs import Solution
+from .rows import assembled, bordered, diagonals, scaled, scaled_rows
 
 Floats = NDArray[np.float64]
 Owners = NDArray[np.intp]
@@ -94,7 +95,7 @@ def minimise_ratio(
     x, theta = start, _worst(N, D, start)
     floor = _FLOOR * start[:n] / start[:n].max()
     for _ in range(_STEPS):
-        if not theta > stop:
+        if not theta > stop or seconds_left() <= 0:
             break
         x = x / x[:n].max()
         scale = x[owner]
@@ -116,7 +117,7 @@ def minimise_ratio(
     return x, theta
 
 
-def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: Solver) -> Floats:
+def spread_margins(fixed: Any, rows: Any, x: Floats, owner: Owners, lp: Solver) -> Floats:
     """A point near x where every row that can be positive is so.
 
     Each row, relative to its size, earns for its slack what `TIERS` say: the first 1e-7 as much as the next
@@ -124,7 +125,7 @@ def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: So
 
     Parameters
     ----------
-    fixed, rows : ndarray
+    fixed, rows : ndarray or csr_array
         fixed x <= 0 stays; `rows`, now >= 0, are moved.
     x : ndarray, shape (v,)
     owner : ndarray of int, shape (v,)
@@ -133,38 +134,27 @@ def spread_margins(fixed: Floats, rows: Floats, x: Floats, owner: Owners, lp: So
     Returns
     -------
     ndarray, shape (v,)
-        x itself if the program fails.
+        x itself if the program fails, or time is over.
     """
-    n, v, count = int(owner.max()) + 1, len(x), len(rows)
+    if seconds_left() <= 0:
+        return x
+    n, v, count = int(owner.max()) + 1, len(x), rows.shape[0]
     scale = x[owner]
-    size = np.abs(rows) @ np.abs(x)
+    size = abs(rows) @ np.abs(x)
     size = np.where(size > 0, size, 1.0)
-    relative = rows * scale / size[:, None]
-    slack = np.hstack([np.eye(count) * tier for tier in TIERS])
-    block = np.block([[fixed * scale, np.zeros((len(fixed), slack.shape[1]))], [-relative, slack]])
+    relative = scaled_rows(scaled(rows, scale), 1 / size)
+    slack = diagonals([np.full(count, tier) for tier in TIERS])
+    block = assembled([[scaled(fixed, scale), None], [-relative, slack]])
     cost = np.concatenate([np.zeros(v), -np.ones(slack.shape[1])])
     low = np.concatenate([np.full(n, 0.5), np.full(v - n, -np.inf), np.zeros(slack.shape[1])])
     high = np.concatenate([np.full(n, 2.0), np.full(v - n, np.inf), np.ones(slack.shape[1])])
-    answer = lp(cost, block, np.zeros(len(block)), bounds=(low, high))
+    answer = lp(cost, block, np.zeros(block.shape[0]), bounds=(low, high))
     return answer.x[:v] * scale if answer else x
 
 
 def satisfies(fixed: Any, x: Floats) -> bool:
     """True if fixed x <= 0 up to rounding, relative to the size of each row at x."""
     return bool((fixed @ x <= 1e-7 * (abs(fixed) @ np.abs(x))).all())
-
-
-def scaled(M: Any, scale: Floats) -> Any:
-    """M with its columns multiplied."""
-    return M @ sp.diags_array(scale, format="csr") if sp.issparse(M) else M * scale
-
-
-def bordered(top: Any, bottom: Any, border: Floats) -> Any:
-    """[[top, 0], [bottom, border]]."""
-    if sp.issparse(top):
-        column = sp.csr_array(np.concatenate([np.zeros(top.shape[0]), border])[:, None])
-        return sp.csr_array(sp.hstack([sp.vstack([top, bottom]), column], format="csr"))
-    return np.block([[top, np.zeros((len(top), 1))], [bottom, border[:, None]]])
 
 
 def _worst(N: Any, D: Any, x: Floats) -> float:

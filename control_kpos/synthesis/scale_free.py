@@ -27,8 +27,9 @@ from ..progress import Reporter, Target
 from ..stability import LyapunovCertificate
 from ..statespace import ConeStateSpace
 from .backend import Programs, SolverChoice
+from .limits import within
 from .one_shot import design_on_simplicial
-from .plant import read_plant, require_simplicial
+from .plant import Plant, read_plant, require_simplicial
 from .result import DesignResult
 from .state import read_rate, read_time_limit
 
@@ -82,7 +83,16 @@ def scale_free_feedback(
     """
     limit, target = read_time_limit(time_limit), read_rate(rate)
     value = real_number(weight, "weight", nonnegative=True)
-    plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
+
+    def design() -> DesignResult:
+        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
+        with Reporter(progress) as report:
+            return _design(plant, value, target, Programs(solver, limit, report))
+
+    return within(limit, design)
+
+
+def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> DesignResult:
     system = plant.system
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ShapeError(
@@ -99,16 +109,15 @@ def scale_free_feedback(
             certificate=ports,
             message="B must lie in X and C in X*, which no feedback changes; choose another cone.",
         )
-    product = exact_matrix([[value]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
+    product = exact_matrix([[weight]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
     plant = replace(plant, coupling=ExactMatrix.from_fractions(product))
-    with Reporter(progress) as report:
-        result = design_on_simplicial(plant, target, Programs(solver, limit, report))
+    result = design_on_simplicial(plant, target, lp)
     if not result:
         return result
     proof = result.certificate
     coupled = [c for c in (proof.parts() if proof is not None else ()) if isinstance(c, LyapunovCertificate)][-1]
     closed = ConeStateSpace(result.closed_loop, X=plant.X, U=orthant(1), Y=orthant(1))
-    certificate = out_weight_certificate(closed, value, coupled)
+    certificate = out_weight_certificate(closed, weight, coupled)
     if not certificate:
         return DesignResult(Status.UNDECIDED, message="a gain was found, but the scale-free claim could not be proven.")
     return replace(result, certificate=certificate, decay_rate=certificate.decay_rate)

@@ -11,12 +11,15 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..deadline import seconds_left
 from .inequalities import feedback_inequalities, gain_from_columns, gain_rows, split
 from .obstruction import output_rows
 from .plant import Floats, Plant
 from .ratio import Solver, first_point, minimise_ratio, satisfies, spread_margins
+from .rows import compact, require_room, scaled_rows, stacked
 
 # Decay demanded beyond the required one, relative to the size of the plant on the cone; a cone that is nearly
 # flat makes that size large, so smaller ones are tried as well.
@@ -59,6 +62,7 @@ class SimplicialProgram:
         self.plant, self.lp, self.n, self.m = plant, lp, plant.n, plant.m
         self.strict, self.free = _STRICT[0], free
         n, m = self.n, self.m
+        require_room(2.0 * len(plant.A) * n * n * (1 + m))
         facets = plant.facets / np.einsum("ij,ij->i", plant.facets, plant.rays)[:, None]
         coupled = None
         if plant.coupling is not None:
@@ -69,49 +73,49 @@ class SimplicialProgram:
             q = q.with_closed(*output_rows(C, D, np.asarray(plant.system.Y.facets), plant.rays))
         self.kept = np.concatenate([np.arange(n), n + np.flatnonzero(free.ravel())])
         self.owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), m)])[self.kept]
-        self.closed, self.drift = q.closed[:, self.kept], q.drift[:, self.kept]
-        self.weights = np.zeros_like(self.drift)
-        self.weights[np.arange(len(self.drift)), q.owner] = q.weight
+        self.closed, self.drift = compact(q.closed[:, self.kept]), compact(q.drift[:, self.kept])
+        place = np.arange(len(q.owner)), q.owner
+        self.weights = compact(sp.csr_array((q.weight, place), shape=self.drift.shape))
 
     @cached_property
-    def _gains(self) -> tuple[Floats, Floats, NDArray[np.intp]]:
-        slope, level, labels = gain_rows(self.n, self.m, np.ones(self.n), None)
-        held = np.tile(self.free.ravel(), 2)
-        place = np.ix_(held, self.kept)
-        return slope[place], level[place], np.array([label[1] for label in labels], dtype=int)[held]
+    def _gains(self) -> tuple[Any, Any, NDArray[np.intp]]:
+        slope, level, _ = gain_rows(self.n, self.m, np.ones(self.n), None)
+        held = np.flatnonzero(np.tile(self.free.ravel(), 2))
+        inputs = np.tile(np.arange(self.m), 2 * self.n)[held]
+        return compact(slope[held][:, self.kept]), compact(level[held][:, self.kept]), inputs
 
     @property
-    def slope(self) -> Floats:
+    def slope(self) -> Any:
         """z and -z, entry by entry."""
         return self._gains[0]
 
     @property
-    def level(self) -> Floats:
+    def level(self) -> Any:
         """xi, row by row of `slope`."""
         return self._gains[1]
 
     @cached_property
-    def bounds(self) -> Floats:
+    def bounds(self) -> Any:
         """Rows of the gain bound: must not be positive."""
         bound = self.plant.gain_bound
         if bound is None:
             return np.zeros((0, len(self.kept)))
-        return self.slope - bound[self._gains[2]][:, None] * self.level
+        return self.slope - scaled_rows(self.level, bound[self._gains[2]])
 
     def _theta(self, rate: float) -> float:
         return (1.0 if self.plant.discrete else 0.0) - rate - self.strict * self.plant.scale
 
-    def _decreasing(self, rate: float) -> Floats:
+    def _decreasing(self, rate: float) -> Any:
         return self.drift - self._theta(rate) * self.weights
 
-    def _fixed(self, rate: float | None, gain: float | None = None) -> Floats:
+    def _fixed(self, rate: float | None, gain: float | None = None) -> Any:
         """Rows that must not be positive; `rate` None leaves stability out."""
         parts = [-self.closed, self.bounds]
         if rate is not None:
             parts.append(self._decreasing(rate))
         if gain is not None:
             parts.append(self.slope - gain * self.level)
-        return np.concatenate(parts)
+        return stacked(*parts)
 
     def start(self, rate: float | None) -> Floats | Failure:
         """Any solution, or why there is none.
@@ -123,6 +127,8 @@ class SimplicialProgram:
         """
         failure = Failure("no linear program was tried")
         for self.strict in _STRICT if rate is not None else _STRICT[:1]:
+            if seconds_left() <= 0:
+                return Failure("the time limit has passed", solver=True)
             fixed = self._fixed(rate)
             answer = first_point(fixed, self.slope, self.owner, self.lp)
             if not answer:
@@ -141,19 +147,18 @@ class SimplicialProgram:
         v'(A + B F)t_k under invariance.  Then v becomes the left Perron vector of the closed loop.
         """
         n, free = self.n, self.owner[self.n :]
-        if len(self.drift) != n:
+        if self.drift.shape[0] != n or not free.size:
             return None
-        box = _WIDE * np.abs(self.drift[:, :n]).max() / max(np.abs(self.drift[:, n:]).max(initial=0.0), 1e-300)
+        box = _WIDE * abs(self.drift[:, :n]).max() / max(abs(self.drift[:, n:]).max(), 1e-300)
         shift = (1.0 if self.plant.discrete else 0.0) - rate
-        rows = np.concatenate([-self.closed[:, n:], self.bounds[:, n:]])
+        rows = stacked(-self.closed[:, n:], self.bounds[:, n:])
         limits = np.concatenate([self.closed[:, :n].sum(axis=1), -self.bounds[:, :n].sum(axis=1)])
         v = np.ones(n)
         for _ in range(_POLICIES):
             answer = self.lp(v @ self.drift[:, n:], rows, limits, bounds=(-box, box), presolve=False)
             if not answer:
                 return None
-            z = np.zeros((len(free), n))
-            z[np.arange(len(free)), free] = answer.x
+            z = sp.csr_array((answer.x, (np.arange(len(free)), free)), shape=(len(free), n))
             M = self.drift[:, :n] + self.drift[:, n:] @ z - shift * np.eye(n)
             with np.errstate(all="ignore"):
                 try:
@@ -198,7 +203,7 @@ class SimplicialProgram:
             return start
         x, rate = self.largest_rate(start)
         step = max(abs(rate), 0.1 * self.plant.scale)
-        while np.isfinite(rate) and step > 1e-4 * max(abs(rate), 1e-3 * self.plant.scale):
+        while np.isfinite(rate) and step > 1e-4 * max(abs(rate), 1e-3 * self.plant.scale) and seconds_left() > 0:
             higher = self.start(rate + step)
             if isinstance(higher, Failure):
                 step /= 4
@@ -208,7 +213,7 @@ class SimplicialProgram:
 
     def centred(self, rate: float, gain: float | None, x: Floats) -> Floats:
         """A point near x with margins wherever they are free."""
-        rows = np.concatenate([self.closed, -self._decreasing(rate)])
+        rows = stacked(self.closed, -self._decreasing(rate))
         return spread_margins(self._fixed(rate, gain), rows, x, self.owner, self.lp)
 
     def read(self, x: Floats) -> tuple[Floats, Floats]:

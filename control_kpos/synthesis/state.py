@@ -17,6 +17,7 @@ from ..progress import Reporter, Target
 from .alternating import design_by_alternation
 from .backend import Programs, SolverChoice
 from .disturbance import reject_disturbance
+from .limits import within
 from .modelling import design_with_constraints
 from .one_shot import design_on_simplicial, first_gain
 from .plant import Plant, column_freedom, read_plant, require_simplicial
@@ -129,17 +130,21 @@ def state_feedback(
     """
     method, limit = choice(method, "method", _METHODS), read_time_limit(time_limit)
     target = read_rate(rate)
-    plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
-    with Reporter(progress) as report:
-        lp = Programs(solver, limit, report)
-        if constraints is None and objective is None:
-            return _design(plant, target, disturbance, method, lp)
-        if target == "max" or disturbance is not None:
-            raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
-        blocked = _inputs_leave_cone(plant)
-        if blocked is not None:
-            return blocked
-        return design_with_constraints(plant, float(target), constraints, objective, solver, lp)
+
+    def design() -> DesignResult:
+        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
+        with Reporter(progress) as report:
+            lp = Programs(solver, limit, report)
+            if constraints is None and objective is None:
+                return _design(plant, target, disturbance, method, lp)
+            if target == "max" or disturbance is not None:
+                raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
+            blocked = _inputs_leave_cone(plant)
+            if blocked is not None:
+                return blocked
+            return design_with_constraints(plant, float(target), constraints, objective, solver, lp)
+
+    return within(limit, design)
 
 
 def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp: Programs) -> DesignResult:

@@ -12,10 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import flag
 from ..arrays import vector
 from ..cones import Cone
+from ..deadline import OutOfTimeError, limited_to, seconds_left
 from ..errors import DataError
 from ..progress import Reporter, Target
 from .backend import Programs
-from .plant import column_freedom, read_plant, require_simplicial
+from .plant import Plant, column_freedom, read_plant, require_simplicial
 from .result import DesignResult
 from .simplicial import Failure, SimplicialProgram
 from .state import read_time_limit, state_feedback
@@ -30,6 +31,7 @@ class Tradeoff:
     Attributes
     ----------
     rates : ndarray, shape (k,)
+        Empty if none were given, and time was over before the largest one was known.
     gains : ndarray, shape (k,)
         Smallest max |F x_k| by the linear programs; NaN where the rate is out of reach.
     largest_rate : float
@@ -65,7 +67,7 @@ def gain_rate_tradeoff(
     certify : bool
         True: design and prove a gain at each rate; False: linear programs only.
     time_limit : float
-        Seconds for the linear programs, and for each certified design; gains not found by then are NaN.
+        Seconds for everything; gains not found by then are NaN, and designs UNDECIDED.
     progress : callable or bool, optional
         As in `state_feedback`.
     **demands
@@ -90,30 +92,44 @@ def gain_rate_tradeoff(
     >>> curve.gains.round(2), round(curve.largest_rate, 2)
     (array([5., 5.]), 2.0)
     """
-    plant = read_plant(sys, X, **demands)
-    require_simplicial(plant.X, "the trade-off curve")
-    free = column_freedom(plant)
-    if free is None:
-        raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
     limit, certify = read_time_limit(time_limit), flag(certify, "certify")
-    with Reporter(progress) as report:
+    with limited_to(limit), Reporter(progress) as report:
+        plant = read_plant(sys, X, **demands)
+        require_simplicial(plant.X, "the trade-off curve")
+        free = column_freedom(plant)
+        if free is None:
+            raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
         lp = Programs(None, limit, report)
+        values, gains, largest = _curve(plant, free, rates, lp)
+        designs = []
+        for place, rate in enumerate(values.tolist() if certify else []):
+            report(f"design {place + 1} of {len(values)}")
+            share = max(lp.left, 1e-3) / (len(values) - place)
+            designs.append(state_feedback(sys, X=X, rate=rate, time_limit=share, progress=False, **demands))
+    return Tradeoff(values, gains, largest, tuple(designs))
+
+
+def _curve(
+    plant: Plant, free: NDArray[np.bool_], rates: ArrayLike | None, lp: Programs
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Rates, gains, and the largest rate, as far as time allows."""
+    values, gains, largest = None, np.empty(0), -np.inf
+    try:
         program = SimplicialProgram(plant, free, lp)
         lp.stage("largest decay rate")
         best = program.supremum_of_rates()
-        largest = -np.inf if isinstance(best, Failure) else best[1]
+        largest = -np.inf if isinstance(best, Failure) else float(best[1])
         values = _rates(rates, largest)
         gains = np.full(len(values), np.nan)
         for place, rate in enumerate(values.tolist()):
             lp.stage(f"rate {place + 1} of {len(values)}")
             point = program.start(rate)
-            if not isinstance(point, Failure):
+            if not isinstance(point, Failure) and lp.left > 0:
                 gains[place] = program.smallest_gain(rate, point)[1]
-        designs = []
-        for place, rate in enumerate(values.tolist() if certify else []):
-            report(f"design {place + 1} of {len(values)}")
-            designs.append(state_feedback(sys, X=X, rate=rate, time_limit=limit, progress=False, **demands))
-    return Tradeoff(values, gains, float(largest), tuple(designs))
+    except OutOfTimeError:
+        values = _rates(rates, largest) if values is None else values
+        gains = np.append(gains, np.full(len(values) - len(gains), np.nan))
+    return values, gains, largest
 
 
 def _rates(rates: ArrayLike | None, largest: float) -> NDArray[np.float64]:
@@ -123,6 +139,8 @@ def _rates(rates: ArrayLike | None, largest: float) -> NDArray[np.float64]:
         if not (values >= 0).all():
             raise DataError(f"rates holds {values.min():g}; decay rates are not negative.")
         return values
+    if not 0 < largest < np.inf and seconds_left() <= 0:
+        return np.empty(0)
     if not 0 < largest < np.inf:
         raise DataError("rates is missing, and no finite positive largest rate suggests any; give rates.")
     return np.linspace(0.0, 0.99 * largest, _POINTS)

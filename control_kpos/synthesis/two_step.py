@@ -17,6 +17,7 @@ from .one_shot import succeed
 from .plant import Plant
 from .ratio import Solver
 from .result import DesignResult
+from .rows import stacked
 from .simplicial import gain_of
 
 FIRST_FOUND = "sum of h_i'(A + B F)x_k, in the first step; max |F x_k| at the generators of X"
@@ -34,7 +35,7 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Solver) -> DesignResult:
     for drift, (_, B) in zip(program.drifts, plant.pairs, strict=True):
         rows.append(program._coefficients((plant.facets @ B)[i], k))
         constants.append((plant.facets @ drift @ plant.rays.T)[i, k])
-    inner, constant = np.concatenate(rows), np.concatenate(constants)
+    inner, constant = stacked(*rows), np.concatenate(constants)
     height = (plant.facets @ plant.rays.T)[i, k]
     need = np.tile((rate + program.strict) * height, len(plant.pairs))
     right = np.minimum(right, _BOX * program.unit)
@@ -42,7 +43,7 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Solver) -> DesignResult:
     total = sum(program._coefficients((plant.facets @ B)[every], at).sum(axis=0) for _, B in plant.pairs)
     answer = lp(
         np.asarray(total, dtype=float),
-        np.concatenate([-G, bounds, inner]),
+        stacked(-G, bounds, inner),
         np.concatenate([g, right, -constant - need]),
         bounds=(-np.inf, np.inf),
     )
