@@ -24,6 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from .deadline import seconds_left
 from .errors import ShapeError, SolverError
 
 T = TypeVar("T")
@@ -104,7 +105,8 @@ def solve(
         False: leave out HiGHS's presolve, half of the time where a few hundred rows hold nothing to be simplified;
         with presolve after all if the outcome is not "optimal".
     time_limit : float
-        Seconds after which the outcome is "failed".  Kept also if the solver does not keep it.
+        Seconds after which the outcome is "failed", if the search around it does not end earlier.  Kept also if the
+        solver does not keep it.
 
     Returns
     -------
@@ -146,7 +148,8 @@ def solve(
         return failure("the program has entries that are not finite")
     if any(np.isnan(side).any() for side in box):
         return failure("the program has bounds that are not numbers")
-    answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, time_limit), time_limit)
+    limit = min(time_limit, seconds_left())
+    answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, limit), limit)
     return vetted(answer, cost)
 
 

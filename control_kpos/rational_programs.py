@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .arrays import Integers, exact_matrix, primitive
+from .deadline import seconds_left
 from .errors import ShapeError, TooLargeError
 from .linear_programs import balance, solve
 
@@ -45,7 +46,7 @@ def exact_feasibility(
     work_limit : float
         Estimated multiplications of machine words after which to give up.
     time_limit : float
-        Seconds after which to give up, HiGHS included.
+        Seconds after which to give up, HiGHS included; earlier if the search around it ends.
 
     Returns
     -------
@@ -74,7 +75,7 @@ def exact_feasibility(
     >>> exact_feasibility([[1, 1]], [-1])
     (None, array([Fraction(1, 1)], dtype=object))
     """
-    begun = time.monotonic()
+    deadline = time.monotonic() + min(time_limit, seconds_left())
     matrix, right = _integers(M, b)
     m, n = matrix.shape
     factors = np.array([_common_factor(matrix[i], right[i]) for i in range(m)], dtype=object)
@@ -82,10 +83,10 @@ def exact_feasibility(
     reduced = (matrix * signs[:, None]) // factors[:, None] if m else matrix
     target = (right * signs) // factors if m else right
     phase_one = np.concatenate([reduced, np.eye(m, dtype=int).astype(object)], axis=1)
-    rows, basis = _proposal(reduced, target, time_limit)
+    rows, basis = _proposal(reduced, target, deadline)
     # the artificial variables cost what they cost HiGHS, which saw scaled rows
     cost = np.array([0] * n + [1 << int(r) for r in rows - rows.min(initial=0)], dtype=object)
-    x, y = _simplex(phase_one, target, cost, n, basis, work_limit, begun + time_limit)
+    x, y = _simplex(phase_one, target, cost, n, basis, work_limit, deadline)
     if y is not None:
         y = primitive_fractions(y * signs / factors)
     if (x is not None and _solves(matrix, right, x)) or (y is not None and _excludes(matrix, right, y)):
@@ -172,9 +173,7 @@ def _common_factor(row: Integers, value: Any) -> int:
     return gcd(*(int(v) for v in row), int(value)) or 1
 
 
-def _proposal(
-    matrix: Integers, right: Integers, time_limit: float
-) -> tuple[NDArray[np.int32], NDArray[np.intp] | None]:
+def _proposal(matrix: Integers, right: Integers, deadline: float) -> tuple[NDArray[np.int32], NDArray[np.intp] | None]:
     """Exponents of row scales, and the basis of the scaled phase-one program that HiGHS calls optimal."""
     m, n = matrix.shape
     mantissa, exponent = _frexp(matrix)
@@ -184,7 +183,7 @@ def _proposal(
     power = power + rows
     goal = np.ldexp(size, np.maximum(power - power[size != 0].max(initial=-1100), -1000))
     cost = np.concatenate([np.zeros(n), np.ones(m)])
-    patience = min(time_limit, 1 + _PATIENCE * matrix.size)
+    patience = min(deadline - time.monotonic(), 1 + _PATIENCE * matrix.size)
     answer = solve(cost, A_eq=np.hstack([values, np.eye(m)]), b_eq=goal, time_limit=patience)
     if not answer or answer.basic is None:
         return rows, None

@@ -11,22 +11,22 @@ R stays invertible, so the cone stays pointed and solid; 1'E = 0 keeps the rays 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from ..deadline import seconds_left
 from ..linear_programs import solve
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 60
+# Dense rows of the program for all matrices: what fits into memory, and how fast they are built and solved.
+_MOST_ENTRIES = 10**8
+_ENTRIES_PER_SECOND = 2 * 10**7
 
 
-def simplicial_descent(
-    matrices: Array, R: Array, *, discrete: bool, remaining: Callable[[], float], goal: float = 1e-3
-) -> tuple[Array, float]:
+def simplicial_descent(matrices: Array, R: Array, *, discrete: bool, goal: float = 1e-3) -> tuple[Array, float]:
     """Move n rays until every P_s has the right signs, or no further.
 
     Parameters
@@ -35,8 +35,6 @@ def simplicial_descent(
         Of size about one.
     R : ndarray, shape (n, n)
         Generators to start from, one a column.
-    remaining : callable
-        Seconds left.
     goal : float
         Margin at which to stop.
 
@@ -49,9 +47,9 @@ def simplicial_descent(
     radius = 0.3
     margin = _margin(matrices, R, discrete)
     for _ in range(_ROUNDS):
-        if margin >= goal or radius < 1e-5 or remaining() <= 0:
+        if margin >= goal or radius < 1e-5 or seconds_left() <= 0:
             break
-        step = _step(matrices, R, radius, discrete, remaining())
+        step = _step(matrices, R, radius, discrete)
         if step is None:
             break
         moved = R @ expm(step)  # invertible, whatever the step
@@ -91,9 +89,11 @@ def commutator_rows(P: Array) -> Array:
     return rows.reshape(count, n, n, n * n)
 
 
-def _step(matrices: Array, R: Array, radius: float, discrete: bool, limit: float) -> Array | None:
+def _step(matrices: Array, R: Array, radius: float, discrete: bool) -> Array | None:
     P = _images(matrices, R)
     n = len(R)
+    if P.size * n**2 > min(_MOST_ENTRIES, seconds_left() * _ENTRIES_PER_SECOND):
+        return None
     rows = commutator_rows(P)
     required = required_entries(n, discrete)
     rows = rows[:, required].reshape(-1, n * n)
@@ -113,6 +113,5 @@ def _step(matrices: Array, R: Array, radius: float, discrete: bool, limit: float
         A_eq=heights,
         b_eq=np.zeros(n),
         bounds=(np.append(-upper[:-1], -1e3), upper),
-        time_limit=max(limit, 0.01),
     )
     return answer.x[:-1].reshape(n, n) if answer else None

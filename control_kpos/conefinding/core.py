@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from ..cones import PolyhedralCone
-from .explicit import Candidate, Multipliers, modal_cone
+from .explicit import LARGE, MOST_ENTRIES, Candidate, Multipliers, modal_cone
 from .modes import Modes, modes
 from .multipliers import Frame, multipliers, nonnegative_combination
 from .single import candidates
@@ -124,10 +124,11 @@ def core_inside(split: Split, normals: Array, vectors: Array, shrink: float, *, 
 
 def _one_for_each_mode(m: Modes, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
     parts = _parts(m, discrete, thin=None)
-    thin = sum(part.R.shape[1] for part in parts) > LARGEST_DENSE
-    parts = _parts(m, discrete, thin=True) if thin else parts
-    if len(parts) != len(m.bases):
+    count = sum(part.R.shape[1] for part in parts)
+    if len(parts) != len(m.bases) or count * len(m.right) > MOST_ENTRIES:
         return None
+    thin = count > LARGEST_DENSE
+    parts = _parts(m, discrete, thin=True) if thin else parts
     rows: list[Array] = []
     blocks: list[Block] = []
     start, count = 1, 0
@@ -169,7 +170,7 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
         return None
     A = sl.block_diag(split.dominant, split.S)
     height = np.eye(n)[0]
-    for candidate in candidates(A, modes(A, discrete=discrete), discrete=discrete, max_rays=None):
+    for candidate in candidates(A, modes(A, discrete=discrete), discrete=discrete, max_rays=LARGE):
         if not (candidate.R[0] > 0).all():
             continue
         corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink, largest)

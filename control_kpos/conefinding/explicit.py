@@ -36,7 +36,8 @@ _TIGHT = 1e-4
 LARGE = 1000
 # Separators are compared with all generators; they are left out for more of these.
 _SEPARATED = 3000
-_SECONDS_PER_ENTRY = 5e-8
+# Entries of all generators together at most: two hundred megabytes or so, for R, P and what the proof needs.
+MOST_ENTRIES = 4 * 10**6
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,9 +140,8 @@ def modal_cone(
     best: _Sum | None = None
     for kind in (False, True) if thin is None else (thin,):
         best = best or _smallest_sum(targets, discrete=discrete, thin=kind, most=LARGE if thin is None else None)
-    if best is None or (max_rays is not None and best.size > max_rays):
+    if best is None or best.size > (MOST_ENTRIES // len(m.right) if max_rays is None else max_rays):
         return None
-    require_seconds(_SECONDS_PER_ENTRY * best.size * len(m.right))
     V = np.column_stack([m.right, *m.bases])
     points, unscaled = best.built()
     eye = sp.eye_array(best.size, format="csr")
@@ -165,7 +165,9 @@ def _smallest_sum(targets: NDArray[np.complex128], *, discrete: bool, thin: bool
                 and (thin or not most or built.size <= most)
             ):
                 best = built
-        if best is not None and (best.size > LARGE or seconds_left() <= 0):
+        if best is None:
+            require_seconds()
+        elif best.size > LARGE or seconds_left() <= 0:
             break
     return best
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, pick
+from ..deadline import seconds_left
 from ..linear_programs import solve
 from .certificate import ConeCertificate
 from .commutator import simplicial_descent
@@ -31,15 +31,10 @@ _DENOMINATORS = (1, 12, 1000)
 
 @dataclass(frozen=True)
 class Effort:
-    """Random starts of a search: their seed, how many, and when to stop (`time.monotonic`)."""
+    """Random starts of a search: their seed, and how many."""
 
     seed: int
     restarts: int
-    deadline: float
-
-    def remaining(self) -> float:
-        """Seconds left."""
-        return self.deadline - time.monotonic()
 
 
 def find_common(
@@ -54,7 +49,6 @@ def find_common(
 
     Every attempt is put to the proof; the certificate is REFUTED only with a proven obstruction.
     """
-    remaining = effort.remaining
     units = _units(matrices)
     balanced = np.asarray(matrices.values) * units / units[:, None]
     known = [modes(A, discrete=discrete) for A in balanced]
@@ -69,20 +63,20 @@ def find_common(
     rng = np.random.default_rng(effort.seed)
     best = -np.inf
     for attempt, R in enumerate(_starts(normal, e, w, rng, discrete, effort.restarts, max_rays)):
-        if remaining() <= 0:
+        if seconds_left() <= 0:
             report(f"time limit reached after {attempt} starts")
             break
         if R.shape[1] == R.shape[0]:
-            R, margin = simplicial_descent(normal, R, discrete=discrete, remaining=remaining)
+            R, margin = simplicial_descent(normal, R, discrete=discrete)
         else:
-            place = moving_descent(normal, R, w, discrete=discrete, remaining=remaining)
+            place = moving_descent(normal, R, w, discrete=discrete)
             R, margin = (R, -np.inf) if place is None else (place.X, place.margin)
         best = max(best, margin)
         report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
         if margin < -NEARLY:
             continue
         for rays in _roundings(R, units, margin):
-            certificate = _proven(matrices, rays, units, discrete, remaining)
+            certificate = _proven(matrices, rays, units, discrete)
             if certificate:
                 point = np.asarray(certificate.pointing)
                 index, separators = extreme_generators(np.asarray(rays.values), point)
@@ -170,9 +164,7 @@ def _roundings(R: Array, units: Array, margin: float) -> Iterator[ExactMatrix]:
                 yield ExactMatrix.from_fractions(np.array(rows, dtype=object))
 
 
-def _proven(
-    matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool, remaining: Callable[[], float]
-) -> ConeCertificate:
+def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ConeCertificate:
     """The certificate for these generators, with a common Lyapunov vector if there is one."""
     values = np.asarray(rays.values)
     pointing = pointing_functional(values / units) / units
@@ -181,7 +173,7 @@ def _proven(
     if quick is None:
         found = []
         for s in range(matrices.shape[0]):
-            P = multipliers(pick(matrices, s), rays, pointing, discrete=discrete, remaining=remaining)
+            P = multipliers(pick(matrices, s), rays, pointing, discrete=discrete)
             if P is None:
                 return ConeCertificate.settle(matrices=matrices, discrete=discrete)
             found.append(P)

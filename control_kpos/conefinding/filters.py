@@ -18,6 +18,7 @@ import numpy as np
 from ..arrays import ExactMatrix, pick
 from ..certificates.files import register_record
 from ..certificates.result import Condition
+from ..deadline import require_seconds
 from .existence import SpectralObstruction, excludes_cones, fact, spectral_obstruction, spectrum_polynomial
 from .modes import Modes
 from .polynomials import real_roots_above
@@ -89,7 +90,10 @@ def family_obstruction(
     left = np.array([m.left / np.linalg.norm(m.left) for m in known])
     right = np.array([m.right for m in known])
     cross = left @ right.T
-    cycles = [(cross[i, j] * cross[j, i], (i, j)) for i, j in combinations(range(len(known)), 2)]
+    pairs = np.where(np.tri(len(known), dtype=bool), np.inf, cross * cross.T)
+    cycles: list[tuple[float, tuple[int, ...]]] = [
+        (float(pairs.flat[k]), divmod(k, len(known))) for k in np.argsort(pairs, axis=None)[:4].tolist()
+    ]
     if len(known) <= 24:
         for i, j, k in combinations(range(len(known)), 3):
             cycles += [(cross[a, b] * cross[b, c] * cross[c, a], (a, b, c)) for a, b, c in ((i, j, k), (i, k, j))]
@@ -134,6 +138,7 @@ def _product(
     """The product of resolvents (or powers) up to a positive factor; None where one is not invariant."""
     out = None
     for i, s in zip(cycle, shifts, strict=True):
+        require_seconds()
         A = pick(matrices, i)
         if discrete:
             if s.denominator != 1 or not 1 <= s <= _POWER:

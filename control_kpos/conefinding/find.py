@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Literal
@@ -15,7 +14,8 @@ from ..arrays import ExactMatrix, exact_matrix, pick, plain, transposed
 from ..certificates.exact import BilinearForms
 from ..certificates.result import Status
 from ..cones import Cone
-from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
+from ..deadline import OutOfTimeError, limited_to
+from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError, TooLargeError
 from ..progress import Reporter, Target
 from ..rational_programs import exact_feasibility
 from .certificate import ConeCertificate
@@ -69,7 +69,7 @@ def find_cone(
     seed, restarts : int
         Random starts of such a search.
     time_limit : float
-        Seconds for it; inf for no limit.
+        Seconds for the whole search, after which the answer is UNDECIDED; inf for no limit.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
         terminal or a notebook; False: never; True: also where nobody seems to watch.
@@ -105,9 +105,8 @@ def find_cone(
     by_facets = choice(few, "few", ("rays", "facets")) == "facets"
     most = None if max_rays is None else whole_number(max_rays, "max_rays", least=1)
     timed = None if discrete is None else flag(discrete, "discrete")
-    effort = Effort(
-        whole_number(seed, "seed"), whole_number(restarts, "restarts"), time.monotonic() + seconds(time_limit)
-    )
+    effort = Effort(whole_number(seed, "seed"), whole_number(restarts, "restarts"))
+    limit = seconds(time_limit)
     if isinstance(A, TransferFunction):
         raise DataError("A is a transfer function, which has no state; convert it with control.ss first.")
     if _is_family(A):
@@ -115,7 +114,8 @@ def find_cone(
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
         matrices, timed = family(A, "A"), _timed(A, timed)
         with Reporter(progress) as report:
-            return _carefully(lambda: _common(matrices, most, bool(timed), effort, report), matrices, bool(timed))
+            search = partial(_common, matrices, most, bool(timed), effort, report)
+            return _carefully(search, limit, matrices, bool(timed))
     if isinstance(A, StateSpace):
         matrix, vectors, normals, timed = _of_system(A, contains, within, timed)
     else:
@@ -125,20 +125,23 @@ def find_cone(
     if vectors.shape[0] or normals.shape[0]:
         with Reporter(progress) as report:
             search = partial(_with_ports, matrix, vectors, normals, most, bool(timed), report)
-            return _carefully(search, as_stack([matrix]), bool(timed))
+            return _carefully(search, limit, as_stack([matrix]), bool(timed))
     with Reporter(progress) as report:
         search = partial(_one, matrix, most, bool(timed), by_facets, effort, report)
-        return _carefully(search, as_stack([matrix]), bool(timed))
+        return _carefully(search, limit, as_stack([matrix]), bool(timed))
 
 
-def _carefully(search: Callable[[], FoundCone], matrices: ExactMatrix, discrete: bool) -> FoundCone:
-    """What a search finds; nothing if eigenvalues or singular values do not converge."""
+def _carefully(search: Callable[[], FoundCone], limit: float, matrices: ExactMatrix, discrete: bool) -> FoundCone:
+    """What a search finds; nothing if time is over, or eigenvalues or singular values do not converge."""
     try:
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), limited_to(limit):
             return search()
+    except OutOfTimeError:
+        reason = f"The time limit of {limit:g} s ended the search; more may help."
     except np.linalg.LinAlgError as error:
-        nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
-        return FoundCone(nothing, None, matrices.shape[-1], np.inf, f"Numerical linear algebra failed: {error}.")
+        reason = f"Numerical linear algebra failed: {error}."
+    nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
+    return FoundCone(nothing, None, matrices.shape[-1], np.inf, reason)
 
 
 def _is_family(A: Any) -> bool:
@@ -290,7 +293,10 @@ def _require_room(rows: ExactMatrix, name: str, kind: str, consequence: str) -> 
     if index.size < 2:
         return
     some = pick(rows, index).fractions()
-    weights, _ = exact_feasibility(np.vstack([some.T, np.ones(len(some), dtype=int)]), [0] * some.shape[1] + [1])
+    try:
+        weights, _ = exact_feasibility(np.vstack([some.T, np.ones(len(some), dtype=int)]), [0] * some.shape[1] + [1])
+    except TooLargeError:  # a contradiction would only have ended a search that cannot succeed
+        return
     if weights is not None:
         used = ", ".join(str(k) for k in index[weights > 0][:6])
         raise ConeMismatchError(

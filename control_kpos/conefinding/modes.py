@@ -14,6 +14,11 @@ import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
+from ..deadline import require_seconds
+
+# Eigenvalues, eigenvectors and their condition number take that long for an n x n matrix, divided by n^3.
+SECONDS_PER_CUBE = 3e-9
+
 
 @dataclass(frozen=True, eq=False)
 class Modes:
@@ -56,6 +61,7 @@ def modes(A: NDArray[np.float64], *, discrete: bool = False) -> Modes | None:
 
     Costs one dense eigenvalue decomposition.
     """
+    require_seconds(SECONDS_PER_CUBE * len(A) ** 3)
     values, vectors = np.linalg.eig(A)
     values, vectors = values.astype(complex), vectors.astype(complex)
     first = dominant_index(values, discrete=discrete)
@@ -83,6 +89,7 @@ def modes(A: NDArray[np.float64], *, discrete: bool = False) -> Modes | None:
 
 def eigenbasis(A: NDArray[np.float64]) -> NDArray[np.float64]:
     """Real and imaginary parts of the eigenvectors, columns of length about 1; shape (n, n)."""
+    require_seconds(SECONDS_PER_CUBE * len(A) ** 3)
     values, vectors = np.linalg.eig(A)
     columns = [
         np.real(vectors[:, [i]]) / np.linalg.norm(np.real(vectors[:, i]))

@@ -12,13 +12,13 @@ every ray is what keeps the cone pointed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..deadline import seconds_left
 from ..linear_programs import solve
 
 Array = NDArray[np.float64]
@@ -48,21 +48,20 @@ def moving_descent(
     w: Array,
     *,
     discrete: bool,
-    remaining: Callable[[], float],
     goal: float = 1e-4,
 ) -> Placement | None:
     """Move rays of height w'x = 1 until all multipliers have the right signs, or no further."""
     X = X / (w @ X)
-    place = _solve(matrices, X, None, w, 0.0, discrete, remaining())
+    place = _solve(matrices, X, None, w, 0.0, discrete)
     radius = 0.3
     for _ in range(_ROUNDS):
-        if place is None or place.margin >= goal or radius < 1e-5 or remaining() <= 0:
+        if place is None or place.margin >= goal or radius < 1e-5 or seconds_left() <= 0:
             break
-        moved = _solve(matrices, place.X, place.P, w, radius, discrete, remaining())
+        moved = _solve(matrices, place.X, place.P, w, radius, discrete)
         if moved is None:
             radius /= 3
             continue
-        settled = _solve(matrices, moved.X, None, w, 0.0, discrete, remaining())
+        settled = _solve(matrices, moved.X, None, w, 0.0, discrete)
         if settled is not None and settled.margin > place.margin + 1e-9:
             place, radius = settled, min(1.0, 1.5 * radius)
         else:
@@ -70,9 +69,7 @@ def moving_descent(
     return place
 
 
-def _solve(
-    matrices: Array, X: Array, P0: Array | None, w: Array, radius: float, discrete: bool, limit: float
-) -> Placement | None:
+def _solve(matrices: Array, X: Array, P0: Array | None, w: Array, radius: float, discrete: bool) -> Placement | None:
     """One program; without `P0` the rays stay where they are."""
     M, (n, N) = len(matrices), X.shape
     # Coordinates in which the rays are well spread.
@@ -110,7 +107,6 @@ def _solve(
         A_eq=sp.csr_array(sp.block_array(blocks)),
         b_eq=np.concatenate(right),
         bounds=(lower, upper),
-        time_limit=max(limit, 0.01),
     )
     if not answer:
         return None

@@ -10,7 +10,6 @@ t = 0 the structure of A asks for exact zeros, and exact rational arithmetic tak
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
+from ..deadline import require_seconds
 from ..errors import TooLargeError
 from ..linear_programs import solve
 from ..rational_programs import exact_feasibility
@@ -119,7 +119,6 @@ def multipliers(
     pointing: Array,
     *,
     discrete: bool = False,
-    remaining: Callable[[], float] = lambda: np.inf,
 ) -> ExactMatrix | None:
     """P with A R = R P and the signs that invariance asks for; None if there is none.
 
@@ -129,8 +128,6 @@ def multipliers(
     rays : ExactMatrix, shape (N, n)
     pointing : ndarray, shape (n,)
         Positive on every generator.
-    remaining : callable
-        Seconds left; None is the answer when they are over.
 
     Returns
     -------
@@ -147,14 +144,15 @@ def multipliers(
     size = float(np.abs(images).max()) or 1.0
     columns: list[NDArray] = []
     for j in range(rays.shape[0]):
+        require_seconds()
         p, t = nonnegative_combination(frame, images[:, j], None if discrete else j, size=size)
         column: NDArray | None
         if t > _STRICT:
             column = p * frame.heights[j] / frame.heights
         else:
             image = (A.fractions() * _exact_row(rays, j)[None, :]).sum(axis=1)
-            column = _exact_column(rays, image, None if discrete else j, remaining())
-        if column is None or remaining() <= 0:
+            column = _exact_column(rays, image, None if discrete else j)
+        if column is None:
             return None
         columns.append(column)
     stacked = _stack(columns)
@@ -169,15 +167,15 @@ def _exact_row(m: ExactMatrix, j: int) -> NDArray:
     return np.array([Fraction(x) for x in m.values[j].tolist()], dtype=object)
 
 
-def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None, limit: float = np.inf) -> NDArray | None:
+def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None) -> NDArray | None:
     """An exact combination, by rational arithmetic."""
-    if rays.shape[1] > _EXACT_DIMENSION or limit <= 0:
+    if rays.shape[1] > _EXACT_DIMENSION:
         return None
     R = rays.fractions().T
     if free is not None:
         R = np.concatenate([R, -R[:, [free]]], axis=1)
     try:
-        x, _ = exact_feasibility(ExactMatrix.from_fractions(R), ExactMatrix.from_fractions(target), time_limit=limit)
+        x, _ = exact_feasibility(ExactMatrix.from_fractions(R), ExactMatrix.from_fractions(target))
     except TooLargeError:
         return None
     if x is None or free is None:

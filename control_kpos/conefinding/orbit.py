@@ -19,6 +19,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deadline import require_seconds
 from .core import Core
 from .outlook import Outlook, outlook
 from .split import Split
@@ -104,6 +105,7 @@ def _inside(points: Array, normals: Array) -> NDArray[np.bool_]:
 def _powers(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:
     points = [start]
     while len(points) <= _STEPS:
+        require_seconds()
         if core.holds(points[-1][None])[0]:
             return Orbit(np.array(points), np.ones(len(points) - 1))
         points.append(f.S @ points[-1])
@@ -122,6 +124,7 @@ def _steps(f: Flow, start: Array, normals: Array, core: Core, ahead: Outlook) ->
     history, lengths = [states], []
     size, planned = np.zeros(len(lanes)), 0
     for k in range(_STEPS):
+        require_seconds()
         there = core.holds(states)
         if there.any():
             who = int(owner[np.argmax(there)])

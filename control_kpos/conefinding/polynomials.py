@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
+from ..deadline import require_seconds
 
 Polynomial = list[int]
 
@@ -40,6 +41,7 @@ def characteristic_polynomial(A: ExactMatrix) -> tuple[Polynomial, Fraction]:
     power = np.zeros_like(M)
     eye = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
     for k in range(1, n + 1):
+        require_seconds()
         power = M @ (power + coefficients[-1] * eye) if k > 1 else M.copy()
         coefficients.append(-sum(power[i, i] for i in range(n)) // k)
     return coefficients, Fraction(factor)
@@ -59,6 +61,7 @@ def shift_roots(p: Polynomial, by: Fraction) -> Polynomial:
     out = [c * den**k for k, c in enumerate(p)]
     n = len(out) - 1
     for i in range(n):
+        require_seconds()
         for j in range(1, n + 1 - i):
             out[j] += num * out[j - 1]
     return _primitive([c * den ** (n - k) for k, c in enumerate(out)])
@@ -111,6 +114,7 @@ def moebius(p: Polynomial, radius: Fraction) -> Polynomial:
     n = len(q) - 1
     out = [0] * (n + 1)
     for k, c in enumerate(q):
+        require_seconds()
         term = [c]
         for _ in range(n - k):
             term = multiply(term, [1, 1])
@@ -215,6 +219,7 @@ def _remainder(a: Polynomial, b: Polynomial) -> Polynomial:
     """Remainder of a by b times a positive factor."""
     a = list(a)
     while len(a) >= len(b) and any(a):
+        require_seconds()
         lead = a[0]
         if lead:
             scale = abs(b[0])

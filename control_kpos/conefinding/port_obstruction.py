@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix, pick
 from ..certificates.files import register_record
 from ..certificates.result import Condition
+from ..deadline import require_seconds
 from .existence import fact, spectrum_polynomial
 from .polynomials import real_roots_above
 
@@ -99,6 +100,7 @@ def port_obstruction(
         return None
     for j in range(vectors.shape[0]):
         for i in range(normals.shape[0]):
+            require_seconds()
             b, c = pick(vectors, [j]), pick(normals, [i])
             for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
                 found = PortObstruction(c, b, k, s, value, time, zero)
@@ -188,6 +190,7 @@ def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
         M = A.as_integers()[0]
         x = b
         for _ in range(w.power):
+            require_seconds()
             x = M @ x
         return bool(c @ x < 0)
     if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift) or _is_root(A, w.shift):
@@ -195,6 +198,7 @@ def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
     adjugate, determinant = resolvent(A, w.shift)
     x = b
     for _ in range(w.power):
+        require_seconds()
         x = adjugate @ x
     value = (c @ x) * (1 if determinant > 0 or w.power % 2 == 0 else -1)
     if value < 0:
@@ -225,6 +229,7 @@ def resolvent(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
     # Faddeev and LeVerrier: T^-1 = -(last power) / (last coefficient)
     coefficient, power, before = 1, eye * 0, eye
     for k in range(1, n + 1):
+        require_seconds()
         before = power + eye * coefficient
         power = T @ before
         coefficient = -sum(power[i, i] for i in range(n)) // k

@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
+from ..deadline import seconds_left
 from .modes import eigenbasis
 from .products import as_doubles, summed_products
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 6
+_SECONDS_PER_PRODUCT = 1e-7
 
 
 def modal_coordinates(A: ExactMatrix, matrix: Array, units: Array) -> tuple[Array, Array] | None:
@@ -38,8 +40,10 @@ def modal_coordinates(A: ExactMatrix, matrix: Array, units: Array) -> tuple[Arra
     Returns
     -------
     V, T : ndarray, shape (n, n)
-        None if V is numerically singular.
+        None if V is numerically singular, or time is too short for exact products.
     """
+    if seconds_left() < _ROUNDS * _SECONDS_PER_PRODUCT * len(matrix) ** 3:
+        return None
     basis = eigenbasis(matrix)
     if not np.linalg.cond(basis) < 1e12:
         return None

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from .existence import spectrum_polynomial
-from .explicit import modal_cone
+from .explicit import LARGE, modal_cone
 from .modes import modes
 from .polynomials import circle_part, scale_roots, vanishes, without_roots_of_unity
 from .rationals import Rationals, columns, identity, jordan_chains, nullspace, power, rank, solve_columns
@@ -140,7 +140,7 @@ def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals, di
     reduced[0, 0] = float(dominant)
     reduced[1:, 1:] = inner.astype(float)
     m = modes(reduced, discrete=discrete)
-    found = None if m is None else modal_cone(m, discrete=discrete)
+    found = None if m is None else modal_cone(m, discrete=discrete, max_rays=LARGE)
     if found is None:
         return None
     corners = found.R[1:] / found.R[0]

@@ -8,6 +8,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deadline import require_seconds
+
 Rationals = NDArray[np.object_]
 
 
@@ -20,6 +22,7 @@ def power(M: Rationals, k: int) -> Rationals:
     """M^k."""
     out = identity(len(M))
     for _ in range(k):
+        require_seconds()
         out = out @ M
     return out
 
@@ -29,6 +32,7 @@ def _reduced(M: Rationals) -> tuple[Rationals, list[int]]:
     M = np.array([[Fraction(x) for x in row] for row in M], dtype=object).reshape(M.shape)
     pivots: list[int] = []
     for j in range(M.shape[1]):
+        require_seconds()
         row = len(pivots)
         found = next((i for i in range(row, M.shape[0]) if M[i, j] != 0), None)
         if found is None:

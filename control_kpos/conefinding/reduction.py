@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deadline import require_seconds
 from ..linear_programs import solve
 from .multipliers import Frame
 
@@ -43,6 +44,7 @@ def extreme_generators(
     separators: dict[int, Array] = {}
     order = np.argsort(np.linalg.norm(points - points.mean(axis=0), axis=1))  # inner ones first
     for i in order.tolist():
+        require_seconds()
         is_extreme, separator = _separator(points, i, np.array([j for j in left if j != i], dtype=np.intp))
         if separator is not None:
             separators[i] = frame.to.T @ separator

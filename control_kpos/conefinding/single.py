@@ -18,9 +18,10 @@ import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, as_stack, pick
+from ..deadline import require_seconds
 from .certificate import ConeCertificate
-from .explicit import Candidate, modal_cone
-from .modes import Modes, dominant_index, eigenbasis, modes
+from .explicit import LARGE, Candidate, modal_cone
+from .modes import SECONDS_PER_CUBE, Modes, dominant_index, eigenbasis, modes
 from .multipliers import multipliers
 from .preconditioned import modal_coordinates
 from .products import exact_product
@@ -87,7 +88,8 @@ def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_r
         near = modes(spread(A, part, discrete=discrete), discrete=discrete)
         if near is None or not near.conditioning < (0.1 * m.conditioning if m is not None else np.inf):
             continue
-        found = modal_cone(near, discrete=discrete, max_rays=max_rays)
+        # Multipliers for A itself take a linear program for each generator.
+        found = modal_cone(near, discrete=discrete, max_rays=min(max_rays or LARGE, LARGE))
         if found is not None:
             yield Candidate(found.R, found.pointing, None, found.separators)
     if m is not None and _WELL_CONDITIONED <= m.conditioning < _ILL_CONDITIONED:
@@ -102,6 +104,7 @@ def spread(A: NDArray[np.float64], part: float, *, discrete: bool) -> NDArray[np
     A (nearly) defective A has no usable eigenvectors; a neighbour with less decay has, and its cone has room
     for A.  The dominant eigenvector stays.
     """
+    require_seconds(SECONDS_PER_CUBE * len(A) ** 3)
     values = np.linalg.eigvals(A).astype(np.complex128)
     top = values[dominant_index(values, discrete=discrete)].real
     near = 1e-6 * float(np.abs(values).max(initial=0.0))
@@ -201,7 +204,7 @@ def prove(
             pointing=pointing,
             right_inverse=inverse,
         )
-    if certificate or not programs:
+    if certificate or not programs or rays.shape[0] > LARGE:
         return certificate
     return _prove(stack, rays, pointing, np.linalg.pinv(candidate.R) / units, discrete=discrete)
 

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, concatenate, pick
+from ..deadline import require_seconds
 from .assembly import Assembly, Path, assemble
 from .certificate import ConeCertificate
 from .chain import rational_chains
@@ -159,6 +160,7 @@ class _Search:
                 return
             large: list[tuple[list[Path], Assembly]] = []
             for slack in _SLACK:
+                require_seconds()
                 f = flow(s, slack, discrete=self.discrete)
                 paths = self._paths(f, c, core, to_split, on_boundary)
                 if paths is None:
