@@ -396,9 +396,10 @@ def test_a_refusal_is_remembered(monkeypatch):
     with pytest.raises(TooLargeError):
         _ = X.facets
     monkeypatch.setattr(polyhedral, "convert", lambda _: pytest.fail("it tries again"))
-    for question in (lambda: X.facets, lambda: X.dual.rays, lambda: X.is_proper):
+    for question in (lambda: X.facets, lambda: X.dual.rays, lambda: X.incidence):
         with pytest.raises(TooLargeError, match="17 vectors"):
             question()
+    assert X.is_proper and X.n_rays == 17  # needs no facets
 
 
 def test_less_is_allowed_for_a_while(monkeypatch):

@@ -46,18 +46,14 @@ class Allowance:
     def __init__(self, work: float, integers: float = np.inf) -> None:
         self.work, self.integers = work, integers
 
-    def spend(self, boundary: _Boundary, simplices: int = 0, normals: int = 0) -> None:
-        """Take off what is about to be made; TooLargeError if too little is left."""
-        G = boundary.hyperplanes.G
-        p, n = G.shape
-        self.work -= simplices * n**2
-        if normals:  # fraction-free elimination: n^3 / 2 products of up to n times the digits of the data
-            self.integers -= normals * 0.6 * n**3 * (1 + n * boundary.digits / 1024) ** 1.6
+    def take(self, work: float, p: int, n: int, integers: float = 0.0, so_far: str = "") -> None:
+        """Take off what is about to be done for p vectors in dimension n; TooLargeError if too little is left."""
+        self.work -= work
+        self.integers -= integers
         if min(self.work, self.integers) < 0:
             raise TooLargeError(
                 f"to convert {p} vectors in dimension {n} (generators to facets, or facets to generators) takes too "
-                f"much work: {boundary.taken} of the {p} alone have {len(boundary.signs)} simplicial pieces of facets, "
-                "and more are coming. Use fewer vectors, an orthant, a simplicial cone (n vectors) or a product of "
+                f"much work{so_far}. Use fewer vectors, an orthant, a simplicial cone (n vectors) or a product of "
                 "smaller cones."
             )
 
@@ -195,7 +191,7 @@ class _Boundary:
     def join(self, seen: NDArray[np.bool_], x: int) -> None:
         """Replace the simplices that see x by those joining x to the horizon."""
         ridges = _horizon(self.vertices[seen])
-        self.allowance.spend(self, simplices=len(ridges))
+        self._spend(len(ridges) * self.exact.shape[1] ** 2)
         new = np.sort(np.concatenate([ridges, np.full((len(ridges), 1), x)], axis=1), axis=1)
         holes = np.flatnonzero(seen)
         size = len(seen) + len(new) - len(holes)
@@ -236,6 +232,13 @@ class _Boundary:
         np.put_along_axis(signs, vertices, 0, axis=1)
         return signs
 
+    def _spend(self, work: float, integers: float = 0.0) -> None:
+        p, n = self.hyperplanes.G.shape
+        so_far = (
+            f": {self.taken} of the {p} alone have {len(self.signs)} simplicial pieces of facets, and more are coming"
+        )
+        self.allowance.take(work, p, n, integers, so_far)
+
     def _decide(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> None:
         """Settle unknown signs by integers."""
         at, to = np.nonzero(self.signs[np.ix_(rows, columns)] == _UNKNOWN)
@@ -245,7 +248,9 @@ class _Boundary:
         needed, place = np.unique(at, return_inverse=True)
         missing = needed[~(self.exact[needed] != 0).any(axis=1)]
         if len(missing):
-            self.allowance.spend(self, normals=len(missing))
+            # fraction-free elimination: n^3 / 2 products of up to n times the digits of the data
+            n = self.exact.shape[1]
+            self._spend(0, len(missing) * 0.6 * n**3 * (1 + n * self.digits / 1024) ** 1.6)
             self.exact[missing] = self.hyperplanes.exact(self.vertices[missing])
         G, h = self.hyperplanes.G, self.exact[needed]
         step = max(1, _CHUNK // G.shape[1])
