@@ -11,14 +11,12 @@ vertices are served.  At the cone the smallest gain is then found by the linear 
 from __future__ import annotations
 
 import time
-import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.linalg as sl
-import scipy.signal as ss
 from control import StateSpace
 from numpy.typing import NDArray
 
@@ -26,19 +24,31 @@ from ..arguments import items, seconds, whole_number
 from ..arrays import ExactMatrix, exact_matrix
 from ..certificates.result import Certificate, Status
 from ..cones import Cone, PolyhedralCone
+from ..cones.simplicial import simplicial_facets
+from ..deadline import OutOfTimeError, limited_to, require_seconds, seconds_left
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..progress import Reporter, Target
 from ..statespace import ConeStateSpace
 from ..synthesis import state_feedback
+from ..synthesis.acceptance import accept, slack
+from ..synthesis.one_shot import succeed
+from ..synthesis.plant import read_plant
+from ..synthesis.simplicial import gain_of
 from .explicit import modal_cone
 from .find import square
 from .joint import joint_descent
 from .modes import modes
+from .placement import placed
 
 Array = NDArray[np.float64]
+Pair = tuple[ExactMatrix, ExactMatrix]
 
 # Random pole patterns of the robust search after the ones listed.
 _RANDOM = 1000
+# The facets of 60 generators in integers, where floating point does not do.
+_SECONDS_FOR_SIXTY = 4.0
+# Of a singular value decomposition.
+_SECONDS_PER_STEP = 1.5e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +148,7 @@ def design_cone_and_feedback(
     >>> design.status.name, design.cone.is_simplicial
     ('PROVED', True)
     """
-    end, seed = time.monotonic() + seconds(time_limit), whole_number(seed, "seed")
+    begin, limit, seed = time.monotonic(), seconds(time_limit), whole_number(seed, "seed")
     A, B, dt = _plant(sys, "sys")
     discrete = dt is not None and (dt is True or dt != 0)
     pairs = [
@@ -155,41 +165,58 @@ def design_cone_and_feedback(
         A.values, B.values, np.eye(A.shape[0]), np.zeros((A.shape[0], B.shape[1])), dt if dt is not None else 0
     )
     source = sys if isinstance(sys, StateSpace) else plant
-    rank = _controllable(np.asarray(A.values), np.asarray(B.values))
-    if rank < A.shape[0]:
-        return CodesignResult(
-            Status.UNDECIDED,
-            explanation=(
-                f"(A, B) is not controllable: only {rank} of {A.shape[0]} directions can be moved by the input. "
-                "Design for the controllable part, or use state_feedback with a cone of your own."
-            ),
-        )
-    matrices = np.array([np.asarray(a.values) for a, _ in [(A, B), *pairs]])
-    inputs = np.array([np.asarray(b.values) for _, b in [(A, B), *pairs]])
-
-    def remaining() -> float:
-        return end - time.monotonic()
-
-    with Reporter(progress) as report:
-        for k, F in enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)):
-            if remaining() <= 0:
-                break
-            R = _starting_cone(matrices[0] + inputs[0] @ F, discrete)
-            if R is not None and pairs:
-                R, _, margin = joint_descent(matrices, inputs, R, F, discrete=discrete, remaining=remaining)
-                report(f"poles {k}: margin {margin:.3g}")
-                R = R if margin > 0 else None
-            found = None if R is None else _polished(source, R, pairs, max(remaining(), 0.1))
-            if found:
-                return found
-            report(f"poles {k}: no cone and gain")
+    with limited_to(limit), suppress(OutOfTimeError), Reporter(progress) as report:
+        rank = _controllable(np.asarray(A.values), np.asarray(B.values))
+        if rank < A.shape[0]:
+            return CodesignResult(
+                Status.UNDECIDED,
+                explanation=(
+                    f"(A, B) is not controllable: only {rank} of {A.shape[0]} directions can be moved by the input. "
+                    "Design for the controllable part, or use state_feedback with a cone of your own."
+                ),
+            )
+        found = _search(source, (A, B), pairs, discrete, seed, report)
+        if found is not None:
+            return found
+    lead = (
+        "The time limit was reached before a cone and a gain were found"
+        if limit - (time.monotonic() - begin) <= 0
+        else "No cone and gain were found within the time limit"
+    )
     return CodesignResult(
         Status.UNDECIDED,
         explanation=(
-            "No cone and gain were found within the time limit; none was excluded. Smaller vertices, more inputs, "
+            f"{lead}; none was excluded. Smaller vertices, more inputs, "
             "or more time may help: the dominant pole must stay real and isolated in every vertex."
         ),
     )
+
+
+def _search(
+    source: StateSpace, nominal: Pair, pairs: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
+) -> CodesignResult | None:
+    """Poles after poles, until cone and gain are proven."""
+    matrices = np.array([np.asarray(a.values) for a, _ in [nominal, *pairs]])
+    inputs = np.array([np.asarray(b.values) for _, b in [nominal, *pairs]])
+    for k, gain in enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)):
+        if seconds_left() <= 0:
+            return None
+        F, R = gain, _starting_cone(matrices[0] + inputs[0] @ gain, discrete)
+        if R is not None and pairs:
+            R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete, remaining=seconds_left)
+            report(f"poles {k}: margin {margin:.3g}")
+            R = R if margin > 0 else None
+        found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)
+        if found:
+            return found
+        report(f"poles {k}: no cone and gain")
+    return None
+
+
+def _is_within_reach(R: Array) -> bool:
+    """Whether the facets of the cone can be computed in the time that is left."""
+    seconds = (len(R) / 60) ** 6.5 * _SECONDS_FOR_SIXTY
+    return seconds < seconds_left() or simplicial_facets(ExactMatrix(np.ascontiguousarray(R.T))) is not None
 
 
 def _plant(item: Any, name: str) -> tuple[ExactMatrix, ExactMatrix, Any]:
@@ -208,12 +235,18 @@ def _plant(item: Any, name: str) -> tuple[ExactMatrix, ExactMatrix, Any]:
 
 def _controllable(A: Array, B: Array) -> int:
     """Rank of the controllability matrix, each power scaled to length one."""
-    blocks, block = [], B / (np.linalg.norm(B) or 1.0)
-    for _ in range(len(A)):
+    blocks, block, (n, m) = [], B / (np.linalg.norm(B) or 1.0), B.shape
+    rank, first = 0, min(n, 2 * n // m + 1)
+    for k in range(1, n + 1):
         blocks.append(block)
+        if k in (first, n):  # more columns make no singular value smaller
+            require_seconds(n * n * m * k * _SECONDS_PER_STEP)
+            rank = int(np.linalg.matrix_rank(np.column_stack(blocks), tol=1e-12 * n))
+        if rank == n:
+            break
         block = A @ block
         block = block / (np.linalg.norm(block) or 1.0)
-    return int(np.linalg.matrix_rank(np.column_stack(blocks), tol=1e-12 * len(A)))
+    return rank
 
 
 def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
@@ -263,16 +296,8 @@ def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Itera
 
 
 def _placed(A: Array, B: Array, poles: NDArray[np.floating]) -> Iterator[Array]:
-    keep = sl.orth(B.T).T if np.linalg.matrix_rank(B) < B.shape[1] else None
-    used = B @ keep.T if keep is not None else B
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            K = ss.place_poles(A, used, poles, maxiter=60).gain_matrix
-    except (ValueError, np.linalg.LinAlgError):
-        return
-    F = -K if keep is None else -keep.T @ K
-    if np.isfinite(F).all():
+    F = placed(A, B, np.asarray(poles, dtype=float))
+    if F is not None:
         yield F
 
 
@@ -283,14 +308,15 @@ def _starting_cone(A: Array, discrete: bool) -> Array | None:
     return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
 
 
-def _polished(
-    source: StateSpace, R: Array, pairs: list[tuple[ExactMatrix, ExactMatrix]], limit: float
-) -> CodesignResult | None:
-    """The smallest gain at this cone, for the system and its vertices, with its proof."""
+def _polished(source: StateSpace, R: Array, F: Array, pairs: list[Pair]) -> CodesignResult | None:
+    """The smallest gain at this cone, for the system and its vertices, with its proof; F if that is all there is."""
     cone = PolyhedralCone(np.ascontiguousarray(R.T))
-    plants = [(np.asarray(a.values), np.asarray(b.values)) for a, b in pairs] or None
     system = ConeStateSpace(StateSpace(source.A, source.B, source.C, source.D, source.dt), X=cone)
-    design = state_feedback(system, X=cone, vertices=plants, time_limit=limit)
+    plant = read_plant(system, cone, vertices=pairs or None)
+    given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
+    design = state_feedback(system, X=cone, vertices=pairs or None, time_limit=max(seconds_left(), 1e-3))
+    if not design and given is not None:
+        design = succeed(plant, given, "", gain_of(given.F, plant.rays), float("nan"))
     if not design:
         return None
     poles = np.linalg.eigvals(source.A + source.B @ design.F)

@@ -18,15 +18,19 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from ..deadline import require_seconds
 from ..linear_programs import solve
-from .commutator import commutator_rows, required_entries
+from .commutator import required_entries
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 80
+# Seconds to set up and scale a program, for each entry of its rows.
+_SECONDS_PER_ENTRY = 2e-7
 
 
 def joint_descent(
@@ -97,21 +101,39 @@ def _margin(P: Array, discrete: bool) -> float:
 def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool, limit: float) -> tuple[Array, Array] | None:
     """E and G of one program; `reach` is R^-1 B_s."""
     count, n, m = reach.shape
-    by_gain = np.einsum("sik,lj->sijkl", reach, R).reshape(count, n, n, m * n)
-    rows = np.concatenate([commutator_rows(P), by_gain], axis=3)
-    required = required_entries(n, discrete)
-    entries, sums = rows[:, required].reshape(-1, rows.shape[3]), rows.sum(axis=2).reshape(-1, rows.shape[3])
-    size = float(np.abs(P).max() / max(float(np.abs(by_gain).max(initial=0.0)), 1e-300))
+    eye = sp.eye_array(n, format="csr")
+    required = np.flatnonzero(required_entries(n, discrete))
+    ones = sp.kron(eye, np.ones((1, n)), format="csr")
+    entries, sums = [], []
+    # P E - E P + reach (G R), entry by entry; G R has variables of its own, so that rows have few entries
+    for s in range(count):
+        require_seconds(n * n * (2 * n + m) * _SECONDS_PER_ENTRY)
+        rows = sp.csr_array(
+            sp.hstack([sp.kron(P[s], eye) - sp.kron(eye, P[s].T), sp.csr_array((n * n, m * n)), sp.kron(reach[s], eye)])
+        )
+        entries.append(-rows[required])
+        sums.append(ones @ rows)
+    require_seconds(count * n * n * (2 * n + m) * _SECONDS_PER_ENTRY)
+    bounded = sp.csr_array(sp.vstack([*entries, *sums]))
+    largest = float(np.abs(reach).max(initial=0.0) * np.abs(R).max())
+    size = float(np.abs(P).max() / max(largest, 1e-300))
     most = np.concatenate([np.full(n * n, radius), np.full(m * n, radius * min(size, 1e100))])
-    cost = np.zeros(len(most) + 1)
+    free = np.full(m * n, np.inf)
+    # G R in terms of G
+    same = sp.hstack(
+        [sp.csr_array((m * n, n * n)), sp.kron(sp.eye_array(m), R.T), -sp.eye_array(m * n), sp.csr_array((m * n, 1))]
+    )
+    cost = np.zeros(n * n + 2 * m * n + 1)
     cost[-1] = -1.0
     answer = solve(
         cost,
-        A_ub=np.column_stack([np.concatenate([-entries, sums]), np.ones(len(entries) + len(sums))]),
-        b_ub=np.concatenate([P[:, required].ravel(), (discrete - P.sum(axis=2)).ravel()]),
-        bounds=(np.append(-most, -1e3), np.append(most, 10.0)),
+        A_ub=sp.hstack([bounded, np.ones((bounded.shape[0], 1))], format="csr"),
+        b_ub=np.concatenate([P.reshape(count, -1)[:, required].ravel(), (discrete - P.sum(axis=2)).ravel()]),
+        A_eq=sp.csr_array(same),
+        b_eq=np.zeros(m * n),
+        bounds=(np.concatenate([-most, -free, [-1e3]]), np.concatenate([most, free, [10.0]])),
         time_limit=max(limit, 0.01),
     )
     if not answer:
         return None
-    return answer.x[: n * n].reshape(n, n), answer.x[n * n : -1].reshape(m, n)
+    return answer.x[: n * n].reshape(n, n), answer.x[n * n : n * n + m * n].reshape(m, n)

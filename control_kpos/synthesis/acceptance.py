@@ -34,6 +34,8 @@ _DIGITS = (3, 4, 5, 6, 8, 10, 12, 15)
 _KEPT = 0.5
 # What a proof takes, for each entry of the closed loop and for each product of integers in it.
 _SECONDS_PER_ENTRY, _SECONDS_PER_PRODUCT = 6e-6, 6e-8
+# The same where signs are found in integers, for n^2.2; margins above which floating point finds them.
+_SECONDS_IN_INTEGERS, _CLEAR = 2.5e-4, 1e-12
 # Seconds by which a proof may end after the deadline.
 _OVERTIME = 0.3
 
@@ -287,18 +289,19 @@ def accept(
         return None
     if plant.pattern is not None:
         F = np.where(plant.pattern, F, 0.0)
-    wanted, effort = _slack(plant, F), _seconds(plant)
+    wanted = slack(plant, F)
     for candidate in roundings(F):
-        left = min(deadline - time.monotonic(), seconds_left())
-        if left < 0 or effort > left + _OVERTIME:
+        if min(deadline - time.monotonic(), seconds_left()) < 0:
             return None
         full = candidate if plant.C is None else candidate @ np.asarray(plant.C.values)
         with np.errstate(all="ignore"):
-            slack = _slack(plant, candidate)
-            if not (slack >= np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)).all():
+            margins = slack(plant, candidate)
+            if not (margins >= np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)).all():
                 continue
             if candidate is not F and not np.abs(full @ plant.rays.T).max(initial=0.0) <= gain:
                 continue
+        if _seconds(plant, margins) > min(deadline - time.monotonic(), seconds_left()) + _OVERTIME:
+            return None
         try:
             found = _prove(plant, candidate, rate, x)
         except DataError:  # numbers so large that the closed loop is no double
@@ -310,11 +313,17 @@ def accept(
     return None
 
 
-def _seconds(plant: Plant) -> float:
-    """About what one proof takes, most of it to form A + B F from numbers of any length."""
+def _seconds(plant: Plant, margins: Floats) -> float:
+    """About what one proof takes, most of it to form A + B F from numbers of any length.
+
+    Where margins are so small that signs have to be found in integers, facets in integers take longer.
+    """
     loops = len(plant.A) * (1 if plant.coupling is None else 2)
     forms = plant.n**2 + len(plant.facets) * len(plant.rays) / 50
-    return loops * (_SECONDS_PER_ENTRY * forms + _SECONDS_PER_PRODUCT * plant.n**2 * plant.m)
+    seconds = _SECONDS_PER_ENTRY * forms + _SECONDS_PER_PRODUCT * plant.n**2 * plant.m
+    if plant.X.exact_facets.integer_rows is not None and margins.min(initial=np.inf) < _CLEAR:
+        seconds += _SECONDS_IN_INTEGERS * plant.n**2.2
+    return loops * seconds
 
 
 def _proven_loop(M: ExactMatrix, plant: Plant, rate: float) -> LyapunovCertificate | None:
@@ -325,7 +334,7 @@ def _proven_loop(M: ExactMatrix, plant: Plant, rate: float) -> LyapunovCertifica
     return loop if loop and loop.decay_rate >= rate else None
 
 
-def _slack(plant: Plant, F: Floats) -> Floats:
+def slack(plant: Plant, F: Floats) -> Floats:
     """Relative margins of invariance in floating point, for all vertices."""
     full = F if plant.C is None else F @ np.asarray(plant.C.values)
     out = []

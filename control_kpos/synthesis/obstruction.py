@@ -27,6 +27,8 @@ from .inequalities import Inequalities, column_rows, feedback_inequalities, gain
 from .plant import SECONDS_PER_ENTRY, Plant, column_freedom, exact_geometry
 from .repair import repaired_multipliers
 
+# Of products of fractions, of data as they are given and with facets that have thousands of digits.
+_SECONDS_PER_PRODUCT = 1e-5, 9e-5
 # Of the check of multipliers, for each entry of the rows; seconds by which it may end after the deadline.
 _SECONDS_TO_CHECK, _OVERTIME = 1e-5, 0.3
 
@@ -233,7 +235,8 @@ def decide(
     """
     free = column_freedom(plant)
     left = deadline - time.monotonic()
-    if free is None or _entries(plant, ports) * SECONDS_PER_ENTRY > left:
+    each = _SECONDS_PER_PRODUCT[plant.X.exact_facets.integer_rows is not None]
+    if free is None or _entries(plant, ports) * SECONDS_PER_ENTRY + len(plant.A) * plant.n**3 * each > left:
         return None, None
     q = exact_inequalities(plant, ports)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
