@@ -250,6 +250,7 @@ class _Sum:
         weights, slack = np.zeros(0), np.zeros(0)
         placed = 0
         for step in self.steps:
+            require_seconds()
             N, m, k = len(weights), step.polygon.size, step.place
             shares, ring = step.polygon.shares(thin=self.thin), _circulant(step.polygon.rates)
             if k is None:

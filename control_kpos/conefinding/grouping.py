@@ -16,7 +16,12 @@ from itertools import combinations, permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deadline import require_seconds
+
 Group = tuple[int, ...]
+
+# Pairs, and real modes, with the smallest gaps that look for partners: groups of three grow with the cube.
+_PARTNERS = 60
 
 
 def spectra(
@@ -73,55 +78,55 @@ def groupings(targets: NDArray[np.complex128], top: float, *, discrete: bool, se
     reals = [i for i in by_gap if targets[i].imag == 0]
     if len(pairs) + len(reals) < 2 or not pairs:
         return
-    offers = list(_offers(targets, pairs, reals, top, discrete))
-    alone = dict(zip(pairs, needs(targets[None, pairs], None, discrete=discrete).tolist(), strict=True))
+    pairs, reals = pairs[:_PARTNERS], reals[:_PARTNERS]
+    needed, members = _offers(targets, pairs, reals, top, discrete)
+    alone = np.full(len(targets), -np.inf)
+    alone[pairs] = needs(targets[None, pairs], None, discrete=discrete)
     rng = np.random.default_rng(seed)
     for trial in range(8):
-        margin = (top - np.array([need for need, _ in offers])) * rng.uniform(0.5, 1.5, len(offers)) if trial else None
-        keep = 0.5 * top if trial % 2 else top
-        yield _greedy(offers, alone, by_gap, top, margin, keep)
+        require_seconds()
+        spare = top - needed
+        if trial:
+            spare = spare * rng.uniform(0.5, 1.5, len(spare))
+        yield _greedy(members, alone >= (0.5 * top if trial % 2 else top), spare, by_gap)
 
 
 def _offers(
     targets: NDArray[np.complex128], pairs: list[int], reals: list[int], top: float, discrete: bool
-) -> Iterator[tuple[float, Group]]:
-    """Feasible groups of two or three modes with their needs."""
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Needs of feasible groups of two or three modes, and the groups, one a row, filled up with -1."""
     lists: list[tuple[list[Group], int]] = [
         ([(i, j) for i in pairs for j in reals], 1),
         (list(combinations(pairs, 2)), 2),
         ([(i, j, r) for i, j in combinations(pairs, 2) for r in reals], 2),
         (list(combinations(pairs[:20], 3)), 3),
     ]
+    needed, members = [np.zeros(0)], [np.zeros((0, 3), dtype=np.intp)]
     for groups, k in lists:
         if not groups:
             continue
         index = np.array(groups).T
         real = targets[index[k]].real if len(index) > k else None
         need = needs(targets[index[:k]], real, discrete=discrete)
-        for g in np.flatnonzero(need < top):
-            yield float(need[g]), groups[g]
+        below = np.flatnonzero(need < top)
+        needed.append(need[below])
+        rows = np.full((len(below), 3), -1)
+        rows[:, : len(index)] = index[:, below].T
+        members.append(rows)
+    return np.concatenate(needed), np.concatenate(members)
 
 
 def _greedy(
-    offers: list[tuple[float, Group]],
-    alone: dict[int, float],
-    by_gap: list[int],
-    top: float,
-    margin: NDArray[np.float64] | None,
-    keep: float,
+    members: NDArray[np.intp], helped: NDArray[np.bool_], spare: NDArray[np.float64], by_gap: list[int]
 ) -> list[Group]:
-    """Take the offers one by one: those that help the most pairs first, then those with most to spare."""
-
-    def helped(group: Group) -> int:
-        return sum(1 for i in group if alone.get(i, -np.inf) >= keep)
-
-    spare = [top - need for need, _ in offers] if margin is None else margin
-    ranked = sorted(range(len(offers)), key=lambda g: (-helped(offers[g][1]) / len(offers[g][1]), -spare[g]))
+    """Take the groups one by one: those that help the most of their modes first, then those with most to spare."""
+    share = np.append(helped, False)[members].sum(axis=1) / (members >= 0).sum(axis=1)
+    order = np.lexsort((-spare, -share))
     taken: set[int] = set()
     chosen: list[Group] = []
-    for g in ranked:
-        group = offers[g][1]
-        if helped(group) and not taken.intersection(group):
+    for row in members[order[: np.count_nonzero(share)]].tolist():
+        group = tuple(i for i in row if i >= 0)
+        if not taken.intersection(group):
             chosen.append(group)
             taken.update(group)
     chosen += [(i,) for i in by_gap if i not in taken]

@@ -24,6 +24,9 @@ from ..linear_programs import solve
 Array = NDArray[np.float64]
 
 _ROUNDS = 40
+# Of the program for all matrices: what fits into memory, and how fast it is built and solved.
+_MOST_ENTRIES = 5 * 10**7
+_ENTRIES_PER_SECOND = 4 * 10**6
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,6 +75,9 @@ def moving_descent(
 def _solve(matrices: Array, X: Array, P0: Array | None, w: Array, radius: float, discrete: bool) -> Placement | None:
     """One program; without `P0` the rays stay where they are."""
     M, (n, N) = len(matrices), X.shape
+    entries = M * N * n * (N if P0 is None else 2 * N + n)
+    if entries > min(_MOST_ENTRIES, seconds_left() * _ENTRIES_PER_SECOND):
+        return None
     # Coordinates in which the rays are well spread.
     u, s, _ = np.linalg.svd(X, full_matrices=False)
     if not s[-1] > 1e-9 * s[0]:

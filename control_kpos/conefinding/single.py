@@ -31,6 +31,8 @@ from .rational_modes import rational_cones
 # second, A's own are of use in coordinates close to them only.
 _WELL_CONDITIONED = 1e4
 _ILL_CONDITIONED = 3e5
+# The proof takes a few products of n x n with n x N matrices, and singular values: seconds divided by n^2 N.
+_SECONDS_PER_PRODUCT = 6e-10
 _SPREADS = (0.3, 0.5, 0.7, 0.15)
 
 
@@ -190,6 +192,7 @@ def prove(
     stack: ExactMatrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool, programs: bool
 ) -> ConeCertificate:
     """Put a candidate in balanced coordinates to the proof, with linear programs for P if its own will not do."""
+    require_seconds(_SECONDS_PER_PRODUCT * candidate.R.size * len(units))
     rays = ExactMatrix(np.ascontiguousarray(candidate.R.T * units))
     pointing = candidate.pointing / units
     inverse = candidate.right_inverse / units
@@ -217,6 +220,7 @@ def prove_exactly(
     A: ExactMatrix, rays: ExactMatrix, pointing: NDArray[np.float64], *, discrete: bool
 ) -> tuple[ConeCertificate, None, float]:
     """Certificate, without separators, and conditioning of a cone that may have no margin at all."""
+    require_seconds(_SECONDS_PER_PRODUCT * rays.values.size * rays.shape[1])
     values = np.asarray(rays.values).T
     certificate = _prove(as_stack([A]), rays, pointing, np.linalg.pinv(values), discrete=discrete)
     return certificate, None, flatness(values)
