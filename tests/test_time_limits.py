@@ -6,8 +6,10 @@ import time
 import control as ct
 import numpy as np
 import pytest
+from scipy.linalg import block_diag
 
 import control_kpos as kp
+from control_kpos.deadline import OutOfTimeError, limited_to, require_seconds, seconds_left
 
 LIMIT = 0.3
 # Bounds that only something that hangs exceeds, however loaded the machine is.
@@ -28,6 +30,23 @@ def vertices(n, m):
     return [(A, plant(n, m).B) for A in family(n, 4)]
 
 
+def whole_numbers(n):
+    return np.random.default_rng(0).integers(-3, 4, (n, n)).astype(float)
+
+
+def oscillations(count):
+    """A dominant eigenvalue, and pairs that decay slowly: thousands of rays for each."""
+    blocks = [[[-1e-3, 1 + 0.01 * k], [-1 - 0.01 * k, -1e-3]] for k in range(count)]
+    return block_diag(*blocks, 0)
+
+
+def far_apart():
+    """A matrix, vectors and half-spaces whose orbits are long."""
+    rng = np.random.default_rng(0)
+    T = np.linalg.qr(rng.standard_normal((16, 16)))[0]
+    return T @ np.diag(-np.arange(16.0)) @ T.T, rng.standard_normal((5, 16)) + 3, rng.standard_normal((5, 16)) + 3
+
+
 def waves(size):
     """A nonlinear system with sums of many waves, whose enclosures are slow and wide."""
 
@@ -45,6 +64,12 @@ def tanks(count):
 SEARCHES = {
     "find_cone": lambda **k: kp.find_cone(family(5, 3, seed=4), restarts=10**9, **k),
     "find_cone of a large matrix": lambda **k: kp.find_cone(family(60, 1)[0], **k),
+    "find_cone of a very large matrix": lambda **k: kp.find_cone(family(1200, 1)[0], **k),
+    "find_cone of whole numbers": lambda **k: kp.find_cone(whole_numbers(60), **k),
+    "find_cone of slow oscillations": lambda **k: kp.find_cone(oscillations(30), **k),
+    "find_cone of a large family": lambda **k: kp.find_cone(family(200, 3), restarts=10**9, **k),
+    "find_cone of a long family": lambda **k: kp.find_cone(family(4, 3000), restarts=10**9, **k),
+    "find_cone with inputs and outputs": lambda **k: kp.find_cone(*far_apart(), **k),
     "design_cone_and_feedback": lambda **k: kp.design_cone_and_feedback(plant(10, 2), vertices(10, 2), **k),
     "state_feedback": lambda **k: kp.state_feedback(plant(5, 3), X=kp.lorentz(5, 40), rate="max", **k),
     "state_feedback on an orthant": lambda **k: kp.state_feedback(plant(40, 8), rate="max", gain_bound=5, **k),
@@ -69,6 +94,26 @@ def test_searches_end(name):
     status = getattr(answer, "status", kp.Status.UNDECIDED)
     check = getattr(answer, "check", None) or getattr(getattr(answer, "certificate", None), "check", None)
     assert status is kp.Status.UNDECIDED or (check is not None and check())
+
+
+def test_a_search_that_was_ended_says_so():
+    found = kp.find_cone(family(1200, 1)[0], time_limit=LIMIT)
+    assert found.status is kp.Status.UNDECIDED and not found.certificate
+    assert f"The time limit of {LIMIT} s ended the search" in found.explain()
+
+
+def test_limits_end_with_the_search():
+    with limited_to(LIMIT):
+        with limited_to(1e6):
+            assert 0 < seconds_left() <= LIMIT
+            require_seconds(LIMIT / 100)
+            with pytest.raises(OutOfTimeError, match="would be needed"):
+                require_seconds(2 * LIMIT)
+        with pytest.raises(ZeroDivisionError), limited_to(LIMIT / 2):
+            _ = 1 / 0
+        assert seconds_left() > LIMIT / 4
+    assert seconds_left() == np.inf
+    require_seconds(1e300)
 
 
 @pytest.mark.parametrize("name", sorted({name.split(" ")[0].rstrip(",") for name in SEARCHES}))
