@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from ..cones import PolyhedralCone
+from ..errors import TooLargeError
 from .explicit import LARGE, MOST_ENTRIES, Candidate, Multipliers, modal_cone
 from .modes import Modes, modes
 from .multipliers import Frame, multipliers, nonnegative_combination
@@ -181,7 +182,10 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
             continue
         weights, t = nonnegative_combination(frame, frame.to @ height, size=1.0)
         if t > 0:
-            facets = PolyhedralCone(points).facets
+            try:
+                facets = PolyhedralCone(points).facets
+            except TooLargeError:
+                continue
             block = Block(slice(0, len(points)), slice(1, n), -facets[:, 1:] / facets[:, :1])
             return Core(points, np.asarray(P.values), weights / frame.heights, [block])
     return None
