@@ -330,14 +330,17 @@ def jacobian_pieces(
     n: int,
     decided: Callable[[Array, Array], bool],
     most: int,
-    late: Callable[[], bool] = lambda: False,
+    late: Callable[[int], bool] = lambda _: False,
 ) -> Iterator[tuple[Array, Array]]:
-    """Enclosures on at most `most` boxes that cover `whole`, cut in two where `decided` says no, until it is late."""
+    """Enclosures on at most `most` boxes that cover `whole`, cut in two where `decided` says no, until it is late.
+
+    `late` is told how many boxes wait.
+    """
     waiting, produced = [(whole, 0)], 0
     while waiting:
         box, depth = waiting.pop()
         wide = box[:, 1] - box[:, 0]
-        final = produced + len(waiting) + 1 >= most or not wide.any() or late()
+        final = produced + len(waiting) + 1 >= most or not wide.any() or late(len(waiting) + 1)
         try:
             centre, radius = enclosed_jacobian(function, box, n)
         except UnboundedError as error:

@@ -201,14 +201,15 @@ def _search(
     for k, gain in enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)):
         if seconds_left() <= 0:
             return None
-        F, R = gain, _starting_cone(matrices[0] + inputs[0] @ gain, discrete)
-        if R is not None and pairs:
-            R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete, remaining=seconds_left)
-            report(f"poles {k}: margin {margin:.3g}")
-            R = R if margin > 0 else None
-        found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)
-        if found:
-            return found
+        with suppress(OutOfTimeError):  # other poles may need less
+            F, R = gain, _starting_cone(matrices[0] + inputs[0] @ gain, discrete)
+            if R is not None and pairs:
+                R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete, remaining=seconds_left)
+                report(f"poles {k}: margin {margin:.3g}")
+                R = R if margin > 0 else None
+            found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)
+            if found:
+                return found
         report(f"poles {k}: no cone and gain")
     return None
 

@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 _TURNS = 10
 _TINY = 1e-12
+# Condition of the eigenvectors beyond which the poles of A + B F are anywhere.
+_WORST = 1e15
 # Seconds for each of n^4 operations on the subspaces.
 _SECONDS_PER_STEP = 1.5e-9
 
@@ -50,6 +52,8 @@ def placed(A: Array, B: Array, poles: Array) -> Array | None:
     try:
         with np.errstate(all="ignore"):
             X = _far_apart(_subspaces(A, B, poles))
+            if not np.linalg.cond(X) < _WORST:
+                return None
             F = np.linalg.pinv(B, rcond=_TINY) @ (np.linalg.solve(X.T, (X * poles).T).T - A)
     except np.linalg.LinAlgError:
         return None

@@ -176,7 +176,10 @@ class DifferentialCertificate(Certificate):
                 "arithmetic only, so that its Jacobian can be enclosed."
             )
         if not self:
-            return "Undecided: the enclosed Jacobians are too wide for this cone. Try a smaller region or more pieces."
+            return (
+                "Undecided: the enclosed Jacobians are too wide for this cone, or the time limit was reached before "
+                "all of them were decided. Try a smaller region, more pieces, or more time."
+            )
         order = (
             f"The {'map' if self.discrete else 'flow'} is monotone in the order of X: solutions that start ordered "
             "stay ordered, while they remain in the region."

@@ -14,7 +14,9 @@ all displacements d in X: the flow contracts.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -42,6 +44,10 @@ Array = NDArray[np.float64]
 _SAMPLES = 200
 # Share of the time that goes into enclosures; the rest looks for a violation.
 _FOR_PROOFS = 0.7
+# Last steps of each kind that an estimate rests on.
+_TIMED = 15
+# Seconds by which a decision may end after the time limit; to set up a linear program, for each of its entries.
+_OVERTIME, _SECONDS_PER_ENTRY = 0.3, 2e-7
 
 
 def differential_positivity(
@@ -71,7 +77,7 @@ def differential_positivity(
     pieces : int
         Largest number of boxes the region may be cut into to tighten the enclosure.
     time_limit : float
-        Seconds after which no box is cut any more.
+        Seconds; what is not settled by then is UNDECIDED.  Boxes are cut while the decisions about them still fit.
 
     Returns
     -------
@@ -99,16 +105,41 @@ def differential_positivity(
     X = as_cone(X, "X")
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")
-    begin, limit, pieces = time.monotonic(), seconds(time_limit), whole_number(pieces, "pieces", least=1)
+    clock, pieces = _Clock(seconds(time_limit)), whole_number(pieces, "pieces", least=1)
     if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
-        return _of_system(jacobians, X, region, inputs, pieces, lambda part: time.monotonic() > begin + part * limit)
+        return _of_system(jacobians, X, region, inputs, pieces, clock)
     if isinstance(jacobians, StateSpace):
         timed = jacobians.dt is not None and (jacobians.dt is True or jacobians.dt != 0)
         jacobians = [jacobians.A]
     elif region is not None or inputs is not None:
         raise DataError(f"{'region' if region is not None else 'inputs'} is for a system, not for matrices.")
     stack = _vertices(jacobians, X)
-    return _settled(stack, np.zeros(stack.shape), X, bool(timed), "vertices", None)
+    return _settled(stack, np.zeros(stack.shape), X, bool(timed), "vertices", clock)
+
+
+class _Clock:
+    """The time limit, and what an enclosure and a decision about one piece take, as measured."""
+
+    def __init__(self, limit: float) -> None:
+        self._begin, self.limit, self.last_decision = time.monotonic(), limit, False
+        self._spent: dict[str, deque[float]] = {kind: deque(maxlen=_TIMED) for kind in ("enclosure", "decision")}
+
+    @property
+    def left(self) -> float:
+        return self._begin + self.limit - time.monotonic()
+
+    @contextmanager
+    def timing(self, kind: str) -> Iterator[None]:
+        """Time one step."""
+        begin = time.monotonic()
+        try:
+            yield
+        finally:
+            self._spent[kind].append(time.monotonic() - begin)
+
+    def needed(self, kind: str, count: int) -> float:
+        """Seconds for so many more steps."""
+        return count * float(np.median(self._spent[kind])) if self._spent[kind] else 0.0
 
 
 def _vertices(data: Any, X: Cone) -> ExactMatrix:
@@ -127,23 +158,36 @@ def _vertices(data: Any, X: Cone) -> ExactMatrix:
 
 
 def _settled(
-    centres: ExactMatrix, radii: Array, X: Cone, discrete: bool, source: str, points: Array | None
+    centres: ExactMatrix, radii: Array, X: Cone, discrete: bool, source: str, clock: _Clock
 ) -> DifferentialCertificate:
     """The certificate for enclosed or given Jacobians, with a violation or a common vector if there is one."""
     data: dict[str, Any] = {"centres": centres, "radii": radii, "X": X, "discrete": discrete, "source": source}
+    draft, count = DifferentialCertificate(**data), centres.shape[0]
+    for s in range(min(count, _TIMED)):
+        with clock.timing("decision"):
+            invariance(draft, s).verdict()
+    if clock.needed("decision", count) > clock.left + _OVERTIME:
+        witness = _violation(draft, None, clock)
+        return draft if witness is None else DifferentialCertificate.settle(**data, witness=witness)
     plain = DifferentialCertificate.settle(**data)
     if plain.status is not Status.PROVED:
-        witness = _violation(plain, points)
+        witness = _violation(plain, None, clock)
         return plain if witness is None else DifferentialCertificate.settle(**data, witness=witness)
-    v = _common_vector(np.asarray(centres.values), radii, X, discrete)
-    if v is None:
+    if clock.needed("decision", count) > clock.left:
+        return plain
+    v = _common_vector(np.asarray(centres.values), radii, X, discrete, clock.left)
+    if v is None or clock.needed("decision", 2 * count) > clock.left + _OVERTIME:
         return plain
     contracting = DifferentialCertificate.settle(**data, v=v)
     return contracting if contracting else plain
 
 
-def _violation(certificate: DifferentialCertificate, points: Array | None) -> DifferentialViolation | None:
+def _violation(
+    certificate: DifferentialCertificate, points: Array | None, clock: _Clock
+) -> DifferentialViolation | None:
     for s in range(certificate.centres.shape[0]):
+        if s and clock.left < 0:
+            break
         radius = certificate.radii[s]
         if radius.any() and points is None:
             continue
@@ -164,7 +208,7 @@ def _of_system(
     region: ArrayLike | None,
     inputs: ArrayLike | None,
     pieces: int,
-    late: Callable[[float], bool],
+    clock: _Clock,
 ) -> DifferentialCertificate:
     n = int(sys.nstates or 0)
     if X.dim != n:
@@ -173,39 +217,61 @@ def _of_system(
         raise DataError("region is missing: give the lower and upper bound of each state, shape (n, 2).")
     box, held = _box(region, n, "region"), _box(inputs, int(sys.ninputs or 0), "inputs")
     discrete = sys.dt is not None and (sys.dt is True or sys.dt != 0)
-    clock = _AnyTime()
-    function = _closed_over(sys, n, clock)
+    instant = _AnyTime()
+    function = _closed_over(sys, n, instant)
     whole = np.concatenate([box, held])
 
     def decided(centre: Array, radius: Array) -> bool:
-        piece = DifferentialCertificate(centres=ExactMatrix(centre[None]), radii=radius[None], X=X, discrete=discrete)
-        return invariance(piece, 0).verdict() is True
+        with clock.timing("decision"):
+            piece = DifferentialCertificate(
+                centres=ExactMatrix(centre[None]), radii=radius[None], X=X, discrete=discrete
+            )
+            clock.last_decision = invariance(piece, 0).verdict() is True
+        return clock.last_decision
+
+    def enclosed(z: Any) -> Any:
+        with clock.timing("enclosure"):
+            return function(z)
+
+    found: list[tuple[Array, Array]] = []
+    open_: list[tuple[Array, Array]] = []  # pieces that were not cut, and not decided
+
+    def late(waiting: int) -> bool:
+        more = clock.needed("enclosure", waiting) + clock.needed("decision", len(found) + waiting)
+        return more > clock.left - (1 - _FOR_PROOFS) * clock.limit
 
     try:
-        found = list(jacobian_pieces(function, whole, n, decided, pieces, lambda: late(_FOR_PROOFS)))
+        for piece in jacobian_pieces(enclosed, whole, n, decided, pieces, late):
+            found.append(piece)
+            if not clock.last_decision:
+                open_.append(piece)
+            clock.last_decision = False
     except UnsupportedError:
-        if clock.was_read:
+        if instant.was_read:
             raise DataError(
                 "jacobians: the system depends on time t; differential positivity is about systems that do not. "
                 "Make t an input and give its range with inputs."
             ) from None
-        return _sampled(sys, X, box, held, discrete)
+        return _sampled(sys, X, box, held, discrete, clock)
     centres, radii = np.array([c for c, _ in found]), np.array([r for _, r in found])
     data = {"centres": ExactMatrix(centres), "X": X, "discrete": discrete}
-    certificate = _settled(ExactMatrix(centres), radii, X, discrete, "enclosed", None)
+    if all(decided(*piece) for piece in open_):
+        certificate = _settled(ExactMatrix(centres), radii, X, discrete, "enclosed", clock)
+    else:
+        certificate = DifferentialCertificate(**data, radii=radii, source="enclosed")
     if certificate:
         return certificate
     for k, point in enumerate(box_points(whole, 60)):
-        if k and late(1.0):
+        if clock.needed("enclosure", 1) + clock.needed("decision", 3) > clock.left + (0.0 if k else _OVERTIME):
             break
         try:
-            centre, radius = enclosed_jacobian(function, np.column_stack([point, point]), n)
+            centre, radius = enclosed_jacobian(enclosed, np.column_stack([point, point]), n)
         except UnboundedError:
             continue
         single = DifferentialCertificate.settle(
             **{**data, "centres": ExactMatrix(centre[None])}, radii=radius[None], source="enclosed"
         )
-        witness = _violation(single, point[None, :n])
+        witness = _violation(single, point[None, :n], clock)
         if witness is not None:
             return DifferentialCertificate.settle(**data, radii=radii, source="enclosed", witness=witness)
     return certificate
@@ -238,13 +304,23 @@ def _closed_over(sys: NonlinearIOSystem, n: int, clock: _AnyTime) -> Callable[[A
     return function
 
 
-def _sampled(sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete: bool) -> DifferentialCertificate:
-    """Jacobians by central differences at points of the region."""
+def _sampled(
+    sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete: bool, clock: _Clock
+) -> DifferentialCertificate:
+    """Jacobians by central differences at points of the region, as many as there is time for."""
     n = len(box)
-    points = box_points(np.concatenate([box, held]), _SAMPLES)
-    stack = np.array(
-        [jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box) for point in points]
-    )
+    found = []
+    for point in box_points(np.concatenate([box, held]), _SAMPLES):
+        if found and clock.needed("enclosure", 1) + clock.needed("decision", len(found) + 1) > clock.left:
+            break
+        with clock.timing("enclosure"):
+            found.append(jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box))
+        with clock.timing("decision"):
+            sample = DifferentialCertificate(
+                centres=ExactMatrix(found[-1][None]), radii=np.zeros((1, n, n)), X=X, discrete=discrete
+            )
+            invariance(sample, 0).verdict()
+    stack = np.array(found)
     if not np.isfinite(stack).all():
         raise DataError("the Jacobian is not finite at some points of region; choose a smaller region.")
     return DifferentialCertificate.settle(
@@ -264,8 +340,10 @@ def _box(data: ArrayLike | None, n: int, name: str) -> Array:
     return box
 
 
-def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Array | None:
+def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool, time_limit: float) -> Array | None:
     """v in int X* with v'J x < 0 for all enclosed J: a linear program in v and sizes w >= |v|."""
+    if len(centres) * X.n_rays * X.dim * _SECONDS_PER_ENTRY > time_limit:
+        return None
     rays = np.asarray(X.rays, dtype=float)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     n = rays.shape[1]
@@ -283,5 +361,5 @@ def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Arr
     cost = np.zeros(2 * n + 1)
     cost[-1] = -1.0
     lower = np.concatenate([np.full(n, -1.0), np.zeros(n + 1)])
-    answer = solve(cost, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(lower, np.ones(2 * n + 1)))
+    answer = solve(cost, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(lower, np.ones(2 * n + 1)), time_limit=time_limit)
     return answer.x[:n] if answer and answer.x[-1] > 1e-9 else None

@@ -7,11 +7,13 @@ conditions are linear in F, and v is improved in turns as in `alternation`.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from ..certificates.result import Status
+from ..deadline import OutOfTimeError
 from ..errors import DataError
 from ..linear_programs import guarded
 from .acceptance import Accepted, accept
@@ -56,23 +58,24 @@ def design_with_constraints(
     best: tuple[Any, float] | None = None
     last = "no vector v admits a gain"
     hints = _hints(plant, rate, program)
-    for number, start in enumerate(program.starts(_STARTS, hints)):
-        vectors = [start]
-        for step in range(_ROUNDS):
-            lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}, step {step + 1}")
-            found = None
-            for v in vectors:
-                gain, message = _solve(cp, program, F, own, cost, v, rate, name, lp)
-                if gain is None:
-                    last = message
-                    continue
-                accepted = _accept(plant, gain, rate, F, own, cost, lp)
-                if accepted is not None and (found is None or accepted[1] < found[1]):
-                    found = accepted
-            if found is None or (best is not None and found[1] >= best[1] - 1e-6 * max(1.0, abs(best[1]))):
-                break
-            best = found
-            vectors = list(program.vectors(found[0].F))
+    with suppress(OutOfTimeError):
+        for number, start in enumerate(program.starts(_STARTS, hints)):
+            vectors = [start]
+            for step in range(_ROUNDS):
+                lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}, step {step + 1}")
+                found = None
+                for v in vectors:
+                    gain, message = _solve(cp, program, F, own, cost, v, rate, name, lp)
+                    if gain is None:
+                        last = message
+                        continue
+                    accepted = _accept(plant, gain, rate, F, own, cost, lp)
+                    if accepted is not None and (found is None or accepted[1] < found[1]):
+                        found = accepted
+                if found is None or (best is not None and found[1] >= best[1] - 1e-6 * max(1.0, abs(best[1]))):
+                    break
+                best = found
+                vectors = list(program.vectors(found[0].F))
     if best is None:
         return DesignResult(
             Status.UNDECIDED,
@@ -129,25 +132,18 @@ def _solve(
 ) -> tuple[Floats | None, str]:
     plant = program.plant
     message = "the time limit has passed"
+    G, g = program.invariance
+    S, s, w = program._stability(v)
+    size = _sizes(plant, len(g))
+    entries = cp.reshape(F, (program.shape[0] * program.shape[1],), order="C")[program.free]
     for margin in _MARGINS:
-        rows = list(own)
-        for (A, B), drift in zip(plant.pairs, program.drifts, strict=True):
-            loop = plant.facets @ A @ plant.rays.T + (plant.facets @ B) @ F @ program.seen.T
-            size = np.abs(plant.facets) @ np.abs(A) @ np.abs(plant.rays.T)
-            rows.append(cp.multiply(plant.incidence.astype(float), loop) >= margin * plant.incidence * size)
-            rows.append(
-                v @ drift @ plant.rays.T + (v @ B) @ F @ program.seen.T <= -(rate + program.strict) * (plant.rays @ v)
-            )
+        rows = [*own, G @ entries + g >= margin * size, S @ entries + s <= -(rate + program.strict) * w]
         if plant.gain_bound is not None:
             rows.append(
                 cp.abs(F @ program.seen.T) <= np.tile(plant.gain_bound[:, None] * (1 - margin), (1, len(plant.rays)))
             )
         if plant.pattern is not None:
             rows.append(cp.multiply((~plant.pattern).astype(float), F) == 0)
-        if plant.ports:
-            C, D = (np.asarray(M.values) for M in plant.system._data()[2:])
-            Y = np.asarray(plant.system.Y.facets)
-            rows.append(Y @ C @ plant.rays.T + (Y @ D) @ F @ program.seen.T >= 0)
         problem = cp.Problem(cp.Minimize(cost), rows)
         if lp.left <= 0:
             break
@@ -157,6 +153,13 @@ def _solve(
                 return np.array(F.value, dtype=float), message
             message = "the solver called a gain optimal that is no finite matrix"
     return None, message
+
+
+def _sizes(plant: Plant, count: int) -> Floats:
+    """What margins of invariance are relative to; 0 for the rows of ports, which come last."""
+    sizes = [np.abs(plant.facets) @ np.abs(A) @ np.abs(plant.rays.T) for A, _ in plant.pairs]
+    own = np.concatenate([size[plant.incidence] for size in sizes])
+    return np.append(own, np.zeros(count - len(own)))
 
 
 def _status(problem: Any, name: str | None) -> str:

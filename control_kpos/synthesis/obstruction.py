@@ -235,8 +235,9 @@ def decide(
     """
     free = column_freedom(plant)
     left = deadline - time.monotonic()
-    each = _SECONDS_PER_PRODUCT[plant.X.exact_facets.integer_rows is not None]
-    if free is None or _entries(plant, ports) * SECONDS_PER_ENTRY + len(plant.A) * plant.n**3 * each > left:
+    entries, long = _entries(plant, ports), plant.X.exact_facets.integer_rows is not None
+    products = len(plant.A) * plant.n**3 * _SECONDS_PER_PRODUCT[long]
+    if free is None or entries * SECONDS_PER_ENTRY + products > left:
         return None, None
     q = exact_inequalities(plant, ports)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
@@ -256,7 +257,7 @@ def decide(
         except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
             return None, None
     if multipliers is not None:
-        if _entries(plant, ports) * _SECONDS_TO_CHECK > deadline - time.monotonic() + _OVERTIME:
+        if entries * _SECONDS_TO_CHECK + products > deadline - time.monotonic() + _OVERTIME:
             return None, None
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]
