@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import control as ct
@@ -14,6 +15,7 @@ from scipy.sparse import csr_array
 
 from control_kpos import Status, find_cone, load_certificate
 from control_kpos.arrays import ExactMatrix
+from control_kpos.certificates import checker
 from control_kpos.conefinding.explicit import LARGE, modal_cone
 from control_kpos.conefinding.modes import modes
 
@@ -62,11 +64,31 @@ def test_what_is_wrong_with_sparse_multipliers_is_noticed():
     assert not replace(certificate, right_inverse=0 * certificate.right_inverse).check()
 
 
-def test_they_are_saved_and_read(tmp_path):
-    found = find_cone(oscillations(1e-3))
+@pytest.mark.parametrize("kind", ["rays", "facets", "discrete", "inputs and outputs"])
+def test_a_reader_without_this_package_can_check_them(tmp_path, kind):
+    A, path = oscillations(2e-3, discrete=kind == "discrete"), tmp_path / "cone.json"
+    e = np.linalg.svd(A)[2][-1]
+    ports = {"contains": [e + 0.1 * np.eye(3)[0]], "within": [e]} if kind == "inputs and outputs" else {}
+    found = find_cone(A, few="facets" if kind == "facets" else "rays", discrete=kind == "discrete", **ports)
+    assert found.n_rays > LARGE and found.certificate.multipliers.is_sparse
+    found.certificate.save(path)
+    loaded = load_certificate(path)
+    assert loaded.status is Status.PROVED and loaded.check() and checker.main(path) == 0
+    content = json.loads(path.read_text())
+    entries = content["proof"]["P"][0]["sparse"]
+    for change in ("0x1.p-30", "-0x1.p-30"):  # of one weight: the equation, or a sign
+        wrong = [[*entries[0][:2], change], *entries[1:]]
+        path.write_text(
+            json.dumps({**content, "proof": {**content["proof"], "P": [{**content["proof"]["P"][0], "sparse": wrong}]}})
+        )
+        assert checker.main(path) == 1
+
+
+def test_proofs_that_would_be_too_long_are_left_out(tmp_path):
+    found = find_cone(oscillations(*[1e-3] * 3))
     found.certificate.save(tmp_path / "cone.json")
-    loaded = load_certificate(tmp_path / "cone.json")
-    assert loaded.status is Status.PROVED and loaded.check()
+    assert load_certificate(tmp_path / "cone.json").check()
+    assert checker.main(tmp_path / "cone.json") == 2
 
 
 @pytest.mark.parametrize("ratio", [1e-3, 5e-5])

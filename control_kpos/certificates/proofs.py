@@ -10,22 +10,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
+from math import lcm
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
-from ..arrays import ExactMatrix
+from ..arrays import ExactMatrix, integers_of_doubles
 from ..cones import Cone, Orthant, ProductCone, orthant
 from ..errors import TooLargeError
-from ..rational_programs import exact_feasibility
+from ..rational_programs import exact_feasibility, solve_exactly
 from .encoding import encode_triplets, nested_text, number_text
 from .portable_cones import LARGE, opposite_facets, portable_rows, spanning_inverse
 
 Rationals = NDArray[np.object_]
 # Digits written, and work spent, before a proof is left out of a file.
 _BITS = 10**8
+# Of a solution of n equations in doubles, divided by n.
+_DIGITS = 240
 _PROGRAMS = 3000
 _WORK = 10**8
 _BLOCKS = 2 * 10**5
@@ -130,6 +134,51 @@ class Prover:
         entries = [(int(i), int(j), weights[i, j]) for i, j in zip(*np.nonzero(weights), strict=True)]
         self._count(entries)
         return _encoded(entries, weights.shape)
+
+    def repaired_map(
+        self, rays: ExactMatrix, M: ExactMatrix, guess: sp.csr_array, support: NDArray[np.intp], *, invariance: bool
+    ) -> Any:
+        """Weights of M x for every generator x in terms of the generators, from sparse ones, as JSON data.
+
+        Parameters
+        ----------
+        rays : ExactMatrix, shape (N, n)
+        M : ExactMatrix, shape (n, n)
+        guess : csr_array, shape (N, N)
+            Weights up to rounding, positive in the rows of `support`.
+        support : ndarray of int
+            Generators that span the space and take up the rounding errors.
+        invariance : bool
+            The weights on the diagonal are free.
+        """
+        if _DIGITS * rays.values.size * rays.shape[1] > _BITS:
+            raise ProofOmittedError("the proof would be longer than a file should be")
+        rows, _ = rays.as_integers()
+        matrix, scale = M.as_integers()
+        coo = guess.tocoo()
+        weights, exponent = integers_of_doubles(coo.data)
+        unit = Fraction(2) ** int(exponent.item())
+        # independent generators far from each other, so that corrections stay small
+        basis = support[qr(np.asarray(rays.values)[support].T, mode="r", pivoting=True)[1][: rays.shape[1]]]
+        short = len(basis) == rays.shape[1] <= LARGE
+        inverse = solve_exactly(rows[basis].T, np.eye(len(basis), dtype=int).astype(object)) if short else None
+        if inverse is None:
+            raise ProofOmittedError(f"exact weights are written up to dimension {LARGE}")
+        image = np.zeros_like(rows)
+        np.add.at(image, coo.coords[1], rows[coo.coords[0]] * weights[:, None])
+        # without the factor of the integers, which M x and the generators have in common
+        common = lcm(unit.denominator, Fraction(scale).denominator)
+        missing = rows @ matrix.T * int(scale * common) - image * int(unit * common)
+        added = missing @ inverse[0].T
+        found = {(int(i), int(j)): Fraction(x) for i, j, x in zip(*coo.coords, coo.data.tolist(), strict=True)}
+        for j, k in zip(*np.nonzero(added), strict=True):
+            place = int(basis[k]), int(j)
+            found[place] = found.get(place, Fraction(0)) + Fraction(int(added[j, k]), inverse[1] * common)
+        if any(x < 0 and (i != j or not invariance) for (i, j), x in found.items()):
+            raise ProofOmittedError("rounding errors are larger than what the weights have to spare")
+        entries = [(i, j, x) for (i, j), x in sorted(found.items())]
+        self._count(entries)
+        return encode_triplets(entries, guess.shape)
 
     def _count(self, entries: Sequence[tuple[int, int, Any]]) -> None:
         self._bits += sum(

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, as_stack, pick, transposed
@@ -183,13 +184,16 @@ class ConeCertificate(Certificate):
         """The multipliers, and the shares of what the cone contains, without their rounding errors."""
         if self.rays is None or self.multipliers is None:
             raise ProofOmittedError("claims that no cone exists are for control_kpos alone")
-        if self.multipliers.is_sparse:
-            raise ProofOmittedError("cones with very many generators are for control_kpos alone")
         prover, rays, (matrices, inner, _) = Prover(), self.rays, self._sides()
-        images = [pick(matrices, s).fractions() @ rays.fractions().T for s in range(matrices.shape[0])]
-        guesses = [pick(self.multipliers, s) for s in range(matrices.shape[0])]
-        free = not self.discrete
-        out = {"P": [prover.repaired(rays, y, P, invariance=free) for y, P in zip(images, guesses, strict=True)]}
+        each, free = [pick(matrices, s) for s in range(matrices.shape[0])], not self.discrete
+        if self.multipliers.is_sparse and self.right_inverse is not None:
+            support = np.flatnonzero((self.right_inverse != 0).any(axis=1))
+            P = sp.csr_array(self.multipliers.values)
+            out = {"P": [prover.repaired_map(rays, A, P, support, invariance=free) for A in each]}
+        else:
+            images = [A.fractions() @ rays.fractions().T for A in each]
+            guesses = [pick(self.multipliers, s) for s in range(len(each))]
+            out = {"P": [prover.repaired(rays, y, P, invariance=free) for y, P in zip(images, guesses, strict=True)]}
         if inner is not None and self.shares is not None:
             out["N"] = prover.repaired(rays, inner.fractions().T, transposed(self.shares))
         return out
