@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import flag
 from ..arrays import vector
 from ..cones import Cone
-from ..deadline import OutOfTimeError, limited_to, seconds_left
+from ..deadline import OutOfTimeError, limited_to
 from ..errors import DataError
 from ..progress import Reporter, Target
 from .backend import Programs
@@ -119,7 +119,7 @@ def _curve(
         lp.stage("largest decay rate")
         best = program.supremum_of_rates()
         largest = -np.inf if isinstance(best, Failure) else float(best[1])
-        values = _rates(rates, largest)
+        values = _rates(rates, largest, late=lp.left <= 0)
         gains = np.full(len(values), np.nan)
         for place, rate in enumerate(values.tolist()):
             lp.stage(f"rate {place + 1} of {len(values)}")
@@ -127,20 +127,20 @@ def _curve(
             if not isinstance(point, Failure) and lp.left > 0:
                 gains[place] = program.smallest_gain(rate, point)[1]
     except OutOfTimeError:
-        values = _rates(rates, largest) if values is None else values
+        values = _rates(rates, largest, late=True) if values is None else values
         gains = np.append(gains, np.full(len(values) - len(gains), np.nan))
     return values, gains, largest
 
 
-def _rates(rates: ArrayLike | None, largest: float) -> NDArray[np.float64]:
-    """The rates given, or a dozen up to the largest."""
+def _rates(rates: ArrayLike | None, largest: float, *, late: bool) -> NDArray[np.float64]:
+    """The rates given, or a dozen up to the largest; none if it is too late to know that."""
     if rates is not None:
         values = vector(rates, "rates")
         if not (values >= 0).all():
             raise DataError(f"rates holds {values.min():g}; decay rates are not negative.")
         return values
-    if not 0 < largest < np.inf and seconds_left() <= 0:
-        return np.empty(0)
     if not 0 < largest < np.inf:
+        if late:
+            return np.empty(0)
         raise DataError("rates is missing, and no finite positive largest rate suggests any; give rates.")
     return np.linspace(0.0, 0.99 * largest, _POINTS)

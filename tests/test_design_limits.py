@@ -1,0 +1,210 @@
+"""Designs of every size end with their time limit, and what they are assembled from."""
+
+import time
+from fractions import Fraction
+
+import control as ct
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import control_kpos as kp
+from control_kpos.arrays import exact_matrix
+from control_kpos.conefinding.placement import placed
+from control_kpos.deadline import OutOfTimeError, limited_to
+from control_kpos.synthesis import rows
+from control_kpos.synthesis.acceptance import closed_loop
+from control_kpos.synthesis.limits import within
+from control_kpos.synthesis.network_program import _distinct
+from control_kpos.synthesis.result import DesignResult
+
+LIMIT = 0.3
+# Bounds that only something that hangs exceeds, however loaded the machine is.
+PATIENCE = 20
+
+
+def plant(n, m, seed=0):
+    rng = np.random.default_rng(seed)
+    return ct.ss(rng.standard_normal((n, n)), rng.standard_normal((n, m)), np.eye(n)[:2], np.zeros((2, m)))
+
+
+def vertices(n, m, count):
+    rng = np.random.default_rng(0)
+    return [(rng.standard_normal((n, n)) - 4 * np.eye(n), plant(n, m).B) for _ in range(count)]
+
+
+def slow_waves(size):
+    """Opaque to interval arithmetic, and slow."""
+    return ct.nlsys(
+        lambda t, x, u, p: np.array([float(np.sin(float(x[i - 1]))) - 3 * x[i] for i in range(size)]),
+        inputs=0,
+        states=size,
+    )
+
+
+def tanks(count):
+    rng = np.random.default_rng(0)
+    nodes = [kp.ConeStateSpace([[-1 - a, 1], [1, -1 - b]], [[0], [1]], [[1, 0]], 0) for a, b in rng.random((count, 2))]
+    return nodes, 0.3 * kp.examples.random_regular(count)
+
+
+def many_rays(n):
+    return kp.PolyhedralCone(np.hstack([np.ones((2 * n - 2, 1)), np.vstack([np.eye(n - 1), -np.eye(n - 1)])]))
+
+
+DESIGNS = {
+    "cone and gain": lambda **k: kp.design_cone_and_feedback(plant(100, 4), **k),
+    "cone and gain, many inputs": lambda **k: kp.design_cone_and_feedback(plant(60, 20), **k),
+    "cone and gain, vertices": lambda **k: kp.design_cone_and_feedback(plant(60, 4), vertices(60, 4, 4), **k),
+    "largest rate": lambda **k: kp.state_feedback(plant(150, 20), rate="max", **k),
+    "as many inputs as states": lambda **k: kp.state_feedback(plant(100, 100), rate=1, gain_bound=50, **k),
+    "first gain": lambda **k: kp.state_feedback(plant(200, 100), method="first", **k),
+    "two steps": lambda **k: kp.state_feedback(plant(200, 100), method="two-step", **k),
+    "alternation": lambda **k: kp.state_feedback(plant(200, 10), method="alternation", **k),
+    "vertices": lambda **k: kp.state_feedback(plant(100, 10), vertices=vertices(100, 10, 10), **k),
+    "polyhedral cone, vertices": lambda **k: kp.state_feedback(
+        plant(10, 10), X=many_rays(10), vertices=vertices(10, 10, 10), **k
+    ),
+    "polyhedral cone, bound": lambda **k: kp.state_feedback(plant(10, 10), X=many_rays(10), rate=1, gain_bound=30, **k),
+    "constraints": lambda **k: kp.state_feedback(
+        plant(4, 4), X=kp.lorentz(4, 1000), constraints=lambda F: [F >= -10], **k
+    ),
+    "disturbance": lambda **k: kp.state_feedback(
+        plant(100, 100), disturbance=(np.ones((100, 3)), np.ones((2, 100))), **k
+    ),
+    "output": lambda **k: kp.output_feedback(plant(200, 10), rate="max", **k),
+    "observer": lambda **k: kp.observer_gain(plant(200, 10), rate="max", **k),
+    "trade-off": lambda **k: kp.gain_rate_tradeoff(plant(100, 50), np.linspace(0, 1, 20), certify=True, **k),
+    "trade-off without rates": lambda **k: kp.gain_rate_tradeoff(plant(300, 200), **k),
+    "network": lambda **k: kp.network_feedback(*tanks(10_000), rate=0.2, **k),
+    "network, one gain": lambda **k: kp.network_feedback(*tanks(10_000), rate=0.2, uniform=True, **k),
+    "sampled system": lambda **k: kp.differential_positivity(slow_waves(60), kp.orthant(60), [[-3, 3]] * 60, **k),
+    "many Jacobians": lambda **k: kp.differential_positivity(
+        list(np.random.default_rng(0).random((20_000, 4, 4))), kp.orthant(4), **k
+    ),
+}
+
+
+@pytest.mark.filterwarnings("ignore::control_kpos.errors.ActuatorLossWarning")
+@pytest.mark.parametrize("name", DESIGNS)
+def test_large_designs_end_and_claim_nothing_unproven(name):
+    begin = time.monotonic()
+    answer = DESIGNS[name](time_limit=LIMIT)
+    assert time.monotonic() - begin < LIMIT + PATIENCE
+    for result in getattr(answer, "designs", (answer,)):
+        check = getattr(result, "check", None) or getattr(getattr(result, "certificate", None), "check", None)
+        assert result.status is kp.Status.UNDECIDED or (check is not None and check())
+
+
+def test_a_reached_limit_is_said():
+    for design in (DESIGNS["first gain"], DESIGNS["cone and gain"], DESIGNS["many Jacobians"], DESIGNS["network"]):
+        answer = design(time_limit=1e-3)
+        assert answer.status is kp.Status.UNDECIDED and "time limit" in answer.explain()
+
+
+def test_designs_say_what_ended_them():
+    def late():
+        raise OutOfTimeError("5 s more would be needed")
+
+    def given_up():
+        time.sleep(2e-3)
+        return DesignResult(kp.Status.UNDECIDED, message="no gain was found.")
+
+    assert "time limit was reached" in within(60, late).message and "5 s more" in within(60, late).message
+    assert within(60, given_up).message == "no gain was found."
+    assert within(1e-3, given_up).message == "no gain was found; the time limit was reached."
+
+
+def test_a_tradeoff_has_one_limit():
+    curve = kp.gain_rate_tradeoff(plant(30, 30), [0.1, 0.2, 0.3], certify=True, time_limit=0.02)
+    assert curve.rates.tolist() == [0.1, 0.2, 0.3] and curve.gains.shape == (3,) and len(curve.designs) == 3
+    assert not kp.gain_rate_tradeoff(plant(300, 200), time_limit=1e-3).rates.size
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 12), st.integers(1, 4), st.integers(1, 5))
+def test_products_are_the_same_dense_and_sparse(seed, count, m, width):
+    rng = np.random.default_rng(seed)
+    sparse = lambda *shape: rng.standard_normal(shape) * (rng.random(shape) < 0.5)  # noqa: E731
+    left, right = sparse(count, m), sparse(3, width)
+    k = rng.integers(0, 3, count)
+    free = np.flatnonzero(rng.random(m * width) < 0.7)
+    dense = rows.products(left, right, k, free)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rows, "_SMALL", -1)
+        other = rows.products(left, right, k, free)
+    assert sp.issparse(other) and not sp.issparse(dense)
+    np.testing.assert_allclose(other.toarray(), dense, rtol=1e-15)
+    L = rng.standard_normal((m, width))
+    some = np.zeros(m * width)
+    some[free] = L.ravel()[free]
+    expected = np.einsum("rm,mq,rq->r", left, some.reshape(m, width), right[k])
+    np.testing.assert_allclose(dense @ L.ravel()[free], expected, atol=1e-12)
+
+
+def test_blocks_are_the_same_dense_and_sparse():
+    rng = np.random.default_rng(0)
+    a, b, c = rng.random((2, 3)), rng.random((4, 3)), rng.random((4, 2))
+    dense = rows.assembled([[a, None], [b, c]])
+    np.testing.assert_array_equal(rows.assembled([[sp.csr_array(a), None], [b, c]]).toarray(), dense)
+    np.testing.assert_array_equal(dense[:2, 3:], 0)
+    np.testing.assert_array_equal(rows.bordered(a, b, np.arange(4.0))[:, 3], [0, 0, 0, 1, 2, 3])
+    np.testing.assert_array_equal(rows.diagonals([np.arange(2.0), np.ones(2)]), [[0, 0, 1, 0], [0, 1, 0, 1]])
+    large = rows.diagonals([np.ones(200)] * 3)
+    assert sp.issparse(large) and large.nnz == 600
+
+
+def test_programs_too_large_for_the_time_are_not_set_up():
+    with limited_to(1.0):
+        rows.require_room(1e5)
+        with pytest.raises(OutOfTimeError):
+            rows.require_room(5e7)
+    with pytest.raises(OutOfTimeError):  # memory ends as well
+        rows.require_room(1e10)
+
+
+def test_rows_that_repeat_count_once():
+    rng = np.random.default_rng(1)
+    few = rng.integers(-2, 3, (6, 4)).astype(float)
+    many = sp.csr_array(few[rng.integers(0, 6, 200)])
+    kept = _distinct(many).toarray()
+    assert len(kept) == len(np.unique(many.toarray(), axis=0))
+    np.testing.assert_array_equal(np.unique(kept, axis=0), np.unique(many.toarray(), axis=0))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 4), st.integers(1, 3))
+def test_closed_loops_are_exact(seed, n, m):
+    rng = np.random.default_rng(seed)
+    A = exact_matrix(rng.standard_normal((n, n)), "A")
+    B = exact_matrix([[f"{a}/7" for a in row] for row in rng.integers(-9, 9, (n, m)).tolist()], "B")
+    F = rng.standard_normal((m, n)) * 10.0 ** rng.integers(-9, 9)
+    expected = A.fractions() + B.fractions() @ np.array([[Fraction(v) for v in row] for row in F.tolist()])
+    assert (closed_loop(A, B, F).fractions() == expected).all()
+
+
+@pytest.mark.parametrize(("n", "m"), [(2, 1), (3, 3), (6, 2), (12, 4), (40, 20)])
+def test_poles_are_placed(n, m):
+    rng = np.random.default_rng(n)
+    A, B = rng.standard_normal((n, n)), rng.standard_normal((n, m))
+    poles = -np.linspace(1, 3, n)
+    F = placed(A, B, poles)
+    assert F is not None
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(A + B @ F).real), np.sort(poles), rtol=1e-5)
+    doubled = placed(A, np.hstack([B, B]), poles)  # inputs that repeat
+    assert doubled is not None
+    np.testing.assert_allclose(
+        np.sort(np.linalg.eigvals(A + np.hstack([B, B]) @ doubled).real), np.sort(poles), rtol=1e-5
+    )
+
+
+def test_poles_of_the_plant_itself_and_poles_out_of_reach():
+    A, B = np.diag([-1.0, 2.0]), np.array([[1.0], [1.0]])
+    F = placed(A, B, np.array([-1.0, -3.0]))  # -1 is a pole already
+    assert F is not None
+    np.testing.assert_allclose(np.sort(np.linalg.eigvals(A + B @ F).real), [-3, -1])
+    assert placed(np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([-1.0, -3.0])) is None
+    with limited_to(1e-9), pytest.raises(OutOfTimeError):
+        placed(A, B, np.array([-1.0, -3.0]))
