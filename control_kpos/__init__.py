@@ -29,10 +29,12 @@ from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
 from .gains import induced_gain as induced_gain
+from .positivity import PlaneViolation as PlaneViolation
 from .positivity import PositivityCertificate as PositivityCertificate
 from .positivity import PositivityViolation as PositivityViolation
 from .positivity import cone_positivity as cone_positivity
 from .positivity import state_positivity as state_positivity
+from .stability import InstabilityCombination as InstabilityCombination
 from .stability import InstabilityDirection as InstabilityDirection
 from .stability import LyapunovCertificate as LyapunovCertificate
 from .stability import linear_lyapunov as linear_lyapunov

@@ -20,6 +20,7 @@ from scipy.linalg import lapack
 
 from .arrays import ExactMatrix, dense
 from .cones import Cone
+from .cones.polyhedral import has_open_facets
 from .errors import TooLargeError
 from .rational_programs import exact_feasibility
 
@@ -50,7 +51,7 @@ class ScaledProblem:
     def __init__(self, A: ExactMatrix, X: Cone, discrete: bool, *, balanced: bool = False) -> None:
         self.A, self.X, self.discrete = A, X, discrete
         self.n = A.shape[0]
-        self.rays, self.facets = (_dense_if_small(m.values) for m in (X.exact_rays, X.exact_facets))
+        self.rays = _dense_if_small(X.exact_rays.values)
         units = _column_units(self.rays)
         if balanced:
             units = units * _balancing_units(A, units)
@@ -68,13 +69,20 @@ class ScaledProblem:
         self.units = units
 
     @cached_property
+    def facets(self) -> Any:
+        """Facet normals, in the units of the user."""
+        return _dense_if_small(self.X.exact_facets.values)
+
+    @cached_property
     def interior(self) -> Vector:
         """A vector in int X: the sum of the normalised generators, in scaled units."""
         return _row_sum(self.rays, 1 / self.units)
 
     @cached_property
     def dual_interior(self) -> Vector:
-        """A vector in int X*: the sum of the normalised facets, in scaled units."""
+        """A vector in int X*, in scaled units: the sum of the normalised facets, if these can be listed."""
+        if has_open_facets(self.X):
+            return self.X.dual.interior_point * self.units
         return _row_sum(self.facets, self.units)
 
     def _solver(self, shift: float) -> Callable[[Vector, bool], Vector]:
@@ -174,7 +182,7 @@ class ScaledProblem:
             pass
         else:
             yield self._unscaled_right(x)
-        if self.n <= _RATIONAL_ROWS:
+        if self.n <= _RATIONAL_ROWS and not has_open_facets(self.X):
             yield from self._on_face(x)
 
     def growing_directions(self) -> Iterator[NDArray[Any]]:

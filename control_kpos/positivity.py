@@ -8,6 +8,8 @@ Y for all x(0) in X and u(t) in U if and only if
 
 each inclusion read on generators and facets.  In discrete time the first line is A X in X: h'A x_i >= 0
 for every facet and generator.  D is not in the paper; a static system needs the last inclusion.
+
+Where X has too many facets to list, its generators prove the same: see `generators.inclusion`.
 """
 
 from __future__ import annotations
@@ -17,52 +19,28 @@ from dataclasses import dataclass, fields
 from typing import Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from .arguments import flag
-from .arrays import ExactMatrix, exact_matrix, require_shape, shown
-from .certificates.encoding import register_record
+from .arrays import ExactMatrix, exact_matrix, plain, require_shape
 from .certificates.exact import BilinearForms
+from .certificates.portable_cones import encode_generators
 from .certificates.proofs import Prover, violation
-from .certificates.result import Certificate, Condition
+from .certificates.result import Certificate, Condition, Status
 from .cones import Cone, as_cone
+from .cones.polyhedral import has_open_facets
 from .errors import DataError
+from .generators.inclusion import NO_MARGIN, GeneratorProof, own_generators, portable, prove
+from .inclusions import NAMES
+from .inclusions import inclusion_condition as inclusion_condition
+from .inclusions import invariance_condition as invariance_condition
+from .violations import PlaneViolation as PlaneViolation
+from .violations import PositivityViolation as PositivityViolation
+from .violations import dense_row, parallel, plane_violation
+from .violations import take_rows as take_rows
 
-_STATE, _INPUT, _OUTPUT, _DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
 _WEIGHTS = {"A": "P", "B": "N", "C": "L", "D": "K"}
-_MEANING = {_STATE: "A X in X", _INPUT: "B U in X", _OUTPUT: "C X in Y", _DIRECT: "D U in Y"}
-
-
-@register_record
-@dataclass(frozen=True, eq=False)
-class PositivityViolation:
-    """A facet and a generator that break an inclusion.
-
-    Attributes
-    ----------
-    condition : str
-        "A X in X", "B U in X", "C X in Y" or "D U in Y"; for A in continuous time this stands for
-        e^{At} X in X.
-    facet, ray : int
-        Row numbers in `facets` of the target cone and in `rays` of the source cone.
-    normal, generator : ndarray
-        These two rows.
-    value : float
-        normal' M generator < 0, in floating point (its sign is proven).
-    """
-
-    condition: str
-    facet: int
-    ray: int
-    normal: NDArray[np.float64]
-    generator: NDArray[np.float64]
-    value: float
-
-    def __str__(self) -> str:
-        return (
-            f"{self.condition} fails at facet {self.facet}, normal {shown(self.normal)}, and generator "
-            f"{self.ray}, {shown(self.generator)}: the product is {self.value:.3g} < 0"
-        )
+_MEANING = {NAMES["A"]: "A X in X", NAMES["B"]: "B U in X", NAMES["C"]: "C X in Y", NAMES["D"]: "D U in Y"}
 
 
 class System(NamedTuple):
@@ -89,11 +67,14 @@ class PositivityCertificate(Certificate):
     X, U, Y : Cone, or None
     discrete : bool
         True: A X in X; False: e^{At} X in X for all t >= 0.
+    generator_proof : GeneratorProof or None
+        For a cone X with too many facets: the proof from its generators.  None: the proof is by facets.
     witness : PositivityViolation or None
-        The proven violation of largest relative size.
+        The proven violation of largest relative size; where facets have not been listed, a `PlaneViolation`.
     """
 
     claim: ClassVar[str] = "positive"
+    no_margin: ClassVar[frozenset[str]] = NO_MARGIN
 
     A: ExactMatrix
     X: Cone
@@ -103,6 +84,7 @@ class PositivityCertificate(Certificate):
     U: Cone | None = None
     Y: Cone | None = None
     discrete: bool = False
+    generator_proof: GeneratorProof | None = None
 
     def system(self) -> System:
         """The data; DataError if the certificate is about A alone."""
@@ -112,19 +94,36 @@ class PositivityCertificate(Certificate):
 
     def conditions(self) -> Sequence[Condition]:
         """The inclusions of Theorem 1."""
-        out = [invariance_condition(self.A, self.X, discrete=self.discrete)]
-        maps = [(_INPUT, self.X, self.B, self.U), (_OUTPUT, self.Y, self.C, self.X), (_DIRECT, self.Y, self.D, self.U)]
-        for name, target, matrix, source in maps:
-            if matrix is not None and target is not None and source is not None:
-                out.append(inclusion_condition(name, target, matrix, source))
+        proof, rays = self.generator_proof, None
+        if proof is None:
+            out = [invariance_condition(self.A, self.X, discrete=self.discrete)]
+        else:
+            out = proof.conditions(self.A, self.X, self.B, self.U, discrete=self.discrete)
+            rays = own_generators(self.X)
+        for name, (target, matrix, source) in self.maps().items():
+            if name == "A" or (name == "B" and proof is not None):
+                continue
+            generators = rays if name == "C" and rays is not None else source.exact_rays
+            out.append(Condition(NAMES[name], BilinearForms(target.exact_facets, matrix, generators), ">="))
         return out
+
+    def maps(self) -> dict[str, tuple[Cone, ExactMatrix, Cone]]:
+        """The inclusions claimed: target, matrix and source by the name of the matrix."""
+        maps = {"A": (self.X, self.A, self.X), "B": (self.X, self.B, self.U), "C": (self.Y, self.C, self.X)}
+        maps["D"] = (self.Y, self.D, self.U)
+        return {k: (T, M, S) for k, (T, M, S) in maps.items() if M is not None and T is not None and S is not None}
 
     def refutation(self) -> Sequence[Condition] | None:
         """The inequality that the facet and generator of the witness break."""
         w = self.witness
         if not isinstance(w, PositivityViolation):
             return None
-        condition = next((c for c in self.conditions() if _MEANING[c.name] == w.condition), None)
+        if isinstance(w, PlaneViolation):
+            name = w.condition[:1]
+            if name not in self.maps():
+                return None
+            return w.conditions(*self.maps()[name], invariance=name == "A" and not self.discrete)
+        condition = next((c for c in self.conditions() if _MEANING.get(c.name) == w.condition), None)
         if condition is None:
             return None
         normal = take_rows(condition.forms.left, np.array([w.facet]))
@@ -133,26 +132,42 @@ class PositivityCertificate(Certificate):
         out = [Condition(f"{w.condition}: z < 0", product, "<")]
         if w.condition == "A X in X" and not self.discrete:
             out.append(Condition("h'x = 0", BilinearForms(normal, None, generator), "=="))
-        same = _parallel(w.normal, dense_row(normal)) and _parallel(w.generator, dense_row(generator))
+        same = parallel(w.normal, dense_row(normal)) and parallel(w.generator, dense_row(generator))
         if not same or condition.forms.middle is None:
             return None
         own = BilinearForms(ExactMatrix(w.normal[None]), condition.forms.middle, ExactMatrix(w.generator[None]))
         rounding = 1e-11 * abs(w.value) + 1e-14 * own.magnitudes[0, 0]
         return out if abs(own.values[0, 0] - w.value) <= rounding else None
 
+    def contents(self) -> dict[str, Any]:
+        """The fields; X by its generators alone if the proof is."""
+        out = self.data()
+        if self.generator_proof is None:
+            del out["generator_proof"]  # as files were before there were such proofs
+        else:
+            out["X"] = encode_generators(own_generators(self.X), self.generator_proof.pointing)
+        return out
+
     def evidence(self) -> dict[str, Any]:
         """A X = X P, B U = X N, C X = Y L, D U = Y K with weights P, N, L, K; or the normal of the broken facet."""
-        maps = {"A": (self.X, self.A, self.X), "B": (self.X, self.B, self.U), "C": (self.Y, self.C, self.X)}
-        maps["D"] = (self.Y, self.D, self.U)
-        if isinstance(self.witness, PositivityViolation):
-            name = self.witness.condition[0]
-            target = maps[name][0] or self.X
-            return violation(name, target.exact_facets, self.witness.facet, self.witness.ray)
+        maps, proof, w = self.maps(), self.generator_proof, self.witness
+        if isinstance(w, PlaneViolation):
+            return violation(w.condition[0], w.exact_normal(), 0, w.ray)
+        if isinstance(w, PositivityViolation):
+            name = w.condition[0]
+            return violation(name, maps[name][0].exact_facets, w.facet, w.ray)
         prover, out = Prover(), {}
         for name, (target, matrix, source) in maps.items():
-            if matrix is not None and target is not None and source is not None:
-                invariance = name == "A" and not self.discrete
-                out[_WEIGHTS[name]] = prover.inclusion(target, matrix, source, invariance=invariance)
+            free = name == "A" and not self.discrete
+            guess = None if proof is None else {"A": proof.multipliers, "B": proof.shares}.get(name)
+            rays = own_generators(source) if proof is not None and name in "AC" else None
+            if guess is None:
+                weights = prover.inclusion(target, matrix, source, invariance=free, source_rays=rays)
+            else:
+                vectors = portable(source.exact_rays) if rays is None else rays
+                images = plain(matrix).fractions() @ vectors.fractions().T
+                weights = prover.repaired(own_generators(target), images, guess, invariance=free)
+            out[_WEIGHTS[name]] = weights
         return out
 
     def explain(self) -> str:
@@ -169,7 +184,8 @@ class PositivityCertificate(Certificate):
                 if self.margin == 0
                 else ""
             )
-            return f"Proved positive: {inclusion}{more}. Scale-free margin {self.margin:.3g}.{edge}"
+            way = "" if self.generator_proof is None else ", from generators alone"
+            return f"Proved positive: {inclusion}{more}{way}. Scale-free margin {self.margin:.3g}.{edge}"
         if self.witness is not None:
             return (
                 f"Not positive: {self.witness}. Choose another cone, or a feedback that turns the field inwards "
@@ -178,31 +194,6 @@ class PositivityCertificate(Certificate):
         return (
             "Undecided: some signs are out of reach of exact arithmetic at this size. Give the data with fewer digits."
         )
-
-
-def invariance_condition(A: ExactMatrix, X: Cone, *, discrete: bool) -> Condition:
-    """h'A x_i >= 0: for all pairs in discrete time, for pairs with h'x_i = 0 in continuous time."""
-    forms = BilinearForms(X.exact_facets, A, X.exact_rays)
-    where = None
-    if not discrete:
-        where = _incident_entries(forms, X) if forms.is_sparse else X.incidence
-    return Condition(_STATE, forms, ">=", where)
-
-
-def inclusion_condition(name: str, target: Cone, M: ExactMatrix, source: Cone) -> Condition:
-    """M source in target, on facets of the target and generators of the source."""
-    return Condition(name, BilinearForms(target.exact_facets, M, source.exact_rays), ">=")
-
-
-def _incident_entries(forms: BilinearForms, X: Cone) -> NDArray[np.bool_]:
-    """Entries of a sparse pattern where h'x_i = 0."""
-    slack = BilinearForms(X.exact_facets, None, X.exact_rays).signs()
-    slack.data = (slack.data != 0).astype(np.int8)
-    slack.eliminate_zeros()
-    shape = forms.pattern.shape
-    keys = np.repeat(np.arange(shape[0]), np.diff(forms.pattern.indptr)) * shape[1] + forms.pattern.indices
-    slack_keys = np.repeat(np.arange(shape[0]), np.diff(slack.indptr)) * shape[1] + slack.indices
-    return ~np.isin(keys, slack_keys)
 
 
 def state_positivity(
@@ -232,7 +223,8 @@ def state_positivity(
 
     Notes
     -----
-    Costs the facets of X once, and one product of (r, n), (n, n) and (n, p) matrices.
+    Costs the facets of X once, and one product of (r, n), (n, n) and (n, p) matrices.  Where X may have
+    too many facets (a cone by generators, n >= 5), p linear programs of n rows instead: 0.2 s for p = 67, n = 12.
 
     Examples
     --------
@@ -303,7 +295,9 @@ def cone_positivity(
         if cone is not None:
             cone.require_proper(name)
             data[name] = cone
-    return settle_positivity(A=A, X=X, discrete=flag(discrete, "discrete"), **data)
+    data.update(A=A, X=X, discrete=flag(discrete, "discrete"))
+    certificate = positivity_from_generators(**data) if has_open_facets(X) else None
+    return settle_positivity(**data) if certificate is None else certificate
 
 
 P = TypeVar("P", bound="ClaimOnPositivity")
@@ -345,26 +339,49 @@ class ClaimOnPositivity(Certificate):
         return cls.settle(positivity=PositivityCertificate.settle(**system, witness=violation), **own)
 
 
+def positivity_from_generators(**data: Any) -> PositivityCertificate | None:
+    """The certificate for data already read, without a facet of X; None if generators alone do not decide."""
+    s = PositivityCertificate(**data)
+    found = prove(s.A, s.X, s.B, s.U, discrete=s.discrete)
+    if found is None:
+        return None
+    proof, crossing = found
+    if crossing is None:
+        settled = PositivityCertificate.settle(**data, generator_proof=proof)
+        witness = None if settled else _worst(settled.conditions())
+    else:
+        _, matrix, source = s.maps()[crossing.matrix]
+        vectors = own_generators(s.X) if crossing.matrix == "A" else portable(source.exact_rays)
+        condition = _MEANING[NAMES[crossing.matrix]]
+        settled, witness = s, plane_violation(condition, crossing.normal, crossing.ray, plain(matrix), vectors)
+    if witness is not None:
+        settled = PositivityCertificate.settle(**data, generator_proof=proof, witness=witness)
+    return None if settled.status is Status.UNDECIDED else settled
+
+
 def settle_positivity(**data: Any) -> PositivityCertificate:
     """The certificate for data already read, with the worst violation as witness if there is one."""
     draft = PositivityCertificate.settle(**data)
     if draft:
         return draft
+    witness = _worst(draft.conditions())
+    return draft if witness is None else PositivityCertificate.settle(**data, witness=witness)
+
+
+def _worst(conditions: Sequence[Condition]) -> PositivityViolation | None:
+    """The proven violation of largest relative size."""
     found: list[tuple[float, Condition, tuple[int, ...]]] = []
-    for condition in draft.conditions():
-        place = condition.worst_violation()
+    for condition in conditions:
+        place = condition.worst_violation() if condition.name in _MEANING else None
         if place is not None:
             found.append((condition.margin, condition, place))
     if not found:
-        return draft
+        return None
     _, condition, (facet, ray) = min(found, key=lambda item: item[0])
     normal = take_rows(condition.forms.left, np.array([facet]))
     generator = take_rows(condition.forms.right, np.array([ray]))
     value = float(BilinearForms(normal, condition.forms.middle, generator).values[0, 0])
-    violation = PositivityViolation(
-        _MEANING[condition.name], facet, ray, dense_row(normal), dense_row(generator), value
-    )
-    return PositivityCertificate.settle(**data, witness=violation)
+    return PositivityViolation(_MEANING[condition.name], facet, ray, dense_row(normal), dense_row(generator), value)
 
 
 def square_matrix(A: ArrayLike | ExactMatrix | Any, X: Cone, name: str = "A") -> ExactMatrix:
@@ -372,38 +389,6 @@ def square_matrix(A: ArrayLike | ExactMatrix | Any, X: Cone, name: str = "A") ->
     X.require_proper("X")
     exact = exact_matrix(A, name)
     return require_shape(exact, name, (X.dim, X.dim), f"the cone X has dimension {X.dim}")
-
-
-def take_rows(m: ExactMatrix, index: NDArray[np.intp]) -> ExactMatrix:
-    """Some rows of a two-dimensional exact matrix, dense."""
-    values = m.values[index]
-    values = values.toarray() if m.is_sparse else np.asarray(values)
-    if m.is_double:
-        return ExactMatrix(values)
-    radius = None if m.radius is None else m.radius[index]
-    return ExactMatrix(values, radius, integer_rows=_RowsOf(m, index))
-
-
-@dataclass(frozen=True)
-class _RowsOf:
-    matrix: ExactMatrix
-    index: NDArray[np.intp]
-
-    def __call__(self, index: NDArray[np.intp]) -> Any:
-        return self.matrix.rows_as_integers(self.index[index])
-
-
-def dense_row(m: ExactMatrix) -> NDArray[np.float64]:
-    """The single row of a dense 1 x n matrix."""
-    return np.array(m.values[0], dtype=float)
-
-
-def _parallel(a: Any, b: NDArray[np.float64]) -> bool:
-    a = np.asarray(a, dtype=float)
-    if a.shape != b.shape or not np.isfinite(a).all():
-        return False
-    top_a, top_b = np.abs(a).max(initial=0.0), np.abs(b).max(initial=0.0)
-    return bool(top_a > 0 and top_b > 0 and np.abs(a / top_a - b / top_b).max() < 1e-12)
 
 
 def _sizes(name: str, n: int) -> str:

@@ -21,13 +21,25 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .arguments import choice
-from .arrays import ExactMatrix, concatenate, identity
-from .certificates.encoding import register_record
+from .arrays import ExactMatrix, pick, transposed
 from .certificates.exact import BilinearForms
 from .certificates.proofs import Prover, drift, exact_vector, numbers
 from .certificates.result import Condition, Status, all_hold
 from .cones import Cone
 from .errors import DataError
+from .generators.inclusion import NO_MARGIN, own_generators
+from .growth import InstabilityCombination as InstabilityCombination
+from .growth import InstabilityDirection as InstabilityDirection
+from .growth import (
+    combination_conditions,
+    direction,
+    drift_forms,
+    growing_combination,
+    instability_conditions,
+    transposed_drift,
+)
+from .growth import exact_row as exact_row
+from .growth import transpose as transpose
 from .perron import ScaledProblem, SingularMatrixError, decide_exactly
 from .positivity import ClaimOnPositivity, PositivityCertificate, PositivityViolation, state_positivity
 
@@ -36,26 +48,6 @@ _SLOW, _SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
 _SMALL = 64
 # Relative reductions tried until a decay rate is proven.
 _BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
-
-
-@register_record
-@dataclass(frozen=True, eq=False)
-class InstabilityDirection:
-    """Some x in X, x != 0, with A x in X (A x - x in X in discrete time): no trajectory from x decays.
-
-    Attributes
-    ----------
-    x : ndarray, shape (n,)
-    exact : tuple of Fraction, or None
-        The exact vector where doubles do not suffice; x is its rounding.
-    """
-
-    x: NDArray[np.float64]
-    exact: tuple[Fraction, ...] | None = None
-
-    def __str__(self) -> str:
-        shown = ", ".join(f"{v:.4g}" for v in self.x[:6]) + (", ..." if len(self.x) > 6 else "")
-        return f"a direction x = ({shown}) in X along which the state does not decay"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -84,7 +76,7 @@ class LyapunovCertificate(ClaimOnPositivity):
     """
 
     claim: ClassVar[str] = "stable"
-    no_margin: ClassVar[frozenset[str]] = frozenset({_RATE, _SLOW, _SLOW_IN})
+    no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _SLOW, _SLOW_IN}
 
     v: NDArray[np.float64] | None = None
     decay_rate: float = float("nan")
@@ -147,7 +139,7 @@ class LyapunovCertificate(ClaimOnPositivity):
             return replace(self.positivity, witness=w).refutation()
         if not isinstance(w, InstabilityDirection) or self.positivity.status is not Status.PROVED or not np.any(w.x):
             return None
-        return instability_conditions(self.A, self.X, self.discrete, w)
+        return _growth_conditions(self.positivity, w)
 
     def evidence(self) -> dict[str, Any]:
         """Evidence of positivity, and of a witness x the weights of x and A x in X."""
@@ -156,7 +148,13 @@ class LyapunovCertificate(ClaimOnPositivity):
             return out
         x = exact_vector(w.x, w.exact)
         moved = drift(self.A, x, self.discrete)
-        weights = {"wx": prover.vector(self.X, x), "wz": prover.vector(self.X, moved)}
+        if isinstance(w, InstabilityCombination) and w.weights is not None:
+            rays = own_generators(self.X)
+            shares = (transposed(pick(w.weights, np.array([k]))) for k in range(2))
+            found = [prover.repaired(rays, y[:, None], q) for y, q in zip((x, moved), shares, strict=True)]
+        else:
+            found = [prover.vector(self.X, y) for y in (x, moved)]
+        weights = dict(zip(("wx", "wz"), found, strict=True))
         return {**out, "shows": "motion", "x": numbers(x), "rate": int(self.discrete), **weights}
 
     def explain(self) -> str:
@@ -206,8 +204,9 @@ def linear_lyapunov(
     discrete : bool
         True for x[k+1] = A x[k].
     rate : "max" or None
-        "max": the v of (nearly) the largest provable decay rate, with a proven bound from above.
-        None: v = -A^{-T} c for the sum c of the normalised facets.
+        "max": the v of (nearly) the largest provable decay rate, with a proven bound from above (not on
+        cones whose facets are too many to list).
+        None: v = -A^{-T} c for the sum c of the normalised facets, or for another c in int X*.
 
     Returns
     -------
@@ -259,8 +258,8 @@ def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -
         if v is not None and _is_lyapunov(exact_row(v), A, X, discrete):
             return _proved(positivity, v)
         for x in problem.growing_directions():
-            witness = _direction(x)
-            if all_hold(instability_conditions(A, X, discrete, witness)):
+            witness = _growing(positivity, x)
+            if witness is not None:
                 return LyapunovCertificate.settle(positivity=positivity, witness=witness)
     decided = decide_exactly(A, X, discrete)
     if decided is None:
@@ -268,7 +267,24 @@ def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -
     stable, vector = decided
     if stable:
         return _proved(positivity, np.array([float(t) for t in vector]), tuple(vector))
-    return LyapunovCertificate.settle(positivity=positivity, witness=_direction(vector))
+    return LyapunovCertificate.settle(positivity=positivity, witness=_growing(positivity, vector))
+
+
+def _growing(positivity: PositivityCertificate, x: NDArray[Any]) -> InstabilityDirection | None:
+    """The proven direction of growth along x, or None."""
+    A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
+    witness: InstabilityDirection | None = direction(x)
+    if proof is not None:
+        witness = growing_combination(A, X, discrete, witness, proof)
+    return witness if witness is not None and all_hold(_growth_conditions(positivity, witness) or ()) else None
+
+
+def _growth_conditions(positivity: PositivityCertificate, w: InstabilityDirection) -> list[Condition] | None:
+    """The inequalities on a direction of growth; None if weights come without generators."""
+    A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
+    if not isinstance(w, InstabilityCombination):
+        return instability_conditions(A, X, discrete, w)
+    return None if proof is None else combination_conditions(A, X, discrete, w, proof)
 
 
 def _proved(
@@ -293,8 +309,8 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
                 best = rate, v
     if best is None:
         return None
-    for candidate in problem.right_perron_vectors():
-        x = _direction(candidate)
+    for candidate in problem.right_perron_vectors() if positivity.generator_proof is None else ():
+        x = direction(candidate)
         bound = _proven_bound(A, X, discrete, exact_row(x.x, x.exact))
         if bound is not None and (slow is None or bound < slow[0]):
             slow = bound, x
@@ -307,35 +323,6 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
 
 
 # -- inequalities
-
-
-def exact_row(v: NDArray[np.float64], exact: tuple[Fraction, ...] | None = None) -> ExactMatrix:
-    """A vector as a 1 x n exact matrix; DataError if the doubles are not the rounding of `exact`."""
-    v = np.asarray(v, dtype=float)
-    if v.ndim != 1 or not np.isfinite(v).all():
-        raise DataError("a vector of finite numbers is needed.")
-    if exact is None:
-        return ExactMatrix(v[None, :])
-    if len(exact) != len(v) or any(float(b) != a for a, b in zip(v.tolist(), exact, strict=True)):
-        raise DataError("the exact vector does not round to the doubles beside it.")
-    out = np.empty((1, len(v)), dtype=object)
-    out[0] = exact
-    return ExactMatrix.from_fractions(out)
-
-
-def drift_forms(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
-    """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
-    if not np.isfinite(rate):
-        raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
-    n = A.shape[0]
-    blocks = [A]
-    if discrete:
-        blocks.append(-identity(n, sparse=A.is_sparse))
-    if rate:
-        blocks.append(ExactMatrix(identity(n, sparse=A.is_sparse).values * rate))
-    if len(blocks) == 1:
-        return BilinearForms(v, A, rays)
-    return BilinearForms(concatenate([v] * len(blocks), -1), concatenate(blocks, -2), rays)
 
 
 def proven_rate(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: bool) -> float:
@@ -362,30 +349,10 @@ def _is_lyapunov(v: ExactMatrix, A: ExactMatrix, X: Cone, discrete: bool) -> boo
     )
 
 
-def instability_conditions(A: ExactMatrix, X: Cone, discrete: bool, w: InstabilityDirection) -> list[Condition]:
-    """x in X and A x in X (A x - x in X), on the facets of X."""
-    x = exact_row(w.x, w.exact)
-    return [
-        Condition("h'x >= 0", BilinearForms(x, None, X.exact_facets), ">="),
-        Condition("h'A x >= 0", _transposed_drift(x, A, X, discrete), ">="),
-    ]
-
-
-def _transposed_drift(x: ExactMatrix, A: ExactMatrix, X: Cone, discrete: bool, rate: float = 0.0) -> BilinearForms:
-    return drift_forms(x, transpose(A), X.exact_facets, discrete, rate)
-
-
-def transpose(A: ExactMatrix) -> ExactMatrix:
-    """A' as exact data."""
-    nums = None if A.numerators is None else A.numerators.T
-    values = A.values.T.tocsr() if A.is_sparse else A.values.T
-    return ExactMatrix(values, None if A.radius is None else A.radius.T, nums, A.denominator)
-
-
 def _slow_conditions(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix, bound: float) -> list[Condition]:
     return [
         Condition(_SLOW_IN, BilinearForms(row, None, X.exact_facets), ">="),
-        Condition(_SLOW, _transposed_drift(row, A, X, discrete, bound), ">="),
+        Condition(_SLOW, transposed_drift(row, A, X, discrete, bound), ">="),
     ]
 
 
@@ -393,7 +360,7 @@ def _proven_bound(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix) -> 
     """The smallest bound on decay rates that x proves, rounded up; None if x proves nothing."""
     with np.errstate(all="ignore"):
         inside = BilinearForms(row, None, X.exact_facets).values
-        drift = _transposed_drift(row, A, X, discrete).values
+        drift = transposed_drift(row, A, X, discrete).values
         quotient = float(np.max(np.where(inside > 0, -drift / inside, -np.inf)))
     if np.isfinite(quotient):
         for step in _BACKOFF:
@@ -401,11 +368,3 @@ def _proven_bound(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix) -> 
             if np.any(row.values) and all_hold(_slow_conditions(A, X, discrete, row, bound)):
                 return bound
     return None
-
-
-def _direction(x: NDArray[Any]) -> InstabilityDirection:
-    """A direction from doubles, or from fractions."""
-    if x.dtype != object:
-        return InstabilityDirection(x)
-    exact = tuple(Fraction(t) for t in x)
-    return InstabilityDirection(np.array([float(t) for t in exact]), exact)

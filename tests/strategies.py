@@ -50,3 +50,17 @@ def any_cone(draw, n: int, most: int = 5) -> kp.PolyhedralCone:
     rays = draw(integer_matrices(draw(st.integers(1, most)), n, 1))
     rays = rays[(rays != 0).any(axis=1)]
     return kp.PolyhedralCone(rays if len(rays) else np.eye(n))
+
+
+def many_rays(n: int, p: int, seed: int = 0) -> np.ndarray:
+    """Generators (1, y) with integer y on a moment curve, or close to one: very many facets, all generators extreme."""
+    t = np.arange(p) - p // 2
+    rows = np.column_stack([t**k for k in range(n)])
+    return rows @ np.random.default_rng(seed).integers(-2, 3, (n, n)) if seed else rows
+
+
+def without_facets(rays) -> kp.PolyhedralCone:
+    """The cone, for which facets cannot be found."""
+    X = kp.PolyhedralCone(rays)
+    X._conversion._refusal = "facets are not to be used here"
+    return X

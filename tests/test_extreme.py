@@ -4,28 +4,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from strategies import any_cone, integer_matrices, proper_cone
+from strategies import any_cone, integer_matrices, many_rays, proper_cone, without_facets
 
 import control_kpos as kp
 from control_kpos.arrays import ExactMatrix
 from control_kpos.cones import hull, polyhedral
 from control_kpos.cones.extreme import extreme_generators, line_in, may_have_many_facets, most_facets
 from control_kpos.cones.polyhedral import has_open_facets
-
-
-def many_rays(n: int, p: int, seed: int = 0) -> np.ndarray:
-    """Generators (1, y) with integer y on a moment curve, or close to one: very many facets, all generators extreme."""
-    t = np.arange(p) - p // 2
-    rows = np.column_stack([t**k for k in range(n)])
-    return rows @ np.random.default_rng(seed).integers(-2, 3, (n, n)) if seed else rows
-
-
-def without_facets(rays) -> kp.PolyhedralCone:
-    """The cone, for which facets cannot be found."""
-    X = kp.PolyhedralCone(rays)
-    X._conversion._refusal = "facets are not to be used here"
-    return X
-
 
 dimensions = st.integers(1, 4)
 

@@ -45,6 +45,7 @@ FLOORS = {
     },
     "cones": {"cones"},
     "verdicts": {"certificates"},
+    "inclusions of cones": {"generators", "inclusions", "violations", "growth"},
     "theorems about matrices": {"positivity", "rounding", "perron", "stability", "storage", "dissipativity", "gains"},
     "systems": {"connections", "operations", "system_data", "statespace"},
     "theorems about systems": {"networks", "synthesis", "conefinding", "intervals", "nonlinear"},

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import qr
 
 from ..arrays import ExactMatrix
 from ..cones import Cone, Orthant, PolyhedralCone, ProductCone, orthant, product
@@ -92,12 +93,18 @@ def right_inverse(cone: Cone, rays: Rationals) -> Rationals | None:
 
 
 def spanning_inverse(exact_rays: ExactMatrix, rays: Rationals) -> Rationals | None:
-    """Z with rays' Z = I from the first generators that span, or None where there is none that is short enough."""
+    """Z with rays' Z = I from n independent generators, or None where there is none that is short enough.
+
+    The generators are far apart where floating point finds such, so that Z makes small errors no larger.
+    """
     n = rays.shape[1]
     if n > LARGE:
         return None
     ints = exact_rays.rows_as_integers(np.arange(len(rays)))
-    chosen = echelon(ints).pivot_rows
+    values = np.asarray(exact_rays.values)
+    unit = values / np.linalg.norm(values, axis=1, keepdims=True)
+    order = qr(unit.T, mode="r", pivoting=True)[1] if np.isfinite(unit).all() else np.arange(len(rays))
+    chosen = order[echelon(ints[order]).pivot_rows]
     if len(chosen) < n:
         return None
     found = solve_exactly(ints[chosen].T, np.eye(n, dtype=int).astype(object))

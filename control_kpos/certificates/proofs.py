@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from ..arrays import ExactMatrix, integers_of_doubles
+from ..arrays import ExactMatrix, integers_of_doubles, plain
 from ..cones import Cone, Orthant, ProductCone, orthant
 from ..errors import TooLargeError
 from ..rational_programs import exact_feasibility, solve_exactly
@@ -59,7 +59,15 @@ class Prover:
         self._programs = 0
         self._bits = 0
 
-    def inclusion(self, target: Cone, M: ExactMatrix, source: Cone, *, invariance: bool = False) -> Any:
+    def inclusion(
+        self,
+        target: Cone,
+        M: ExactMatrix,
+        source: Cone,
+        *,
+        invariance: bool = False,
+        source_rays: ExactMatrix | None = None,
+    ) -> Any:
         """Weights of M x_i, column by column, as JSON data; None for an orthant, where M x_i are the weights.
 
         Parameters
@@ -68,6 +76,8 @@ class Prover:
         M : ExactMatrix, shape (target.dim, source.dim)
         invariance : bool
             Target is source, and the weights on the diagonal are free.
+        source_rays : ExactMatrix, shape (N, n), or None
+            The generators of the source, a cone without factors, if the file does not have its `rays`.
 
         Raises
         ------
@@ -76,6 +86,8 @@ class Prover:
         """
         if isinstance(target, Orthant):
             return None
+        if source_rays is not None:
+            return self._images(target, M, source_rays)
         targets, sources = _blocks(target), _blocks(source)
         entries: list[tuple[int, int, Any]] = []
         for a, b, piece in _pieces(M, targets, sources):
@@ -89,6 +101,16 @@ class Prover:
             entries += [(a.ray + i, b.ray + j, W[i, j]) for i, j in zip(*np.nonzero(W), strict=True)]
         self._count(entries)
         return _encoded(entries, (target.n_rays, source.n_rays))
+
+    def _images(self, target: Cone, M: ExactMatrix, rays: ExactMatrix) -> Any:
+        """Weights of M x for generators x of a cone of which nothing else is known."""
+        images = plain(M).fractions() @ rays.fractions().T
+        entries: list[tuple[int, int, Any]] = []
+        for block in _blocks(target):
+            W = self._weights(block.cone, images[block.row : block.row + block.cone.dim], None)
+            entries += [(block.ray + i, j, W[i, j]) for i, j in zip(*np.nonzero(W), strict=True)]
+        self._count(entries)
+        return _encoded(entries, (target.n_rays, rays.shape[0]))
 
     def vector(self, target: Cone, x: Rationals, *, interior: bool = False) -> Any:
         """Weights of one vector in a cone, as JSON data; None for an orthant."""

@@ -235,10 +235,11 @@ class Certificate(ABC):
         The smallest |z| / (|l|'|M||r|) of the inequalities of the claim, or of the witness with a
         minus sign.
         """
+        counted = [c for c in self._own_conditions if c.name not in self.no_margin]
         if self.witness is not None:
-            broken = (c.margin for c in self._own_conditions if c.relation != "==")
+            broken = (c.margin for c in counted if c.relation != "==")
             return 0.0 - abs(min(broken, default=0.0))
-        return min((c.margin for c in self._own_conditions if c.name not in self.no_margin), default=0.0)
+        return min((c.margin for c in counted), default=0.0)
 
     def check(self) -> bool:
         """Recompute the verdict from the data, without any solver.

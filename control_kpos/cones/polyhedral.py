@@ -42,8 +42,17 @@ class _Conversion:
 
     @property
     def is_open(self) -> bool:
-        """Whether the facets are not known, and may be out of reach."""
-        return "faces" not in vars(self) and (bool(self._refusal) or may_have_many_facets(*self.generators.shape))
+        """Whether the facets are not known, and may be out of reach; of cones that hardly have many they are found."""
+        if "faces" in vars(self):
+            return False
+        if self._refusal or may_have_many_facets(*self.generators.shape):
+            return True
+        try:
+            _ = self.faces
+        except TooLargeError:
+            if not self._refusal:  # for now: more may be allowed later
+                raise
+        return bool(self._refusal)
 
     @cached_property
     def extreme(self) -> Extreme | None:

@@ -1,0 +1,1 @@
+"""Cones known by their generators: nonnegative combinations, and what they prove without facets."""
