@@ -39,7 +39,7 @@ BOUNDED = "largest |F_j x_k| relative to its bound"
 _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
 # Of a proof, for each entry of A; seconds by which a proof may end after the time limit.
-_SECONDS_PER_ENTRY, _OVERTIME = 3e-6, 0.3
+_SECONDS_PER_ENTRY, _OVERTIME = 2e-6, 0.3
 # What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
 _SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
 # Bounds on gains are numbers of a linear program.
