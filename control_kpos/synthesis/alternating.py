@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..certificates.result import Status
-from ..deadline import OutOfTimeError
+from ..deadline import OutOfTimeError, seconds_left
 from .acceptance import Accepted, accept
 from .alternation import GainProgram, Iterate
 from .backend import Programs
@@ -23,6 +23,7 @@ from .modes import controllability_notes
 from .one_shot import GAIN_SLACK, LARGEST_RATE, SMALLEST_GAIN, exact_design, succeed, without_feedback
 from .plant import Floats, Plant
 from .result import DesignResult, Nearest
+from .rows import SECONDS_PER_ENTRY
 from .simplicial import gain_of
 
 # Starting vectors for any gain, and for the largest rate, which is a local optimum.
@@ -167,6 +168,8 @@ def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
 
 def common_vector(plant: Plant, lp: Programs, loops: list[Any]) -> Floats | None:
     """x inside X with A_s x inside -X for every closed loop, in floating point, or None."""
+    if (len(loops) + 1) * len(plant.facets) * len(plant.rays) * SECONDS_PER_ENTRY > seconds_left():
+        return None
     heights = (plant.facets @ plant.rays.T).max(axis=1)
     H = plant.facets / heights[:, None]
     eye = np.eye(plant.n) if plant.discrete else 0.0

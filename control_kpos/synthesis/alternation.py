@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..deadline import seconds_left
 from .plant import Floats, Plant
 from .ratio import TIERS, Solver
 from .rows import assembled, bordered, diagonals, products, scaled_rows, stacked
@@ -223,6 +224,8 @@ class GainProgram:
         n = self.plant.n
         low, high, best = -2 * self.plant.scale * n, 2 * self.plant.scale * n, None
         for _ in range(24):
+            if seconds_left() <= 0:
+                break
             rate = (low + high) / 2
             rows = np.concatenate([rays @ (M.T + rate * np.eye(n)) for M in loops] + [-rays])
             right = np.concatenate([np.zeros(len(loops) * len(rays)), -np.ones(len(rays))])
