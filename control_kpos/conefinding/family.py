@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, pick
-from ..deadline import seconds_left
+from ..deadline import OutOfTimeError, seconds_left
 from ..linear_programs import solve
 from .certificate import ConeCertificate
 from .commutator import simplicial_descent
@@ -75,13 +75,27 @@ def find_common(
         report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
         if margin < -NEARLY:
             continue
-        for rays in _roundings(R, units, margin):
-            certificate = _proven(matrices, rays, units, discrete)
-            if certificate:
-                point = np.asarray(certificate.pointing)
-                index, separators = extreme_generators(np.asarray(rays.values), point)
-                return certificate, separators if len(index) == rays.shape[0] else None, flatness(R), best
+        try:
+            certificate = next(
+                filter(None, (_proven(matrices, x, units, discrete) for x in _roundings(R, units, margin))), None
+            )
+        except OutOfTimeError:  # another start may be cheaper to prove
+            continue
+        if certificate is not None:
+            return certificate, _separators(certificate), flatness(R), best
     return nothing, None, np.inf, best
+
+
+def _separators(certificate: ConeCertificate) -> Array | None:
+    """Functionals that single out each generator, if all are extreme and there is time to see that."""
+    rays, pointing = certificate.rays, certificate.pointing
+    if rays is None or pointing is None:
+        return None
+    try:
+        index, separators = extreme_generators(np.asarray(rays.values), pointing)
+    except OutOfTimeError:
+        return None
+    return separators if len(index) == rays.shape[0] else None
 
 
 def _units(matrices: ExactMatrix) -> Array:
