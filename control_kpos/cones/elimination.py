@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import Integers
+from ..deadline import require_seconds
 
 # (a b - c d) stays below 2**63 if all entries do not exceed this.
 _INT64_FACTOR = 2**31 - 1
@@ -87,6 +88,7 @@ def echelon(matrix: Integers) -> Echelon:
     columns: list[int] = []
     last = 1
     while True:
+        require_seconds()
         # the first row that is not yet zero is independent of the rows before it
         alive = open_rows & (work != 0).any(axis=1)
         if not alive.any():
@@ -147,6 +149,7 @@ def normals(stack: Integers) -> Integers:
     last: NDArray[Any] = np.ones(count, dtype=work.dtype)
     singular = np.zeros(count, dtype=bool)
     for k in range(rows):
+        require_seconds()
         # row k of an independent set has a nonzero entry left; swap it into column k
         pivot_at = k + np.argmax(work[:, k, k:] != 0, axis=1)
         swap = np.flatnonzero(pivot_at != k)

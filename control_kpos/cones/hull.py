@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from ..arrays import Integers
+from ..deadline import require_seconds
 from ..errors import TooLargeError
 from .elimination import echelon
 from .hyperplanes import Hyperplanes, round_map
@@ -105,6 +106,7 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
     boundary = _Boundary(G, ALLOWANCE.get() or Allowance(LIMIT, LIMIT))
     inside = list(boundary.first)
     for x in boundary.order:
+        require_seconds()
         sign = boundary.signs_at(x)
         if (sign < 0).any():
             if not (sign > 0).any():
