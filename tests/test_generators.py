@@ -274,6 +274,15 @@ def test_stability_on_cones_that_are_found(no_facets, tmp_path):
     assert slower.status is kp.Status.REFUTED and slower.check()
 
 
+@pytest.mark.parametrize(("step", "discrete"), [(2.0**-20, True), (2.0**20, False)])
+def test_fine_steps_need_no_rational_numbers(step, discrete, no_facets, monkeypatch):
+    A = slow_modes(12)
+    X = kp.find_cone(A).cone
+    monkeypatch.setattr("control_kpos.generators.inclusion.exact_feasibility", lambda *_, **__: pytest.fail("exact"))
+    cert = kp.state_positivity(np.eye(12) + step * A if discrete else A - step * np.eye(12), X, discrete=discrete)
+    assert cert and cert.check()
+
+
 def test_a_marginal_system_on_a_large_cone(no_facets):
     rays = many_rays(9, 40)
     inward = np.outer(rays.sum(axis=0), np.eye(9, dtype=int)[0])  # maps x to x_1 times the sum of the generators

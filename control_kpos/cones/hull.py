@@ -55,7 +55,7 @@ class Allowance:
             raise TooLargeError(
                 f"to convert {p} vectors in dimension {n} (generators to facets, or facets to generators) takes too "
                 f"much work{so_far}. Use fewer vectors, an orthant, a simplicial cone (n vectors) or a product of "
-                "smaller cones."
+                "smaller cones. Positivity and stability on a cone given by generators need no facets."
             )
 
 

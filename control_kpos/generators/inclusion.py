@@ -37,6 +37,10 @@ SUPPORTING = "h'x >= 0 on X"
 NO_MARGIN = frozenset({_POINTED, "R Y = I", SUPPORTING})
 # Below this a margin may be rounding of the solver.
 _STRICT = 1e-9
+# Below this the tolerances of the solver have eaten from it.
+_CLOSE = 1e-6
+# Multiplications of machine words for all rational columns together, some ten seconds, and for the worst of them.
+_WORK = 4 * 10**8
 # Binary digits of all rational multipliers together.
 _DIGITS = 4 * 10**8
 
@@ -204,10 +208,12 @@ class _Search:
         for j in range(vectors.shape[0]):
             self.allowance.take(20 * N * n, N, n)
             p, margins[j] = nonnegative_combination(frame, images[:, j], j if free else None, size=size)
+            if vectors is self.rays and not margins[j] > _CLOSE:
+                p, margins[j] = self._closer(images[:, j], j, p, margins[j], free)
             columns.append(p * scale[j] / heights)
         doubtful = [int(j) for j in np.argsort(margins) if not margins[j] > _STRICT]
-        for j in doubtful:
-            exact = self._exact(M, vectors, j, free)
+        for k, j in enumerate(doubtful):
+            exact = self._exact(M, vectors, j, free, len(doubtful) if k else 1)  # the worst may settle it
             if isinstance(exact, tuple):
                 return exact
             columns[j] = exact
@@ -219,16 +225,29 @@ class _Search:
         if not failing.any():
             return Q
         for j in np.flatnonzero(failing):
-            exact = self._exact(M, vectors, int(j), free)
+            exact = self._exact(M, vectors, int(j), free, int(failing.sum()))
             if isinstance(exact, tuple):
                 return exact
             columns[j] = exact
         return _stacked(columns)
 
+    def _closer(
+        self, image: NDArray[np.float64], j: int, p: NDArray[np.float64], margin: float, free: bool
+    ) -> tuple[NDArray[np.float64], float]:
+        """Column j once more, in units of what the image has besides x_j: steps of fine discretisations are short."""
+        own = p[j]
+        rest = image - own * self.frame.R[:, j]
+        size = float(np.abs(rest).max())
+        if not 0 < size < np.inf:
+            return p, margin
+        closer, better = nonnegative_combination(self.frame, rest, j, size=size)
+        closer[j] += own
+        return (closer, better) if better > _STRICT and (free or closer[j] > 0) else (p, margin)
+
     def _exact(
-        self, M: ExactMatrix, vectors: ExactMatrix, j: int, free: bool
+        self, M: ExactMatrix, vectors: ExactMatrix, j: int, free: bool, count: int
     ) -> NDArray[np.object_] | tuple[NDArray[np.object_], int]:
-        """Column j in rational numbers, or the reason why there is none."""
+        """Column j in rational numbers, for one part in `count` of the work, or the reason why there is none."""
         N, n = self.rays.shape
         R = self.rays.fractions().T
         image = M.fractions() @ ExactMatrix.from_fractions(vectors.fractions()[[j]]).fractions()[0]
@@ -238,7 +257,7 @@ class _Search:
         digits = max(int(x).bit_length() for x in np.abs(self.rays.as_integers()[0]).ravel())
         self.allowance.take(2.4 * n**3 * (1 + n * digits / 1024) ** 1.6, N, n)
         try:
-            x, h = exact_feasibility(matrix, image)
+            x, h = exact_feasibility(matrix, image, work_limit=_WORK / count)
         except DataError:
             raise TooLargeError(f"the numbers of column {j} are too long for a linear program.") from None
         if h is not None or x is None:
