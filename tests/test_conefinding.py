@@ -14,7 +14,6 @@ from scipy.linalg import block_diag
 from control_kpos import PolyhedralCone, Status, load_certificate, state_positivity
 from control_kpos.arrays import ExactMatrix
 from control_kpos.conefinding import ConeCertificate, find_cone
-from control_kpos.conefinding.enclosure import Generators
 from control_kpos.conefinding.polynomials import (
     characteristic_polynomial,
     imaginary_axis,
@@ -29,6 +28,7 @@ from control_kpos.conefinding.polynomials import (
 from control_kpos.conefinding.rationals import solve_columns
 from control_kpos.conefinding.single import eigenvalues
 from control_kpos.errors import DataError, ShapeError
+from control_kpos.generators.enclosure import Generators
 
 
 def pair(gap: float, frequency: float) -> np.ndarray:

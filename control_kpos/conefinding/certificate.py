@@ -6,7 +6,7 @@
 
 prove e^{At} X inside X (A X inside X) for X = cone of the columns of R, without a facet: in dimension
 30 a cone with 45 generators has far too many of them.  The sign conditions are proven in floating
-point with rounding bounds; see `enclosure`.
+point with rounding bounds; see `generators.enclosure`.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from ..certificates.proofs import ProofOmittedError, Prover
 from ..certificates.result import Certificate, Condition
 from ..cones import orthant
 from ..errors import DataError
-from .enclosure import Generators
+from ..generators.enclosure import Generators
 
 
 @runtime_checkable

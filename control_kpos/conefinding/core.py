@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix
 from ..cones import PolyhedralCone
 from ..errors import TooLargeError
+from ..generators.multipliers import Frame, multipliers, nonnegative_combination
 from .explicit import LARGE, MOST_ENTRIES, Candidate, Multipliers, modal_cone
 from .modes import Modes, modes
-from .multipliers import Frame, multipliers, nonnegative_combination
 from .single import candidates
 from .split import Split
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix, pick
 from ..certificates.files import register_record
 from ..certificates.result import Condition
-from .enclosure import Bounds
+from ..generators.enclosure import Bounds
 from .polynomials import (
     Polynomial,
     characteristic_polynomial,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, pick
 from ..deadline import OutOfTimeError, seconds_left
+from ..generators.multipliers import multipliers, pointing_functional
 from ..linear_programs import solve
 from .certificate import ConeCertificate
 from .commutator import simplicial_descent
@@ -18,7 +19,6 @@ from .explicit import modal_cone
 from .filters import family_obstruction
 from .modes import Modes, modes
 from .moving import moving_descent
-from .multipliers import multipliers, pointing_functional
 from .reduction import extreme_generators
 from .single import as_stack, balancing_units, flatness
 

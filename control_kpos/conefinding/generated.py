@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix
 from ..certificates.exact import BilinearForms
 from ..cones import PolyhedralCone
-from .enclosure import Generators
+from ..generators.enclosure import Generators
 
 # More generators are not compared with each other.
 _COMPARED = 3000

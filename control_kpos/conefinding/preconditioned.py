@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
 from ..deadline import seconds_left
+from ..generators.products import as_doubles, summed_products
 from .modes import eigenbasis
-from .products import as_doubles, summed_products
 
 Array = NDArray[np.float64]
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..deadline import require_seconds
+from ..generators.multipliers import Frame
 from ..linear_programs import solve
-from .multipliers import Frame
 
 Array = NDArray[np.float64]
 

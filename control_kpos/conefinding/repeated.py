@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix
+from ..generators.multipliers import pointing_functional
 from .existence import spectrum_polynomial
-from .multipliers import pointing_functional
 from .polynomials import Polynomial, derivative, multiply, square_free_factors
 from .rationals import Rationals, identity, jordan_chains, nullspace, solve_columns
 from .single import find_single

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, as_stack, pick
 from ..deadline import require_seconds
+from ..generators.multipliers import multipliers
+from ..generators.products import exact_product
 from .certificate import ConeCertificate
 from .explicit import LARGE, Candidate, modal_cone
 from .modes import SECONDS_PER_CUBE, Modes, dominant_index, eigenbasis, modes
-from .multipliers import multipliers
 from .preconditioned import modal_coordinates
-from .products import exact_product
 from .rational_modes import rational_cones
 
 # Beyond the first, a neighbouring matrix with better eigenvectors is tried before A's own; beyond the

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from ..arrays import ExactMatrix, concatenate, pick
 from ..deadline import require_seconds
+from ..generators.multipliers import Frame, nonnegative_combination
 from .assembly import Assembly, Path, assemble
 from .certificate import ConeCertificate
 from .chain import rational_chains
 from .core import Core, core_inside
 from .first_steps import first_steps, steps_on_boundary
-from .multipliers import Frame, nonnegative_combination
 from .orbit import Flow, flow, follow
 from .outlook import outlook
 from .reduction import extreme_generators
