@@ -1,0 +1,182 @@
+"""Combinations of generators in floating point: every bound against the same numbers in fractions."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.sparse import csr_array
+
+from control_kpos.arrays import ExactMatrix
+from control_kpos.generators.enclosure import Bounds, Generators, enclosed_product
+from control_kpos.generators.products import exact_product
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def fractions(values) -> np.ndarray:
+    return np.vectorize(Fraction, otypes=[object])(np.asarray(values, dtype=object))
+
+
+def spread(rng, shape, decades=6):
+    """Numbers of either sign and very different size."""
+    return rng.standard_normal(shape) * 10.0 ** rng.uniform(-decades, decades, shape)
+
+
+def inverse(M):
+    """Exact inverse of a small matrix of fractions, by Gauss and Jordan."""
+    n = len(M)
+    work = np.concatenate([M, fractions(np.eye(n, dtype=int).tolist())], axis=1)
+    for k in range(n):
+        pivot = next(i for i in range(k, n) if work[i, k] != 0)
+        work[[k, pivot]] = work[[pivot, k]]
+        work[k] = work[k] / work[k, k]
+        for i in range(n):
+            if i != k:
+                work[i] = work[i] - work[k] * work[i, k]
+    return work[:, n:]
+
+
+def corrected(R, Y, T, Q):
+    """Q + Y (I - D)^-1 (T - R Q) with D = I - R Y, exactly: it solves R Q* = T."""
+    R, Y, T, Q = map(fractions, (R, Y, T, Q))
+    out = Q + Y @ inverse(R @ Y) @ (T - R @ Q)
+    assert (R @ out == T).all()
+    return out
+
+
+def assert_true(bounds, exact, required):
+    """What is claimed of the corrected weights holds."""
+    for i, j in zip(*np.nonzero(required), strict=True):
+        claimed = bool(np.broadcast_to(bounds.exact, required.shape)[i, j])
+        assert not claimed or exact[i, j] >= 0
+        lower = float(bounds.lower[i, j])
+        assert claimed or lower == -np.inf or np.isnan(lower) or exact[i, j] >= Fraction(lower)
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.integers(1, 130), st.booleans(), st.booleans())
+def test_products_lie_within_their_bounds(seed, width, left_inexact, right_inexact):
+    rng = np.random.default_rng(seed)
+    a, b = spread(rng, (2, width)), spread(rng, (3, width))
+    sign = rng.choice([-1, 1], (2, width))
+    b = b * np.sign(b[[0]]) * np.sign(b) if width % 2 else b  # half of them without cancellation
+    ra = np.abs(a) * rng.choice([0, 1e-16, 0.5, 1]) if left_inexact else None
+    rb = np.abs(b) * rng.choice([0, 1e-16, 0.5, 1]) if right_inexact else None
+    product, bound = enclosed_product(ExactMatrix(a, ra), ExactMatrix(b, rb))
+    for s in (sign, np.sign(a)):
+        left = fractions(a) if ra is None else fractions(a) + fractions(s * ra)
+        right = fractions(b) if rb is None else fractions(b) + fractions(np.sign(b) * rb)
+        error = np.abs(left @ right.T - fractions(product))
+        assert (error <= fractions(bound)).all()
+    small = np.abs(a) @ np.abs(b).T * (1e-13 + 2.2 * (left_inexact + right_inexact) + 1.1)
+    assert (bound <= small + 1e-290).all()  # a bound that says nothing would pass as well
+
+
+def test_products_that_underflow_or_overflow_are_not_claimed():
+    tiny, huge = ExactMatrix(np.full((1, 3), 1e-200)), ExactMatrix(np.full((1, 3), 1e200))
+    product, bound = enclosed_product(tiny, tiny)
+    assert abs(Fraction(1e-200) ** 2 * 3 - Fraction(product[0, 0])) <= Fraction(bound[0, 0])
+    assert not enclosed_product(huge, huge)[1][0, 0] < np.inf
+
+
+@settings(max_examples=150, deadline=None)
+@given(SEEDS, st.integers(1, 3), st.integers(0, 3), st.sampled_from([0.0, 1e-17, 1e-9, 1e-3, 0.3]), st.booleans())
+def test_weights_are_at_least_what_is_claimed(seed, n, more, rough, radius):
+    rng = np.random.default_rng(seed)
+    N, count = n + more, 4
+    R = rng.standard_normal((n, N)) * 2.0 ** rng.integers(-30, 30, (n, 1))
+    Y = np.linalg.pinv(R) + rough * rng.standard_normal((N, n)) / np.abs(R).max(axis=1) / N
+    Y[rng.random(N) < 0.2] = 0.0
+    if np.linalg.matrix_rank(R @ Y) < n:
+        return
+    Q = np.abs(rng.standard_normal((N, count))) * 10.0 ** rng.uniform(-12, 0, (N, count))
+    Q[rng.random((N, count)) < 0.2] *= -1
+    Q[rng.random((N, count)) < 0.2] = 0.0
+    T = R @ Q + rng.choice([0, 1e-16, 1e-12, 1e-6]) * np.abs(R).max(axis=1, keepdims=True) * rng.standard_normal(
+        (n, count)
+    )
+    M, x = rng.standard_normal((n, 2)), rng.standard_normal((count, 2))
+    rest = fractions(T) - fractions(M) @ fractions(x).T
+    required = rng.random((N, count)) < 0.8
+    rays = ExactMatrix(R.T.copy())
+    if radius:  # generators that doubles cannot hold
+        rays = ExactMatrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
+    parts = [(ExactMatrix(M), ExactMatrix(x)), (ExactMatrix.from_fractions(rest), ExactMatrix(np.eye(count)))]
+    bounds = Generators(rays, Y).combination("T = R Q", parts, ExactMatrix(Q), required)
+    assert_true(bounds, corrected(rays.fractions().T, Y, T, Q), required)
+    if bounds.verdict():
+        assert (corrected(rays.fractions().T, Y, T, Q)[required] >= 0).all()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_weights_with_room_are_proven_and_exact_ones_without(seed):
+    rng = np.random.default_rng(seed)
+    R = rng.integers(-5, 6, (3, 6)).astype(float)
+    R[:, :3] += 9 * np.eye(3)
+    Q = rng.integers(0, 4, (6, 5)).astype(float)  # with zeros: only exactness helps
+    everywhere, eye = np.ones(Q.shape, dtype=bool), ExactMatrix(np.eye(3))
+    basis = Generators(ExactMatrix(R.T.copy()), np.linalg.pinv(R))
+    assert basis.solid().verdict()
+    exact = basis.combination("T = R Q", [(eye, ExactMatrix((R @ Q).T.copy()))], ExactMatrix(Q), everywhere)
+    assert exact.verdict() and exact.margin == 0
+    rounded = ExactMatrix((R @ (Q + 1) * (1 + 1e-15)).T.copy())
+    assert basis.combination("T = R Q", [(eye, rounded)], ExactMatrix(Q + 1), everywhere).verdict()
+    wrong = Q.copy()
+    wrong[2, 3] = -1e-30
+    assert not basis.combination(
+        "T = R Q", [(eye, ExactMatrix((R @ Q).T.copy()))], ExactMatrix(wrong), everywhere
+    ).verdict()
+    spared = everywhere.copy()
+    spared[2, 3] = False
+    target = exact_product(ExactMatrix(wrong.T.copy()), ExactMatrix(R))
+    assert basis.combination("T = R Q", [(eye, target)], ExactMatrix(wrong), spared).verdict()
+
+
+def test_a_negative_weight_is_not_excused_by_a_zero_row():
+    R, Y = np.array([[1.0, 0, 1], [0, 1, 1]]), np.array([[1.0, 0], [0, 1], [0, 0]])
+    Q = np.array([[2.0], [2], [-1]])
+    target = [(ExactMatrix(np.eye(2)), ExactMatrix((R @ Q).T.copy()))]
+    basis = Generators(ExactMatrix(R.T.copy()), Y)
+    assert not basis.combination("T = R Q", target, ExactMatrix(Q), np.ones((3, 1), dtype=bool)).verdict()
+    assert basis.combination("T = R Q", target, ExactMatrix(Q), np.array([[True], [True], [False]])).verdict()
+    assert basis.combination(
+        "T = R Q", target, ExactMatrix(np.abs(Q) - [[2], [2], [0]]), np.array([[True]] * 3)
+    ).verdict()
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    SEEDS, st.integers(1, 3), st.integers(1, 4), st.sampled_from([0.0, 1e-17, 1e-9, 0.1]), st.booleans(), st.booleans()
+)
+def test_sparse_weights_are_at_least_what_is_claimed(seed, n, more, rough, diagonal, radius):
+    rng = np.random.default_rng(seed)
+    N = n + more
+    R = rng.standard_normal((n, N)) * 2.0 ** rng.integers(-30, 30, (n, 1))
+    support = np.sort(rng.permutation(N)[: n + int(rng.integers(0, more))])
+    Y = np.zeros((N, n))
+    Y[support] = (
+        np.linalg.pinv(R[:, support]) + rough * rng.standard_normal((len(support), n)) / np.abs(R).max(axis=1) / N
+    )
+    A, P = rng.standard_normal((n, n)), np.abs(rng.standard_normal((N, N))) * (rng.random((N, N)) < 0.5)
+    P[rng.random((N, N)) < 0.05] *= -1
+    P[np.arange(N), np.arange(N)] = rng.standard_normal(N)
+    P[support] += Y[support] @ (A @ R - R @ P)  # closes the equation up to rounding
+    P += 10.0 ** rng.uniform(-17, -3) * rng.standard_normal((N, N)) * (P != 0)
+    rays = ExactMatrix(R.T.copy())
+    if radius:
+        rays = ExactMatrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
+    basis = Generators(rays, Y)
+    if not basis.solid().verdict():
+        return
+    bounds = basis.sparse_combination("A R = R P", (ExactMatrix(A), rays), ExactMatrix(csr_array(P)), diagonal=diagonal)
+    T = fractions(A) @ rays.fractions().T
+    exact = corrected(rays.fractions().T, Y, T, P)
+    required = np.ones((N, N), dtype=bool) if diagonal else ~np.eye(N, dtype=bool)
+    assert not bounds.verdict() or (exact[required] >= 0).all()
+    assert_true(Bounds.of("", bounds.lower, bounds.size, bounds.exact), exact[support], required[support]) if not (
+        (P < 0) & required
+    )[np.setdiff1d(np.arange(N), support)].any() else None
