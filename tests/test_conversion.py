@@ -390,6 +390,15 @@ def test_work_in_integers_is_limited(monkeypatch):
         _ = PolyhedralCone(rows).facets
 
 
+def test_memory_is_limited(monkeypatch):
+    monkeypatch.setattr(hull, "_ROOM", 400 * (17 + 16 * 8))
+    with pytest.raises(TooLargeError, match="17 vectors"):
+        _ = PolyhedralCone(CYCLIC).facets
+    before = hull.ALLOWANCE.set(hull.Allowance(np.inf))  # any amount, as for files that are trusted
+    assert PolyhedralCone(CYCLIC).n_facets == 572
+    hull.ALLOWANCE.reset(before)
+
+
 def test_a_refusal_is_remembered(monkeypatch):
     X = PolyhedralCone(CYCLIC)
     monkeypatch.setattr(hull, "LIMIT", 1000)

@@ -27,6 +27,8 @@ from .rows import unit_rows
 
 _UNKNOWN = 2
 _CHUNK = 2_000_000
+# Bytes that simplices and their signs may take; copies of them need a few times as much.
+_ROOM = 4 * 10**8
 
 
 class Allowance:
@@ -197,6 +199,8 @@ class _Boundary:
         new = np.sort(np.concatenate([ridges, np.full((len(ridges), 1), x)], axis=1), axis=1)
         holes = np.flatnonzero(seen)
         size = len(seen) + len(new) - len(holes)
+        if size * (self.signs.shape[1] + 2 * new.itemsize * self.exact.shape[1]) > _ROOM:
+            self._spend(np.inf)
         if size > len(self._vertices):
             for name in ("_vertices", "_signs", "_exact"):  # room for as many again
                 old = getattr(self, name)
