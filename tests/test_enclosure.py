@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
 from control_kpos.arrays import ExactMatrix
-from control_kpos.generators.enclosure import Generators, enclosed_product
+from control_kpos.generators.enclosure import Bounds, Generators, enclosed_product, enclosed_sparse_product
 from control_kpos.generators.products import exact_product
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -72,8 +72,45 @@ def test_products_lie_within_their_bounds(seed, width, left_inexact, right_inexa
         right = fractions(b) if rb is None else fractions(b) + fractions(np.sign(b) * rb)
         error = np.abs(left @ right.T - fractions(product))
         assert (error <= fractions(bound)).all()
-    small = np.abs(a) @ np.abs(b).T * (1e-13 + 2.2 * (left_inexact + right_inexact) + 1.1)
+    size = np.abs(a) @ np.abs(b).T
+    assert (bound >= (min(width, 64) + width / 64) * 2.0**-53 * size).all()  # what any order of additions may need
+    small = size * (1e-13 + 2.2 * (left_inexact + right_inexact) + 1.1)
     assert (bound <= small + 1e-290).all()  # a bound that says nothing would pass as well
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.integers(1, 30), st.booleans())
+def test_sparse_products_lie_within_their_bounds(seed, N, inexact):
+    rng = np.random.default_rng(seed)
+    R, P = spread(rng, (N, 3)), spread(rng, (N, 4)) * (rng.random((N, 4)) < 0.4)
+    radius = np.abs(R) * rng.choice([1e-16, 0.5]) if inexact else None
+    product, bound = enclosed_sparse_product(ExactMatrix(R, radius), csr_array(P))
+    for j in range(4):
+        moved = fractions(R) if radius is None else fractions(R) + fractions(radius * np.sign(R * P[:, [j]]))
+        error = np.abs(moved.T @ fractions(P[:, j]) - fractions(product[:, j]))
+        assert (error <= fractions(bound[:, j])).all()
+    size = np.abs(R).T @ np.abs(P)
+    assert (bound >= np.count_nonzero(P, axis=0).max() * 2.0**-53 * size).all()
+    assert (bound <= size * (1e-13 + 0.6 * inexact) + 1e-290).all()
+
+
+def test_sparse_products_that_underflow():
+    tiny = np.full((1, 1), 1.1e-200)
+    product, bound = enclosed_sparse_product(ExactMatrix(tiny), csr_array(tiny))
+    assert abs(Fraction(1.1e-200) ** 2 - Fraction(product[0, 0])) <= Fraction(bound[0, 0])
+
+
+def test_bounds_claim_what_is_above_zero_or_exact():
+    def bounds(*lower, exact=False):
+        return Bounds.of("b", np.array(lower), np.array([2.0, 0.0])[: len(lower)], np.array(exact))
+
+    assert bounds(1.0).verdict() and bounds(1.0).margin == 0.5 and bounds(4.0).margin == 1.0
+    for lower in (0.0, -1.0, -np.inf, np.nan):
+        assert bounds(lower).verdict() is None and not bounds(lower).margin > 0
+        assert bounds(lower, exact=[True]).verdict()
+    assert bounds(1.0, 1.0).margin == 0.0  # nothing to judge the second by
+    assert bounds(-1.0, exact=[True]).margin == 0.0
+    assert bounds(1.0).relation == ">" and bounds(1.0).worst_violation() is None
 
 
 def test_products_that_underflow_or_overflow_are_not_claimed():
@@ -180,3 +217,13 @@ def test_sparse_weights_are_at_least_what_is_claimed(seed, n, more, rough, diago
     outside = np.setdiff1d(np.arange(N), support)  # weights there stay what they are
     if not ((P < 0) & required)[outside].any():
         assert_true(bounds, exact[support], required[support])
+
+
+def test_one_generator_of_support_does_not_excuse_the_others():
+    rays, Y = ExactMatrix(np.array([[1.0], [2.0]])), np.array([[1.0], [0.0]])
+    for value in (-0.5, np.nan, np.inf):
+        P = csr_array(np.array([[-1.0, 0.5], [value, -2.0]]))
+        bounds = Generators(rays, Y).sparse_combination(
+            "A R = R P", (ExactMatrix([[-1.0]]), rays), ExactMatrix(P), diagonal=False
+        )
+        assert not bounds.verdict()

@@ -77,6 +77,7 @@ class Bounds(Condition):
         """Smallest bound relative to its size, at most 1."""
         with np.errstate(invalid="ignore", divide="ignore"):
             ratio = np.where(self.size > 0, self.lower / self.size, 0.0)
+        ratio = np.where(np.isnan(ratio), -np.inf, ratio)
         ratio = np.where(self.exact, np.maximum(ratio, 0.0), ratio)
         return float(min(1.0, ratio.min(initial=1.0)))
 
@@ -100,7 +101,7 @@ def enclosed_product(left: ExactMatrix, right: ExactMatrix) -> tuple[Array, Arra
         return product, bound
 
 
-def _enclosed_sparse(rays: ExactMatrix, P: sp.csr_array) -> tuple[Array, Array]:
+def enclosed_sparse_product(rays: ExactMatrix, P: sp.csr_array) -> tuple[Array, Array]:
     """rays' P in floating point, and a bound on its distance from the exact product."""
     values, columns = np.asarray(rays.values), sp.csr_array(P.T)
     terms = int(np.diff(columns.indptr).max(initial=0))
@@ -188,7 +189,7 @@ class Generators:
         P = sp.csr_array(multipliers.values)
         support = np.flatnonzero((self.inverse != 0).any(axis=1))
         value, bound = enclosed_product(_scaled_rows(target[0], self.exponent), target[1])
-        product, error = _enclosed_sparse(self.equilibrated, P)
+        product, error = enclosed_sparse_product(self.equilibrated, P)
         residual = value - product
         error = error + bound + (np.abs(value) + np.abs(product)) * (4 * HALF_ULP)
         Q = P[support].toarray()
@@ -205,11 +206,12 @@ class Generators:
             columns = ExactMatrix(P[:, good].toarray())
             vanishing, _ = self._exact_residual([(target[0], pick(target[1], good))], columns, slice(None))
             exact[:, good[vanishing]] = True
-        entries = P.tocoo()
-        bad = (entries.data < 0) & (diagonal | (entries.coords[0] != entries.coords[1]))
-        bad &= ~np.isin(entries.coords[0], support)
-        lower[:, entries.coords[1][bad]], exact[:, entries.coords[1][bad]] = -1.0, False
         lower = np.where(required, lower, 1.0)
+        entries = P.tocoo()
+        bad = ~(entries.data >= 0) & (diagonal | (entries.coords[0] != entries.coords[1]))
+        bad &= ~np.isin(entries.coords[0], support)
+        wrong = np.append(entries.coords[1][bad], np.flatnonzero(~np.isfinite(worst)))
+        lower[:, wrong], exact[:, wrong] = -1.0, False  # also where no entry of the column is required
         size = np.maximum(np.abs(Q).sum(axis=0), np.finfo(float).tiny)
         return Bounds.of(name, lower, np.broadcast_to(size, Q.shape), exact)
 
