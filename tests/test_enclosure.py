@@ -130,7 +130,7 @@ def test_weights_are_at_least_what_is_claimed(seed, n, more, rough, radius):
     Y[rng.random(N) < 0.2] = 0.0
     if np.linalg.matrix_rank(R @ Y) < n:
         return
-    Q = np.abs(rng.standard_normal((N, count))) * 10.0 ** rng.uniform(-12, 0, (N, count))
+    Q = np.abs(rng.standard_normal((N, count))) * 10.0 ** rng.uniform(-19, 0, (N, count))
     Q[rng.random((N, count)) < 0.2] *= -1
     Q[rng.random((N, count)) < 0.2] = 0.0
     T = R @ Q + rng.choice([0, 1e-16, 1e-12, 1e-6]) * np.abs(R).max(axis=1, keepdims=True) * rng.standard_normal(
@@ -147,6 +147,48 @@ def test_weights_are_at_least_what_is_claimed(seed, n, more, rough, radius):
     assert_true(bounds, corrected(rays.fractions().T, Y, T, Q), required)
     if bounds.verdict():
         assert (corrected(rays.fractions().T, Y, T, Q)[required] >= 0).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.integers(1, 4), st.sampled_from([0.0, 1e-17, 1e-3, 0.3]))
+def test_the_defect_of_a_right_inverse_is_not_smaller_than_it_is(seed, n, rough):
+    rng = np.random.default_rng(seed)
+    R, units = rng.standard_normal((n, n + 2)), 10.0 ** rng.uniform(-9, 9, n)
+    Y = (np.linalg.pinv(R) + rough * rng.standard_normal((n + 2, n)) / n) / units
+    R = R * units[:, None]
+    basis = Generators(ExactMatrix(R.T.copy()), Y)
+    units = fractions(np.diag(2.0 ** basis.exponent.astype(float)))
+    exact = units @ (fractions(np.eye(n)) - fractions(R) @ fractions(Y)) @ inverse(units)
+    defect = np.abs(exact).sum(axis=1)
+    assert (fractions(basis.defect) >= defect).all() and (
+        fractions(basis.defect) <= defect + (1 + defect) * Fraction(1e-12)
+    ).all()
+    assert bool(basis.solid().verdict()) == (max(basis.defect) < 1 - 2.0**-40)
+    flat = R.copy()
+    flat[-1] = flat[0]
+    assert n == 1 or not Generators(ExactMatrix(flat.T.copy()), np.linalg.pinv(flat)).solid().verdict()
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_sparse_weights_with_room_are_proven_and_exact_ones_without(seed):
+    rng = np.random.default_rng(seed)
+    P = rng.integers(0, 4, (7, 7)) * (rng.random((7, 7)) < 0.4) - 6.0 * np.eye(7)
+    P[:4] += 0.25  # room where the corrections go
+    R = np.concatenate([4 * np.eye(4), rng.integers(0, 5, (4, 3))], axis=1)
+    Y = np.concatenate([0.25 * np.eye(4), np.zeros((3, 4))])
+    A = (R @ P)[:, :4] / 4
+    P[:4, 4:] = Y[:4] @ (A @ R[:, 4:] - R[:, 4:] @ P[4:, 4:])
+    off = ~np.eye(7, dtype=bool)[:4, 4:]
+    basis, rays = Generators(ExactMatrix(R.T.copy()), Y), ExactMatrix(R.T.copy())
+    proven = basis.sparse_combination("A R = R P", (ExactMatrix(A), rays), ExactMatrix(csr_array(P)), diagonal=False)
+    assert bool(proven.verdict()) == bool((P[:4, 4:][off] >= 0).all())
+    thirds = ExactMatrix.from_fractions(fractions(A) / 3)  # no longer exact
+    P = P / 3 + 0.1 * (P > 0)
+    P[:4] += Y[:4] @ (A / 3 @ R - R @ P)
+    room = np.where(np.eye(7, dtype=bool)[:4], np.inf, P[:4]).min()
+    proven = basis.sparse_combination("A R = R P", (thirds, rays), ExactMatrix(csr_array(P)), diagonal=False)
+    assert bool(proven.verdict()) == (room > 0) or abs(room) < 1e-12
+    assert not proven.verdict() or abs(proven.margin * np.abs(P[:4]).sum(axis=0).max() - room) < room + 1e-9
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -198,11 +240,16 @@ def test_sparse_weights_are_at_least_what_is_claimed(seed, n, more, rough, diago
     Y[support] = (
         np.linalg.pinv(R[:, support]) + rough * rng.standard_normal((len(support), n)) / np.abs(R).max(axis=1) / N
     )
-    A, P = rng.standard_normal((n, n)), np.abs(rng.standard_normal((N, N))) * (rng.random((N, N)) < 0.5)
+    P = np.abs(rng.standard_normal((N, N))) * (rng.random((N, N)) < 0.5)
+    P[support] = np.abs(rng.standard_normal((len(support), N))) * 10.0 ** rng.uniform(-19, 0, (len(support), N))
     P[rng.random((N, N)) < 0.05] *= -1
     P[np.arange(N), np.arange(N)] = rng.standard_normal(N)
-    P[support] += Y[support] @ (A @ R - R @ P)  # closes the equation up to rounding
-    P += 10.0 ** rng.uniform(-17, -3) * rng.standard_normal((N, N)) * (P != 0)
+    if rng.random() < 0.5:  # A as P has it, up to rounding
+        A = R @ P @ np.linalg.pinv(R)
+    else:  # P as A has it
+        A = rng.standard_normal((n, n))
+        P[support] += Y[support] @ (A @ R - R @ P)
+    P += rng.choice([0, 10.0 ** rng.uniform(-17, -3)]) * rng.standard_normal((N, N)) * (P != 0)
     rays = ExactMatrix(R.T.copy())
     if radius:
         rays = ExactMatrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
