@@ -2,8 +2,13 @@
 
 import control as ct
 import numpy as np
+from strategies import without_facets
 
 import control_kpos as kp
+from control_kpos.arrays import ExactMatrix, as_stack
+from control_kpos.conefinding import ConeCertificate
+from control_kpos.conefinding.explicit import modal_cone
+from control_kpos.conefinding.modes import modes
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])
@@ -34,8 +39,23 @@ LINKS = [[0, 0.5, 0], [0.1, 0, 0.1], [0.2, 0.2, 0]]
 
 PLANT = [[0], [1]], [[1, 0]], [[0]], PAPER, LINE, LINE
 
+INWARDS = [[-2, 0.1, 0], [0, -3, 0.2], [0, 0, -1]]
+PYRAMID = [[0.5], [0], ["0.9"]], [[0, 0, 1]], [[0]]
+
 SPIRAL = [[-1, 4, 0], [-4, -1, 0], [0, 0, 1]]
 FAMILY = [[[-2, 1], [1, -2]], [["-3", "1/3"], ["0.5", -2]]]
+
+
+def thin_cone(A):
+    """The certificate of a cone with sparse multipliers, as those of thousands of generators are."""
+    found = modal_cone(modes(np.array(A, dtype=float)), thin=True)
+    return ConeCertificate.settle(
+        matrices=as_stack([ExactMatrix(np.array(A, dtype=float))]),
+        rays=ExactMatrix(found.R.T.copy()),
+        multipliers=ExactMatrix(found.multipliers.combined()),
+        pointing=found.pointing,
+        right_inverse=found.right_inverse,
+    )
 
 
 def designed(**demands):
@@ -104,7 +124,23 @@ CERTIFICATES = {
     "network, discrete": lambda: network(
         [kp.ConeStateSpace([[0.5]], [[1]], [[1]], [[0]], dt=True)] * 2, [[0, 0.25], [0.25, 0]]
     ),
+    "positive, from generators": lambda: kp.cone_positivity(INWARDS, *PYRAMID, without_facets(SQUARE.rays), LINE, LINE),
+    "positive, discrete, from generators": lambda: kp.state_positivity(
+        [["1/3", 0.1, 0], [0, 0.25, 0.2], [0, 0, 1]], without_facets(SQUARE.rays), discrete=True
+    ),
+    "not positive, from generators": lambda: kp.state_positivity(
+        [[-2, 0.1, 0], [0, -3, 2.5], [0, 0, -1]], without_facets(SQUARE.rays)
+    ),
+    "not positive, input, from generators": lambda: kp.cone_positivity(
+        INWARDS, [[1], [0], ["0.9"]], *PYRAMID[1:], without_facets(SQUARE.rays), LINE, LINE
+    ),
+    "stable, from generators": lambda: kp.linear_lyapunov(INWARDS, without_facets(SQUARE.rays)),
+    "unstable, from generators": lambda: kp.linear_lyapunov(np.diag([-1, -1, 0.5]), without_facets(SQUARE.rays)),
+    "dissipative, from generators": lambda: kp.dissipativity(
+        INWARDS, *PYRAMID, without_facets(SQUARE.rays), LINE, LINE, q=[-1], r=[2]
+    ),
     "cone": lambda: kp.find_cone(SPIRAL).certificate,
+    "cone, few weights": lambda: thin_cone(SPIRAL),
     "cone, by facets": lambda: kp.find_cone(SPIRAL, few="facets").certificate,
     "cone, discrete": lambda: kp.find_cone([[0.5, 0.4, 0], [-0.4, 0.5, 0], [0, 0, 0.9]], discrete=True).certificate,
     "cone with ports": ports,

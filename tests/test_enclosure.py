@@ -191,6 +191,18 @@ def test_sparse_weights_with_room_are_proven_and_exact_ones_without(seed):
     assert not proven.verdict() or abs(proven.margin * np.abs(P[:4]).sum(axis=0).max() - room) < room + 1e-9
 
 
+def test_bits_that_units_push_below_the_smallest_doubles_are_accounted_for():
+    rays = ExactMatrix(np.array([[1e200, 1.0], [1.2345678901234567e-121, 1.0]]))
+    basis = Generators(rays, np.linalg.inv(rays.values.T))
+    scaled = fractions(rays.values.T) * fractions(np.ldexp(1.0, basis.exponent))[:, None]
+    lost = np.abs(scaled - fractions(basis.equilibrated.values.T))
+    assert lost.max() > 0 and (lost <= fractions(basis.equilibrated.radius.T)).all()
+    known = ExactMatrix(rays.values, np.array([[1e190, 0.0], [1e-130, 0.25]]))
+    basis = Generators(known, np.linalg.inv(rays.values.T))
+    scaled = fractions(known.radius.T) * fractions(np.ldexp(1.0, basis.exponent))[:, None]
+    assert (scaled + lost <= fractions(basis.equilibrated.radius.T)).all()
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_weights_with_room_are_proven_and_exact_ones_without(seed):
     rng = np.random.default_rng(seed)

@@ -108,7 +108,7 @@ class Encoder:
         """A matrix, or a stack of them, with its exact entries."""
         shape = [int(side) for side in m.shape]
         if m.is_sparse:
-            coo = sp.coo_array(m.values)
+            coo = sp.csr_array(m.values).sorted_indices().tocoo()  # one matrix, one text
             if self.compact:
                 rows, columns = (index.astype(np.int64) for index in coo.coords)
                 return {"sparse": {"rows": rows, "columns": columns, "values": coo.data}, "shape": shape}
