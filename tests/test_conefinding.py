@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
 from control_kpos import PolyhedralCone, Status, load_certificate, state_positivity
-from control_kpos.arrays import ExactMatrix
+from control_kpos.arrays import ExactMatrix, as_stack
 from control_kpos.conefinding import ConeCertificate, find_cone
+from control_kpos.conefinding.existence import SpectralObstruction
 from control_kpos.conefinding.polynomials import (
     characteristic_polynomial,
     imaginary_axis,
@@ -421,6 +422,35 @@ def test_root_counts_agree_with_eigenvalues(seed, n):
     real = np.unique(np.round(values[np.abs(values.imag) < 1e-7].real, 4))
     if np.abs(values.imag)[np.abs(values.imag) > 0].min(initial=1.0) > 1e-4:
         assert real_roots_above(p, Fraction(bound)) == (real > bound).sum()
+
+
+def test_real_roots_are_counted_at_and_beside_multiple_ones():
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        p, roots = [int(rng.integers(1, 5))], set()
+        for _ in range(rng.integers(1, 6)):
+            times, constant = int(rng.integers(1, 4)), int(rng.integers(-6, 7))
+            if rng.random() < 0.6:
+                leading = int(rng.integers(1, 4))
+                roots.add(Fraction(-constant, leading))
+                factor = [leading, constant]
+            else:  # not real
+                factor = [1, constant, constant**2 // 4 + int(rng.integers(1, 3))]
+            for _ in range(times):
+                p = multiply(p, factor)
+        bounds = [*roots, Fraction(int(rng.integers(-12, 13)), int(rng.integers(1, 4)))]
+        bound = bounds[rng.integers(len(bounds))]
+        assert real_roots_above(p, bound) == sum(root > bound for root in roots)
+
+
+def test_a_repeated_eigenvalue_does_not_hide_a_larger_one():
+    # +-1, +-i and 0 three times: a cone exists, whatever a witness at 0 says
+    A = block_diag([[0, 1], [-1, 0]], np.zeros((3, 3)), 1, -1).astype(float)
+    assert find_cone(A).status is Status.PROVED
+    for kind in ("beside", "ahead"):
+        witness = SpectralObstruction(0, kind, Fraction(0), 0.0, 1.0, False)
+        assert not witness.conditions(as_stack([ExactMatrix(A)]), discrete=False)[0].verdict()
+        assert ConeCertificate.settle(matrices=as_stack([ExactMatrix(A)]), witness=witness).status is Status.UNDECIDED
 
 
 def test_a_lyapunov_vector_is_not_claimed_where_it_is_not_proven():

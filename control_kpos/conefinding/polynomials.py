@@ -1,7 +1,7 @@
 """Exact root counts of integer polynomials: where the spectrum of a matrix lies, without rounding.
 
 Polynomials are lists of Python integers, highest power first, known up to a positive factor.
-Real roots are counted by Sturm's theorem, roots to the right of the imaginary axis by the Cauchy
+Real roots are counted by Descartes' rule and Sturm's theorem, roots to the right of the imaginary axis by the Cauchy
 index of p(iw) (Gantmacher, The Theory of Matrices, volume 2, chapter 15).
 """
 
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import gcd
 
 import numpy as np
@@ -19,6 +19,9 @@ from ..arrays import ExactMatrix
 from ..deadline import require_seconds
 
 Polynomial = list[int]
+
+# Intervals looked at for real roots, before a chain of polynomials counts them.
+_INTERVALS = 200
 
 
 def characteristic_polynomial(A: ExactMatrix) -> tuple[Polynomial, Fraction]:
@@ -68,11 +71,57 @@ def shift_roots(p: Polynomial, by: Fraction) -> Polynomial:
 
 
 def real_roots_above(p: Polynomial, bound: Fraction) -> int:
-    """Number of different real roots larger than `bound`."""
-    chain = _sturm(_primitive(p), derivative(p))
-    at_bound = [_sign(_evaluate(f, bound)) for f in chain]
-    at_infinity = [_sign(f[0]) for f in chain]
-    return _changes(at_bound) - _changes(at_infinity)
+    """Number of different real roots larger than `bound`.
+
+    By Descartes' rule of signs on ever smaller intervals (Vincent, 1834); by Sturm's theorem where that does not end
+    soon, as at multiple roots.
+    """
+    q = _without_zero(shift_roots(p, bound))  # at a multiple root the whole chain would vanish
+    count = _positive_roots(q)
+    if count is not None:
+        return count
+    chain = _sturm(q, derivative(q))
+    return _changes([_sign(f[-1]) for f in chain]) - _changes([_sign(f[0]) for f in chain])
+
+
+def _positive_roots(p: Polynomial) -> int | None:
+    """Number of different positive roots if p does not vanish at 0; None if that takes too many intervals.
+
+    Changes of sign are as many as the positive roots, with multiplicity, or an even number more: none and one are
+    certain.  Beyond 1 the roots are those of p(x + 1), between 0 and 1 those of x^n p(1 / x) at x + 1.
+    """
+    n = len(p) - 1
+    top = max((-((abs(p[0]).bit_length() - abs(c).bit_length()) // k) for k, c in enumerate(p[1:], 1) if c), default=0)
+    shifts = [top * (n - k) for k in range(n + 1)]  # a unit of about the size of the largest root
+    count, intervals = 0, [[c << (e - min(shifts)) for c, e in zip(p, shifts, strict=True)]]
+    for _ in range(_INTERVALS):
+        if not intervals:
+            return count
+        require_seconds()
+        q = intervals.pop()
+        changes = _changes([_sign(c) for c in q])
+        if changes <= 1:
+            count += changes
+            continue
+        beyond, within = _moved(q), _moved(q[::-1])
+        count += beyond[-1] == 0
+        intervals += [_without_zero(beyond), _without_zero(within)]
+    return None
+
+
+def _moved(p: Polynomial) -> Polynomial:
+    """p(x + 1)."""
+    out = list(p)
+    for k in range(len(p), 1, -1):
+        out[:k] = accumulate(out[:k])
+    return out
+
+
+def _without_zero(p: Polynomial) -> Polynomial:
+    """p without its roots at 0."""
+    while len(p) > 1 and p[-1] == 0:
+        p = p[:-1]
+    return p
 
 
 def vanishes(p: Polynomial, at: Fraction) -> bool:
@@ -144,8 +193,7 @@ def without_roots_of_unity(p: Polynomial) -> tuple[Polynomial, list[int]]:
 
 def circle_part(p: Polynomial) -> Polynomial:
     """Greatest common divisor of p and its reversal: holds every root on the unit circle."""
-    while p and p[-1] == 0:
-        p = p[:-1]
+    p = _without_zero(p)
     return _gcd(p, p[::-1])
 
 
