@@ -33,8 +33,9 @@ import certified  # noqa: E402
 import unnoticed  # noqa: E402
 
 import control_kpos as kp  # noqa: E402
-from control_kpos import positivity, stability  # noqa: E402
+from control_kpos import growth, inclusions, positivity, stability, violations  # noqa: E402
 from control_kpos.certificates import checker, exact  # noqa: E402
+from control_kpos.generators import enclosure, inclusion  # noqa: E402
 
 # Changes that prove the same: parts of their descriptions, and why.
 LARGER = "the bound becomes larger, so that more signs are left to integers"
@@ -64,10 +65,52 @@ KERNEL = {
     "self._relative_error() * self.magnitudes.data -> ": LARGER,
 }
 POSITIVITY = {
+    "normal.shape[1] != target.dim -> ": "sizes that do not fit are refused when they are used",
     "refutation: '==' -> '<='": "h'x is not negative on the cone",
     "w.value) < rounding": "there is no rounding only where the product is 0, which violates nothing",
 }
 STABILITY = {"-1 -> +1": AXIS, "conditions: '>' -> '>='": "v'x = 0 on a generator would make v'A x nonnegative there"}
+SLACK = "the rest of the bound is larger than what is lost"
+CAUTION = "claims less"
+ENCLOSURE = {
+    "3 * 10 ** 6 -> ": WORK,
+    "_EXACT -> ": WORK,
+    "good.size * self.rays.shape[1] -> ": WORK,
+    "sum(self.rays.shape) -> ": WORK,
+    "2.0 ** (-20) -> ": SLACK,
+    "-20 -> +20": LARGER,
+    "len(blocks)) -> ": SLACK,
+    "len(blocks) -> ": SLACK,
+    "1 - count -> ": SLACK,
+    "width + 1 -> ": SLACK,
+    "2 * terms -> ": SLACK,
+    "top > 0 -> top >= 0": EITHER,
+    "2 * HALF_ULP -> ": SLACK,
+    "1 + 4 * HALF_ULP -> ": SLACK,
+    "2.0 ** (-50) -> ": SLACK,
+    "residual + value -> residual - value": "both parts change their sign",
+    "(4 * HALF_ULP) -> ": SLACK,
+    "4 * HALF_ULP -> ": LARGER,
+    "np.abs(residual) + np.abs(value) -> ": SLACK,
+    "np.abs(value) + np.abs(product) -> ": SLACK,
+    "error + bound -> error - bound": SLACK,
+    "Q >= 0 -> Q > 0": CAUTION,
+    "Q[:, open_] >= 0 -> ": CAUTION,
+    "lower > 0 -> lower >= 0": CAUTION,
+    "entries.data >= 0 -> ": CAUTION,
+    "defect < 0.9 -> ": "a limit",
+    "(1 + 2.0 ** (-30)) -> ": LARGER,
+    "-30 -> +30": LARGER,
+    "residual.radius -> ": SLACK,
+    "sum(axis=1) * defect -> ": LARGER,
+    "(8 * HALF_ULP) -> ": LARGER,
+    "np.abs(Q) + np.abs(step) -> ": SLACK,
+    "8 * HALF_ULP -> ": LARGER,
+    "SMALLEST_NORMAL -> ": SLACK,
+    "integers == 0 -> ": SLACK,
+    "_size: ": "the size that a margin refers to",
+}
+INCLUSION = {"B is not None and U is not None -> ": "what is missing is refused when it is read"}
 DISSIPATIVITY = {
     "-1 -> +1": AXIS,
     "self.v is None and self.r is None": "a vector that is missing is refused when it is read",
@@ -171,13 +214,25 @@ def theorems(_, seed):
     """The same for the conditions of Theorems 1 to 3 and the forms they are made of."""
     shared = {"conditions", "refutation", "is_consistent", "_evaluate", "settle_positivity"}
     positive = shared | {"invariance_condition", "inclusion_condition", "_incident_entries"}
-    stable = shared | {"exact_row", "drift_forms", "instability_conditions", "transpose", "_slow_conditions"}
+    stable = shared | {"exact_row", "drift_forms", "transposed_drift", "transpose", "_slow_conditions"}
+    stable |= {"instability_conditions", "combination_conditions"}
     dissipative = shared | {"_state_forms", "_input_forms", "_motion_forms", "_supply_forms"}
-    found = changed_operators(positivity, ["tests/test_positivity.py"], positive, POSITIVITY)
-    found += changed_operators(stability, ["tests/test_stability.py"], stable, STABILITY)
+    tests = ["tests/test_positivity.py", "tests/test_generators.py"]
+    found = []
+    for module in (positivity, inclusions, violations):
+        found += changed_operators(module, tests, positive, POSITIVITY)
+    for module in (stability, growth):
+        found += changed_operators(module, ["tests/test_stability.py", "tests/test_generators.py"], stable, STABILITY)
     return found + changed_operators(
         sys.modules["control_kpos.dissipativity"], ["tests/test_dissipativity.py"], dissipative, DISSIPATIVITY
     )
+
+
+def enclosures(_, seed):
+    """The same for combinations of generators in floating point, which prove found cones and cones with many facets."""
+    found = changed_operators(enclosure, ["tests/test_enclosure.py"], None, ENCLOSURE)
+    own = {"conditions", "pointed", "_signed", "portable", "own_generators"}
+    return found + changed_operators(inclusion, ["tests/test_generators.py"], own, INCLUSION)
 
 
 def changed_operators(module, tests, functions, harmless):
@@ -199,7 +254,7 @@ def main():
     """Run one part."""
     parts = {
         part.__name__: part
-        for part in (systems, descriptions, cones, files, hostile, kills, digest, threads, kernel, theorems)
+        for part in (systems, descriptions, cones, files, hostile, kills, digest, threads, kernel, theorems, enclosures)
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", choices=parts)

@@ -11,10 +11,10 @@ from scipy.linalg import block_diag
 from strategies import integer_matrices, many_rays, proper_cone, without_facets
 
 import control_kpos as kp
-from control_kpos.arrays import ExactMatrix
+from control_kpos.arrays import ExactMatrix, identity
 from control_kpos.certificates.independent import verdict
 from control_kpos.cones import polyhedral
-from control_kpos.generators.inclusion import own_generators, prove
+from control_kpos.generators.inclusion import GeneratorProof, own_generators, prove
 from control_kpos.growth import InstabilityCombination
 from control_kpos.violations import PlaneViolation
 
@@ -217,6 +217,30 @@ def test_wrong_planes_are_not_believed():
     ]
     for witness in wrong:
         assert not replace(cert, witness=witness).check()
+
+
+def test_a_half_space_is_no_cone_for_a_proof():
+    # w = e_2 is not negative on its generators, and every A that keeps its boundary maps it into itself
+    half = kp.PolyhedralCone([[1, 0], [-1, 0], [0, 1]])
+    inverse, P = np.array([[1.0, 0], [0, 0], [0, 1]]), np.diag([-1.0, -1, -1])
+    proof = GeneratorProof(np.array([0.0, 1]), inverse, ExactMatrix(P))
+    conditions = {c.name: c.verdict() for c in proof.conditions(-identity(2), half, None, None, discrete=False)}
+    assert conditions.pop("w'x > 0") is False and all(conditions.values())
+    forged = kp.PositivityCertificate.settle(A=-identity(2), X=half, generator_proof=proof)
+    assert forged.status is kp.Status.UNDECIDED
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_input_cones_given_by_facets(sign):
+    U = kp.PolyhedralCone(
+        [["1/3", 1, 0.1], [0, "1/7", 1], [1, 0, 0.3], [1, 1, 3]]
+    ).dual  # rays with factors of their own
+    assert U.exact_rays.integer_rows is not None
+    X = without_facets(kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]]).rays)
+    B = sign * np.outer([0.5, 0.25, 1], U.dual.interior_point)
+    cert = kp.cone_positivity(-np.eye(3), B, None, None, X, U)
+    assert bool(cert) == (sign > 0) and cert.status is not kp.Status.UNDECIDED and cert.check()
+    assert cert.generator_proof is not None
 
 
 def test_what_generators_cannot_decide_is_left_to_facets(monkeypatch):
