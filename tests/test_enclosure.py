@@ -114,10 +114,11 @@ def test_bounds_claim_what_is_above_zero_or_exact():
 
 
 def test_products_that_underflow_or_overflow_are_not_claimed():
-    tiny, huge = ExactMatrix(np.full((1, 3), 1e-200)), ExactMatrix(np.full((1, 3), 1e200))
-    product, bound = enclosed_product(tiny, tiny)
-    assert abs(Fraction(1e-200) ** 2 * 3 - Fraction(product[0, 0])) <= Fraction(bound[0, 0])
-    assert not enclosed_product(huge, huge)[1][0, 0] < np.inf
+    for width in (1, 3):
+        tiny, huge = ExactMatrix(np.full((1, width), 1e-200)), ExactMatrix(np.full((1, width), 1e200))
+        product, bound = enclosed_product(tiny, tiny)
+        assert abs(Fraction(1e-200) ** 2 * width - Fraction(product[0, 0])) <= Fraction(bound[0, 0])
+        assert not enclosed_product(huge, huge)[1][0, 0] < np.inf
 
 
 @settings(max_examples=150, deadline=None)
@@ -286,3 +287,20 @@ def test_one_generator_of_support_does_not_excuse_the_others():
             "A R = R P", (ExactMatrix([[-1.0]]), rays), ExactMatrix(P), diagonal=False
         )
         assert not bounds.verdict()
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_weights_where_large_numbers_cancel(seed):
+    rng = np.random.default_rng(seed)
+    R, Y = rng.standard_normal((2, 3)), np.zeros((3, 2))
+    Y[:2] = np.linalg.inv(R[:, :2])
+    x = R[:, rng.integers(3)]
+    A = rng.standard_normal((2, 2)) + 1e9 * np.outer(rng.standard_normal(2), [-x[1], x[0]])
+    P = np.abs(rng.standard_normal((3, 3)))
+    P[:2] += Y[:2] @ (A @ R - R @ P)
+    rays, required = ExactMatrix(R.T.copy()), ~np.eye(3, dtype=bool)
+    basis, exact = Generators(rays, Y), corrected(R, Y, fractions(A) @ fractions(R), P)
+    sparse = basis.sparse_combination("A R = R P", (ExactMatrix(A), rays), ExactMatrix(csr_array(P)), diagonal=False)
+    assert_true(sparse, exact[:2], required[:2])
+    dense = basis.combination("A R = R P", [(ExactMatrix(A), rays)], ExactMatrix(P), required)
+    assert_true(dense, exact, required)
