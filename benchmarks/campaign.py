@@ -105,6 +105,7 @@ ENCLOSURE = {
     "np.abs(Q) + np.abs(step) -> ": SLACK,
     "8 * HALF_ULP -> ": LARGER,
     "SMALLEST_NORMAL -> ": SLACK,
+    "-exponent -> +exponent": LARGER,
     "integers == 0 -> ": SLACK,
     "_size: ": "the size that a margin refers to",
 }
