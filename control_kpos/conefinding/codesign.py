@@ -204,7 +204,7 @@ def _search(
         with suppress(OutOfTimeError):  # other poles may need less
             F, R = gain, _starting_cone(matrices[0] + inputs[0] @ gain, discrete)
             if R is not None and pairs:
-                R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete, remaining=seconds_left)
+                R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
                 report(f"poles {k}: margin {margin:.3g}")
                 R = R if margin > 0 else None
             found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)

@@ -15,14 +15,12 @@ inwards along every A_s + B_s F: that is a common certificate of stability.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ..deadline import require_seconds
+from ..deadline import require_seconds, seconds_left
 from ..linear_programs import solve
 from .commutator import required_entries
 
@@ -40,7 +38,6 @@ def joint_descent(
     F: Array,
     *,
     discrete: bool,
-    remaining: Callable[[], float],
     goal: float = 1e-3,
 ) -> tuple[Array, Array, float]:
     """Move n rays and a gain until every loop is invariant and stable, or no further.
@@ -52,8 +49,6 @@ def joint_descent(
         Generators to start from, one a column.
     F : ndarray, shape (m, n)
         Gain to start from, u = F x.
-    remaining : callable
-        Seconds left.
     goal : float
         Margin at which to stop.
 
@@ -67,10 +62,10 @@ def joint_descent(
     P = _loops(matrices, inputs, R, F)
     margin = _margin(P, discrete)
     for _ in range(_ROUNDS):
-        if margin >= goal or radius < 1e-4 or remaining() <= 0:
+        if margin >= goal or radius < 1e-4 or seconds_left() <= 0:
             break
         reach = np.asarray(np.linalg.solve(R, inputs), dtype=np.float64)
-        found = _step(P, reach, R, radius, discrete, remaining())
+        found = _step(P, reach, R, radius, discrete)
         if found is None:
             break
         E, G = found
@@ -98,7 +93,7 @@ def _margin(P: Array, discrete: bool) -> float:
     return min(entries, room) / (1.0 if discrete else float(np.abs(P).max()) or 1.0)
 
 
-def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool, limit: float) -> tuple[Array, Array] | None:
+def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool) -> tuple[Array, Array] | None:
     """E and G of one program; `reach` is R^-1 B_s."""
     count, n, m = reach.shape
     eye = sp.eye_array(n, format="csr")
@@ -132,7 +127,6 @@ def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool, limit
         A_eq=sp.csr_array(same),
         b_eq=np.zeros(m * n),
         bounds=(np.concatenate([-most, -free, [-1e3]]), np.concatenate([most, free, [10.0]])),
-        time_limit=max(limit, 0.01),
     )
     if not answer:
         return None

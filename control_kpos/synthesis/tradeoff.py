@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -93,7 +94,9 @@ def gain_rate_tradeoff(
     (array([5., 5.]), 2.0)
     """
     limit, certify = read_time_limit(time_limit), flag(certify, "certify")
-    with limited_to(limit), Reporter(progress) as report:
+    values, gains, largest = _rates(rates, -np.inf, late=True), None, -np.inf
+    designs = []
+    with limited_to(limit), suppress(OutOfTimeError), Reporter(progress) as report:
         plant = read_plant(sys, X, **demands)
         require_simplicial(plant.X, "the trade-off curve")
         free = column_freedom(plant)
@@ -101,12 +104,11 @@ def gain_rate_tradeoff(
             raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
         lp = Programs(None, limit, report)
         values, gains, largest = _curve(plant, free, rates, lp)
-        designs = []
         for place, rate in enumerate(values.tolist() if certify else []):
             report(f"design {place + 1} of {len(values)}")
             share = max(lp.left, 1e-3) / (len(values) - place)
             designs.append(state_feedback(sys, X=X, rate=rate, time_limit=share, progress=False, **demands))
-    return Tradeoff(values, gains, largest, tuple(designs))
+    return Tradeoff(values, np.full(len(values), np.nan) if gains is None else gains, largest, tuple(designs))
 
 
 def _curve(
