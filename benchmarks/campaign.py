@@ -65,6 +65,7 @@ KERNEL = {
     "self._relative_error() * self.magnitudes.data -> ": LARGER,
 }
 POSITIVITY = {
+    "self.ray < rays.shape[0] -> ": "a row that is not there is refused when it is used",
     "normal.shape[1] != target.dim -> ": "sizes that do not fit are refused when they are used",
     "refutation: '==' -> '<='": "h'x is not negative on the cone",
     "w.value) < rounding": "there is no rounding only where the product is 0, which violates nothing",
@@ -109,7 +110,7 @@ ENCLOSURE = {
     "integers == 0 -> ": SLACK,
     "_size: ": "the size that a margin refers to",
 }
-INCLUSION = {"B is not None and U is not None -> ": "what is missing is refused when it is read"}
+INCLUSION = {"B is not None and U is not None -> ": "what is missing is refused when it is read", "portable: ": EITHER}
 DISSIPATIVITY = {
     "-1 -> +1": AXIS,
     "self.v is None and self.r is None": "a vector that is missing is refused when it is read",
@@ -212,7 +213,7 @@ def kernel(_, seed):
 def theorems(_, seed):
     """The same for the conditions of Theorems 1 to 3 and the forms they are made of."""
     shared = {"conditions", "refutation", "is_consistent", "_evaluate", "settle_positivity"}
-    positive = shared | {"invariance_condition", "inclusion_condition", "_incident_entries"}
+    positive = shared | {"invariance_condition", "_incident_entries"}
     stable = shared | {"exact_row", "drift_forms", "transposed_drift", "transpose", "_slow_conditions"}
     stable |= {"instability_conditions", "combination_conditions"}
     dissipative = shared | {"_state_forms", "_input_forms", "_motion_forms", "_supply_forms"}

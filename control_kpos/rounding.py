@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .arrays import ExactMatrix
 from .cones import Cone, Orthant
-from .positivity import inclusion_condition, invariance_condition
+from .inclusions import inclusion_condition, invariance_condition
 
 # Sizes of epsilon tried, in units of the largest entry; thin cones need more than a rounding error.
 _STEPS = tuple(2.0**k for k in range(-54, -28, 2))
