@@ -32,7 +32,7 @@ from .cones.polyhedral import has_open_facets
 from .errors import DataError
 from .generators.inclusion import NO_MARGIN, GeneratorProof, own_generators, portable, prove
 from .inclusions import NAMES
-from .inclusions import invariance_condition as invariance_condition
+from .inclusions import invariance_condition
 from .violations import PlaneViolation as PlaneViolation
 from .violations import PositivityViolation as PositivityViolation
 from .violations import dense_row, parallel, plane_violation

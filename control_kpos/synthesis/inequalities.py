@@ -166,9 +166,10 @@ def gain_rows(n: int, m: int, lengths: Rows, bound: Rows | None) -> tuple[Rows, 
 
 
 def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:
-    """(xi, G) with G[:, k] = z_k / xi_k = F t_k."""
+    """(xi, G) with G[:, k] = z_k / xi_k = F t_k, which is no number where a solver left xi_k at zero."""
     xi = x[:n]
-    return xi, (x[n:].reshape(n, m) / xi[:, None]).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return xi, (x[n:].reshape(n, m) / xi[:, None]).T
 
 
 def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
