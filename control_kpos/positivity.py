@@ -31,8 +31,7 @@ from .cones import Cone, as_cone
 from .cones.polyhedral import has_open_facets
 from .errors import DataError
 from .generators.inclusion import NO_MARGIN, GeneratorProof, own_generators, portable, prove
-from .inclusions import NAMES
-from .inclusions import invariance_condition
+from .inclusions import NAMES, invariance_condition
 from .violations import PlaneViolation as PlaneViolation
 from .violations import PositivityViolation as PositivityViolation
 from .violations import dense_row, parallel, plane_violation
