@@ -68,6 +68,8 @@ POSITIVITY = {
     "self.ray < rays.shape[0] -> ": "a row that is not there is refused when it is used",
     "normal.shape[1] != target.dim -> ": "sizes that do not fit are refused when they are used",
     "refutation: '==' -> '<='": "h'x is not negative on the cone",
+    "conditions: '==' -> '<='": "h'x is not negative on the cone",
+    "1e-11 * product.magnitudes[0, 0] -> ": "there is no rounding only where the product is 0, which violates nothing",
     "w.value) < rounding": "there is no rounding only where the product is 0, which violates nothing",
 }
 STABILITY = {"-1 -> +1": AXIS, "conditions: '>' -> '>='": "v'x = 0 on a generator would make v'A x nonnegative there"}

@@ -243,6 +243,30 @@ def test_input_cones_given_by_facets(sign):
     assert cert.generator_proof is not None
 
 
+@pytest.mark.parametrize(
+    ("A", "normal", "ray"),
+    [
+        (-1, (0, 0, 1), 0),  # inside the dual cone: the generator is not on the plane
+        (0, (-1, 0, 1), 0),  # on the plane, and the field is tangent to it
+        (-1, (-1, 0, 1), 2),  # a plane that the generator does not lie on
+        (-1, (-1, 0, 1), 4),  # there is no such generator
+        (-1, (-1, 0, 1), -1),
+        (1, (1, 0, 0), 0),  # a plane through the cone
+    ],
+)
+def test_planes_that_no_field_crosses(A, normal, ray):
+    rays = np.array([[1.0, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])
+    X, A, h = without_facets(rays), A * np.eye(3), np.array(normal, dtype=float)
+    known = kp.state_positivity(A, X)
+    assert known
+    x = rays[min(ray, 3)]
+    witness = PlaneViolation("A X in X", -1, ray, h, x, float(h @ A @ x), tuple(Fraction(t) for t in normal))
+    forged = kp.PositivityCertificate.settle(
+        A=ExactMatrix(A), X=X, generator_proof=known.generator_proof, witness=witness
+    )
+    assert forged.status is kp.Status.UNDECIDED
+
+
 def test_what_generators_cannot_decide_is_left_to_facets(monkeypatch):
     X = without_facets(many_rays(5, 9))
     monkeypatch.setattr("control_kpos.positivity.prove", lambda *_, **__: None)
