@@ -72,7 +72,11 @@ POSITIVITY = {
     "1e-11 * product.magnitudes[0, 0] -> ": "there is no rounding only where the product is 0, which violates nothing",
     "w.value) < rounding": "there is no rounding only where the product is 0, which violates nothing",
 }
-STABILITY = {"-1 -> +1": AXIS, "conditions: '>' -> '>='": "v'x = 0 on a generator would make v'A x nonnegative there"}
+STABILITY = {
+    "w.weights is None and ": "a vector that is missing is refused when it is read",
+    "-1 -> +1": AXIS,
+    "conditions: '>' -> '>='": "v'x = 0 on a generator would make v'A x nonnegative there",
+}
 SLACK = "the rest of the bound is larger than what is lost"
 CAUTION = "claims less"
 ENCLOSURE = {
