@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numbers
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,7 +24,7 @@ from .arrays import ExactMatrix, dense, exact_matrix, require_shape
 from .connections import Model
 from .errors import DataError, KposError, ShapeError, TimebaseError, TooLargeError, UndecidedError
 from .positivity import PositivityCertificate
-from .rounding import maps_into, rounded_into
+from .rounding import LAST_DIGITS, round_towards
 from .system_data import read_operand, refusing, require_names
 
 # Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
@@ -83,8 +83,10 @@ class ConeOperations(StateSpace):
         except (TooLargeError, UndecidedError):
             return result  # cones that nobody can compute are no reason to refuse the operation
         if model is not None and model.matrices is None and not copied and result.nstates <= _MOST_ROUNDED:
-            done = _round_towards(result, model, operands)
-            if not done and result.nstates <= _MOST_TRACKED:
+            # exact numbers are closer than any that a thin cone needs to be moved by
+            small = result.nstates <= _MOST_TRACKED
+            done = round_towards(result, model, operands, **({"most": LAST_DIGITS} if small else {}))
+            if not done and small:
                 model = rule(*(s._model(True) for s in operands))
         return self._with_cones(result, model)
 
@@ -300,7 +302,7 @@ class ConeOperations(StateSpace):
         if method not in _POSITIVE_HOLDS or not _is_finite(result):
             return result
         model = self._model(tracked=False)
-        _round_towards(result, model, [self])
+        round_towards(result, model, [self])
         return self._with_cones(result, model)
 
     def linearize(self, x0: Any, *args: Any, **kwargs: Any) -> StateSpace:
@@ -387,27 +389,6 @@ class ConeOperations(StateSpace):
             return model
 
         return self._adopt(result, moved, exactly=not exact.is_double)
-
-
-def _round_towards(result: StateSpace, model: Model, operands: Sequence[ConeOperations]) -> bool:
-    """Undo what rounding has done to a result of positive operands; False if it takes more than last digits."""
-    X, U, Y = model.X, model.U, model.Y
-    if X.dim != result.nstates:
-        return True
-    flow = not result.dt
-    maps = [("A", X, X, flow), ("B", U, X, False), ("C", X, Y, False), ("D", U, Y, False)]
-    missed = [
-        (name, source, target, flow)
-        for name, source, target, flow in maps
-        if not maps_into(ExactMatrix(getattr(result, name)), source, target, flow=flow)
-    ]
-    if not missed or not all(s.cone_positivity() for s in operands):
-        return True
-    rounded = {name: rounded_into(getattr(result, name), *cones, flow=flow) for name, *cones, flow in missed}
-    for name, matrix in rounded.items():
-        if matrix is not None:
-            setattr(result, name, matrix)
-    return all(matrix is not None for matrix in rounded.values())
 
 
 def _is_finite(s: StateSpace) -> bool:

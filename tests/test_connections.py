@@ -439,3 +439,21 @@ def test_rounding_keeps_zeros_between_orthants():
     np.testing.assert_array_equal(rounded_into(M, kp.orthant(2), kp.orthant(2)), [[1, 0], [0, 2]])
     flow = rounded_into(M - 3 * np.eye(2), kp.orthant(2), kp.orthant(2), flow=True)
     np.testing.assert_array_equal(flow, [[-2, 0], [0, -1]])
+
+
+def test_a_direct_term_that_is_rounding_alone_is_zero():
+    s = kp.ConeStateSpace([[-3.0, 0], [3, 0]], [[1], [-1]], [[1, 1]], 0, X=[[1, -1], [0, 1]])
+    for method in ("zoh", "foh"):
+        d = s.sample(0.01, method)
+        assert d.is_cone_positive() and abs(d.D).max() == 0
+    assert rounded_into(np.array([[-1e-18]]), kp.orthant(1), kp.orthant(1)) is None
+    assert rounded_into(np.array([[-1e-18]]), kp.orthant(1), kp.orthant(1), size=1.0) == 0
+
+
+def test_thin_cones_move_no_digit_that_fractions_know():
+    s = kp.ConeStateSpace(
+        [[0, 0, 0], [-1, 0, 1], [1, 0, -1]], np.zeros((3, 1)), np.zeros((1, 3)), 0, X=[[1, 0, 1], [0, 1, 0], [0, -1, 1]]
+    )
+    z = s.similarity_transform([[1, 2, 1], [0, 1, -2], [0, -2, 5]], 2)
+    np.testing.assert_array_equal(z.A, [[-0.5, 7, 3], [-1.5, 21, 9], [3.5, -49, -21]])
+    assert z.is_cone_positive()
