@@ -11,6 +11,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
+# Seconds by which a proof that would settle the question may end after the limit.
+OVERTIME = 0.3
+
 _END: ContextVar[float] = ContextVar("end of the search on the clock of time.monotonic", default=float("inf"))
 
 

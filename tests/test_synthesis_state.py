@@ -322,7 +322,7 @@ def test_alternation_is_never_worse_than_its_start():
     for _ in range(5):
         A, B, X, _ = planted.polyhedral(rng, 3, 1, 3)
         plant = read_plant(kp.ConeStateSpace(ct.ss(A, B, np.eye(3), 0), X=X), None)
-        program = GainProgram(plant, Programs(None, 60))
+        program = GainProgram(plant, Programs(None))
         start = program.fastest(program.facet_sum(), 10.0)
         end = program.speed_up(program.facet_sum(), 10.0)
         assert end.rate >= start.rate

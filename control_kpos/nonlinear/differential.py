@@ -27,6 +27,7 @@ from ..arguments import dimensions, flag, items, seconds, whole_number
 from ..arrays import ExactMatrix, dense, exact_matrix
 from ..certificates.result import Status
 from ..cones import Cone, as_cone
+from ..deadline import OVERTIME
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..intervals import (
     UnboundedError,
@@ -46,8 +47,8 @@ _SAMPLES = 200
 _FOR_PROOFS = 0.7
 # Last steps of each kind that an estimate rests on.
 _TIMED = 15
-# Seconds by which a decision may end after the time limit; to set up a linear program, for each of its entries.
-_OVERTIME, _SECONDS_PER_ENTRY = 0.3, 2e-7
+# To set up a linear program, for each of its entries.
+_SECONDS_PER_ENTRY = 2e-7
 
 
 def differential_positivity(
@@ -166,7 +167,7 @@ def _settled(
     for s in range(min(count, _TIMED)):
         with clock.timing("decision"):
             invariance(draft, s).verdict()
-    if clock.needed("decision", count) > clock.left + _OVERTIME:
+    if clock.needed("decision", count) > clock.left + OVERTIME:
         witness = _violation(draft, None, clock)
         return draft if witness is None else DifferentialCertificate.settle(**data, witness=witness)
     plain = DifferentialCertificate.settle(**data)
@@ -176,7 +177,7 @@ def _settled(
     if clock.needed("decision", count) > clock.left:
         return plain
     v = _common_vector(np.asarray(centres.values), radii, X, discrete, clock.left)
-    if v is None or clock.needed("decision", 2 * count) > clock.left + _OVERTIME:
+    if v is None or clock.needed("decision", 2 * count) > clock.left + OVERTIME:
         return plain
     contracting = DifferentialCertificate.settle(**data, v=v)
     return contracting if contracting else plain
@@ -262,7 +263,7 @@ def _of_system(
     if certificate:
         return certificate
     for k, point in enumerate(box_points(whole, 60)):
-        if clock.needed("enclosure", 1) + clock.needed("decision", 3) > clock.left + (0.0 if k else _OVERTIME):
+        if clock.needed("enclosure", 1) + clock.needed("decision", 3) > clock.left + (0.0 if k else OVERTIME):
             break
         try:
             centre, radius = enclosed_jacobian(enclosed, np.column_stack([point, point]), n)

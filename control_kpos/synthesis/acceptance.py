@@ -6,7 +6,6 @@ from the exact data and an F of few digits, and every demand is proven about tha
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -22,7 +21,7 @@ from ..certificates.portable_cones import portable_rows
 from ..certificates.proofs import ProofOmittedError, Prover
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
-from ..deadline import OutOfTimeError, seconds_left
+from ..deadline import OVERTIME, OutOfTimeError, seconds_left
 from ..errors import DataError
 from ..positivity import PositivityCertificate, cone_positivity
 from ..stability import LyapunovCertificate, linear_lyapunov, transpose
@@ -36,8 +35,6 @@ _KEPT = 0.5
 _SECONDS_PER_ENTRY, _SECONDS_PER_PRODUCT = 6e-6, 6e-8
 # The same where signs are found in integers, for n^2.2; margins above which floating point finds them.
 _SECONDS_IN_INTEGERS, _CLEAR = 2.5e-4, 1e-12
-# Seconds by which a proof may end after the deadline.
-_OVERTIME = 0.3
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -266,7 +263,6 @@ def accept(
     rate: float = 0.0,
     x: Floats | None = None,
     gain: float = np.inf,
-    deadline: float = np.inf,
 ) -> Accepted | None:
     """The first rounding of F for which every demand is proven, or None.
 
@@ -280,8 +276,6 @@ def accept(
         Candidate for the common vector of several vertices.
     gain : float
         Roundings whose max |F x_k| exceeds this are passed over.
-    deadline : float
-        On the clock of `time.monotonic`; a proof that would end more than a moment later is not begun.
     """
     F = np.asarray(F, dtype=float)
     shape = (plant.m, plant.n if plant.C is None else plant.C.shape[0])
@@ -291,7 +285,7 @@ def accept(
         F = np.where(plant.pattern, F, 0.0)
     wanted = slack(plant, F)
     for candidate in roundings(F):
-        if min(deadline - time.monotonic(), seconds_left()) < 0:
+        if seconds_left() < 0:
             return None
         full = candidate if plant.C is None else candidate @ np.asarray(plant.C.values)
         with np.errstate(all="ignore"):
@@ -300,7 +294,7 @@ def accept(
                 continue
             if candidate is not F and not np.abs(full @ plant.rays.T).max(initial=0.0) <= gain:
                 continue
-        if _seconds(plant, margins) > min(deadline - time.monotonic(), seconds_left()) + _OVERTIME:
+        if _seconds(plant, margins) > seconds_left() + OVERTIME:
             return None
         try:
             found = _prove(plant, candidate, rate, x)

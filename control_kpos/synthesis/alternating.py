@@ -49,7 +49,7 @@ def design_by_alternation(
         return trivial
     program = GainProgram(plant, lp)
     if program.any_invariant() is False:
-        proof = no_invariance(plant, lp.deadline)
+        proof = no_invariance(plant)
         if proof is not None:
             notes = tuple(controllability_notes(plant))
             return DesignResult(
@@ -75,7 +75,7 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
             if found.rate <= goal:
                 continue
             for gain in _candidates(program, found, rate, goal):
-                accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain), deadline=lp.deadline)
+                accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain))
                 if accepted is not None:
                     size = _size(plant, accepted.F)
                     if best is None or size < best[1]:
@@ -92,7 +92,7 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
     reached = (
         "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {fastest + 0.0:.6g}"
     )
-    ended = "the alternation gave up" if lp.left > 0 else "the alternation reached its time limit"
+    ended = "the alternation gave up" if seconds_left() > 0 else "the alternation reached its time limit"
     return DesignResult(
         Status.UNDECIDED,
         message=f"{ended}; {reached}.",

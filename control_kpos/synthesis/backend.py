@@ -6,7 +6,6 @@ truth by the theorem modules.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -21,7 +20,7 @@ SolverChoice = str | Callable[..., Any] | None
 
 
 class Programs:
-    """The linear programs of one design: one solver, one deadline for all of them, and a line about each.
+    """The linear programs of one design: one solver for all of them, and a line about each.
 
     An instance is called like `control_kpos.linear_programs.solve`.
 
@@ -30,15 +29,8 @@ class Programs:
     solver : str, callable or None
         None: HiGHS.  A name: that solver through cvxpy.  A callable: f(c, A_ub, b_ub, A_eq, b_eq, bounds)
         that returns x or a `Solution`.
-    time_limit : float
-        Seconds for all programs together; fewer if the search around them ends earlier.
     report : callable, optional
         Told what is being done, line by line.
-
-    Attributes
-    ----------
-    deadline : float
-        On the clock of `time.monotonic`.
 
     Raises
     ------
@@ -46,7 +38,7 @@ class Programs:
         If cvxpy is missing or does not know the solver, or it is not installed.
     """
 
-    def __init__(self, solver: SolverChoice, time_limit: float, report: Callable[[str], None] | None = None) -> None:
+    def __init__(self, solver: SolverChoice, report: Callable[[str], None] | None = None) -> None:
         if isinstance(solver, str):
             name = installed(solver)
             self._call: Callable[..., Any] | None = lambda *data: _through_cvxpy(name, *data)
@@ -54,17 +46,11 @@ class Programs:
             self._call = solver
         else:
             raise SolverError(f"solver is {solver!r}; give the name of a solver, a callable, or None for HiGHS.")
-        self.deadline = time.monotonic() + min(time_limit, seconds_left())
         self._report, self._stage, self._count = report, "", 0
 
-    @property
-    def left(self) -> float:
-        """Seconds until the deadline, or to the end of the search around it; not positive after it."""
-        return min(self.deadline - time.monotonic(), seconds_left())
-
-    def on_highs(self, most: float = np.inf) -> Programs:
-        """The same with HiGHS, whatever the solver, and for `most` seconds."""
-        return Programs(None, min(self.left, most), self._report)
+    def on_highs(self) -> Programs:
+        """The same with HiGHS, whatever the solver."""
+        return Programs(None, self._report)
 
     def stage(self, name: str) -> None:
         """Say what is being done now; lines about programs start with it."""
@@ -82,7 +68,7 @@ class Programs:
         bounds: Any = (0.0, np.inf),
         **options: Any,
     ) -> Solution:
-        left = self.left
+        left = seconds_left()
         if left <= 0:
             return failure("the time limit has passed")
         data = (c, A_ub, b_ub, A_eq, b_eq, bounds)

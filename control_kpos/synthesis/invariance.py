@@ -6,7 +6,6 @@ sum y_ik (h_i'B_j)(R x_k)_l = 0 for every free entry (j, l) and sum y_ik h_i'A x
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,12 +19,10 @@ from ..certificates.exact import BilinearForms
 from ..certificates.files import register_record
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
+from ..deadline import OVERTIME, seconds_left
 from ..errors import DataError, TooLargeError
 from ..rational_programs import exact_feasibility
-from .plant import SECONDS_PER_ENTRY, Plant, within_doubles
-
-# Of the check of multipliers, for each entry of the rows; seconds by which it may end after the deadline.
-_SECONDS_TO_CHECK, _OVERTIME = 1e-5, 0.3
+from .plant import SECONDS_PER_ENTRY, SECONDS_TO_CHECK, Plant, within_doubles
 
 
 @register_record
@@ -121,8 +118,8 @@ class NoInvariance(Certificate):
         )
 
 
-def no_invariance(plant: Plant, deadline: float = np.inf) -> NoInvariance | None:
-    """The proof, if there is one within reach of exact arithmetic before the deadline."""
+def no_invariance(plant: Plant) -> NoInvariance | None:
+    """The proof, if there is one within reach of exact arithmetic within the time limit."""
     width = plant.n if plant.C is None else plant.C.shape[0]
     pattern = np.ones((plant.m, width)) if plant.pattern is None else plant.pattern.astype(float)
     data = {
@@ -135,7 +132,7 @@ def no_invariance(plant: Plant, deadline: float = np.inf) -> NoInvariance | None
     }
     pairs = np.prod(plant.X.incidence.shape) * len(plant.A)
     entries = pairs * (1 + pattern.sum())
-    if entries * SECONDS_PER_ENTRY > deadline - time.monotonic():
+    if entries * SECONDS_PER_ENTRY > seconds_left():
         return None
     rows, constants = NoInvariance(**data).rows()
     matrix = np.concatenate([rows.T, constants[None, :]])
@@ -144,10 +141,9 @@ def no_invariance(plant: Plant, deadline: float = np.inf) -> NoInvariance | None
         weights, _ = exact_feasibility(
             ExactMatrix.from_fractions(matrix),
             ExactMatrix.from_fractions(right),
-            time_limit=deadline - time.monotonic(),
         )
     except (TooLargeError, DataError):
         return None
-    if weights is None or entries * _SECONDS_TO_CHECK > deadline - time.monotonic() + _OVERTIME:
+    if weights is None or entries * SECONDS_TO_CHECK > seconds_left() + OVERTIME:
         return None
     return NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))

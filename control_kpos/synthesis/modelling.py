@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..certificates.result import Status
-from ..deadline import OutOfTimeError
+from ..deadline import OutOfTimeError, seconds_left
 from ..errors import DataError
 from ..linear_programs import guarded
 from .acceptance import Accepted, accept
@@ -145,9 +145,9 @@ def _solve(
         if plant.pattern is not None:
             rows.append(cp.multiply((~plant.pattern).astype(float), F) == 0)
         problem = cp.Problem(cp.Minimize(cost), rows)
-        if lp.left <= 0:
+        if seconds_left() <= 0:
             break
-        message = guarded(lambda problem=problem: _status(problem, name), lp.left)
+        message = guarded(lambda problem=problem: _status(problem, name), seconds_left())
         if message in ("optimal", "optimal_inaccurate"):
             if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
                 return np.array(F.value, dtype=float), message
@@ -171,7 +171,7 @@ def _accept(
     plant: Plant, gain: Floats, rate: float, F: Any, own: list[Any], cost: Any, lp: Programs
 ) -> tuple[Accepted, float] | None:
     """A certified rounding of the gain that also meets the user's constraints to 1e-6, and what it costs."""
-    found = accept(plant, gain, rate=rate, deadline=lp.deadline)
+    found = accept(plant, gain, rate=rate)
     if found is None:
         return None
     F.value = found.F

@@ -15,7 +15,7 @@ from ..arguments import flag, items
 from ..arrays import HALF_ULP, ExactMatrix, vector
 from ..certificates.result import Status
 from ..cones import Cone
-from ..deadline import OutOfTimeError
+from ..deadline import OVERTIME, OutOfTimeError, seconds_left
 from ..errors import ActuatorLossWarning, DataError, NotProperConeError, ShapeError
 from ..networks.coupling import read_coupling
 from ..networks.model import NetworkModel, NodeStack, gather
@@ -38,8 +38,8 @@ BOUNDED = "largest |F_j x_k| relative to its bound"
 # Entries of the closed loop up to which A + B F is formed in rational arithmetic.
 _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
-# Of a proof, for each entry of A; seconds by which a proof may end after the time limit.
-_SECONDS_PER_ENTRY, _OVERTIME = 2e-6, 0.3
+# Of a proof, for each entry of A.
+_SECONDS_PER_ENTRY = 2e-6
 # What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
 _SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
 # Bounds on gains are numbers of a linear program.
@@ -125,7 +125,7 @@ def network_feedback(
         bound = _read_bound(gain_bound, model)
         cones = own_cones(given)
         with Reporter(progress) as report:
-            lp = Programs(solver, limit, report)
+            lp = Programs(solver, report)
             result, alarm = _designed(model, bound, uniform, float(target), lp, cones)
         alarms.extend([alarm] if alarm else [])
         return result
@@ -149,10 +149,10 @@ def _designed(
         result, alarm = _design(model, program, bound, rate, lp)
         if result:
             return result, alarm
-        if lp.left <= 0:
+        if seconds_left() <= 0:
             break
-    refused = beyond_gains(model) if _effort(model) < lp.left + _OVERTIME else None
-    if lp.left <= 0 and refused is None:
+    refused = beyond_gains(model) if _effort(model) < seconds_left() + OVERTIME else None
+    if seconds_left() <= 0 and refused is None:
         message = result.message or "the time limit was reached before gains were found."
         return DesignResult(Status.UNDECIDED, limit=result.limit, message=message), ""
     if refused is not None or result.message:
@@ -214,7 +214,7 @@ def _design(
         points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
     for x in points:
         for digits in _DIGITS:
-            if lp.left <= 0 or _effort(model) > lp.left + _OVERTIME:
+            if seconds_left() <= 0 or _effort(model) > seconds_left() + OVERTIME:
                 break
             lp.stage(f"{model.n_nodes} nodes: proof with gains of {digits} digits")
             result = _certified(model, program, bound, rate, x, digits, limit)

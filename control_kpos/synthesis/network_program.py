@@ -343,6 +343,7 @@ def _sum(parts: list[tuple[Floats, Index, Index]], shape: tuple[int, int]) -> sp
 
 def _distinct(rows: sp.csr_array) -> sp.csr_array:
     """Each row once; rows over few shared variables repeat for alike nodes."""
+    # two random products tell rows apart, and a program that lost one would only propose a worse point
     keys = rows @ np.random.default_rng(0).standard_normal((rows.shape[1], 2))
     first = np.unique(keys[:, 0] + 1j * keys[:, 1], return_index=True)[1]
     return sp.csr_array(rows[np.sort(first)])

@@ -7,7 +7,6 @@ that it has no solution.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -19,7 +18,7 @@ from numpy.typing import NDArray
 from ..arrays import ExactMatrix, dense
 from ..certificates.result import Status
 from ..cones import Cone, product
-from ..deadline import OutOfTimeError
+from ..deadline import OutOfTimeError, limited_to, seconds_left
 from ..networks.certificate import NetworkCertificate
 from ..networks.certify import violation
 from ..networks.model import NetworkModel, NodeStack
@@ -111,7 +110,7 @@ def _blocking_node(
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
             X = cones.get(j, s.X)
-            if lp.left <= 0:
+            if seconds_left() <= 0:
                 return None
             key = (np.asarray(s.A.values[place]).tobytes(), np.asarray(s.B.values[place]).tobytes(), id(X))
             if key in seen:
@@ -121,13 +120,21 @@ def _blocking_node(
                 return None
             lp.stage(f"{model.name_of(j)} alone")
             plant = read_plant(node_system(s, place), X, gain_bound=None if bounds is None else bounds[g][place])
-            result = design_on_simplicial(plant, rate, lp.on_highs(_SECONDS_EACH))
-            if result.status is not Status.REFUTED:
+            result = _alone(plant, rate, lp)
+            if result is None:
                 continue
-            slow = design_on_simplicial(plant, 0.0, lp.on_highs(_SECONDS_EACH)) if rate > 0 else result
-            if slow.status is Status.REFUTED:
+            slow = _alone(plant, 0.0, lp) if rate > 0 else result
+            if slow is not None:
                 return replace(slow, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
             return replace(result, message=f"{model.name_of(j)} cannot have a decay rate of {rate:g} even alone.")
+    return None
+
+
+def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
+    """The proof that there is no gain, if it takes a few seconds at most."""
+    with suppress(OutOfTimeError), limited_to(_SECONDS_EACH):
+        result = design_on_simplicial(plant, rate, lp.on_highs())
+        return result if result.status is Status.REFUTED else None
     return None
 
 
@@ -141,11 +148,13 @@ def _no_local_gains(
     model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
 ) -> NoFeedback | None:
     """The proof, if the network is small and time is left; also for one gain for all, which is a special case."""
-    if model.totals[0] > _STATES or lp.left <= 0:
+    if model.totals[0] > _STATES or seconds_left() <= 0:
         return None
     lp.stage("deciding in exact arithmetic")
     plant = whole_network(model, bound, cones)
-    return decide(plant, rate * BELOW, deadline=min(lp.deadline, time.monotonic() + _SECONDS))[0]
+    with suppress(OutOfTimeError), limited_to(_SECONDS):
+        return decide(plant, rate * BELOW)[0]
+    return None
 
 
 def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int, Cone]) -> Plant:

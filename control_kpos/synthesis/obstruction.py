@@ -7,7 +7,6 @@ are found in rational arithmetic and checked by the kernel against rows rebuilt 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -21,16 +20,15 @@ from ..certificates.exact import BilinearForms
 from ..certificates.files import register_record
 from ..certificates.result import Certificate, Condition
 from ..cones import Cone
+from ..deadline import OVERTIME, seconds_left
 from ..errors import DataError, TooLargeError
 from ..rational_programs import exact_feasibility
 from .inequalities import Inequalities, column_rows, feedback_inequalities, gain_rows
-from .plant import SECONDS_PER_ENTRY, Plant, column_freedom, exact_geometry
+from .plant import SECONDS_PER_ENTRY, SECONDS_TO_CHECK, Plant, column_freedom, exact_geometry
 from .repair import repaired_multipliers
 
 # Of products of fractions, of data as they are given and with facets that have thousands of digits.
 _SECONDS_PER_PRODUCT = 1e-5, 9e-5
-# Of the check of multipliers, for each entry of the rows; seconds by which it may end after the deadline.
-_SECONDS_TO_CHECK, _OVERTIME = 1e-5, 0.3
 
 
 @register_record
@@ -223,7 +221,6 @@ def decide(
     plant: Plant,
     rate: float,
     ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None,
-    deadline: float = np.inf,
 ) -> tuple[NoFeedback | None, NDArray[np.object_] | None]:
     """Exactly one of a proof that no gain exists and an exact solution; neither if that takes too long.
 
@@ -234,17 +231,16 @@ def decide(
         (xi, z) over integer generators.
     """
     free = column_freedom(plant)
-    left = deadline - time.monotonic()
     entries, long = _entries(plant, ports), plant.X.exact_facets.integer_rows is not None
     products = len(plant.A) * plant.n**3 * _SECONDS_PER_PRODUCT[long]
-    if free is None or entries * SECONDS_PER_ENTRY + products > left:
+    if free is None or entries * SECONDS_PER_ENTRY + products > seconds_left():
         return None, None
     q = exact_inequalities(plant, ports)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
     first = len(q.closed)
     strict = np.arange(len(rows)) >= first
     owner = np.concatenate([np.arange(q.n), np.repeat(np.arange(q.n), q.m)])[kept]
-    multipliers, solution = repaired_multipliers(rows, owner, q.n, strict, deadline), None
+    multipliers, solution = repaired_multipliers(rows, owner, q.n, strict), None
     if multipliers is None:
         matrix = np.concatenate([rows.T, strict.astype(int).astype(object)[None, :]])
         right = np.array([0] * rows.shape[1] + [1], dtype=object)
@@ -252,12 +248,11 @@ def decide(
             multipliers, solution = exact_feasibility(
                 ExactMatrix.from_fractions(matrix),
                 ExactMatrix.from_fractions(right),
-                time_limit=deadline - time.monotonic(),
             )
         except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
             return None, None
     if multipliers is not None:
-        if entries * _SECONDS_TO_CHECK + products > deadline - time.monotonic() + _OVERTIME:
+        if entries * SECONDS_TO_CHECK + products > seconds_left() + OVERTIME:
             return None, None
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]

@@ -6,6 +6,7 @@ safely inside; then proof.  If the program has no solution, Farkas multipliers i
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -15,7 +16,7 @@ import numpy as np
 from ..arrays import ExactMatrix
 from ..certificates.result import Certificate, Status
 from ..cones import Cone
-from ..deadline import OutOfTimeError
+from ..deadline import OutOfTimeError, seconds_left
 from ..errors import DataError
 from ..statespace import ConeStateSpace
 from .acceptance import Accepted, accept, closed_loop
@@ -76,7 +77,7 @@ def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
         if x is None:
             continue
         F, inside = program.read(x)
-        found = accept(plant, F, rate=rate, x=inside, deadline=lp.deadline)
+        found = accept(plant, F, rate=rate, x=inside)
         if found is not None:
             value = gain_of(found.F, plant.rays)
             return succeed(plant, found, FIRST_GAIN, value, float("nan"))
@@ -86,22 +87,23 @@ def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
 def _smallest(
     plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str, lp: Programs
 ) -> DesignResult:
-    if lp.left <= 0:
+    if seconds_left() <= 0:
         return exact_design(plant, rate, lp)
     x, infimum = program.smallest_gain(rate, start)
     allowed = infimum * (1 + GAIN_SLACK)
     fast, reachable = program.largest_rate(x, allowed, tolerance=0.05)
     reachable = min(reachable, rate + plant.scale)
     target = rate + _RATE_SHARE * max(reachable - rate, 0.0)
-    # the fast point meets the target with room to spare; the others are fallbacks, each closer to the boundary
-    for make in (
-        lambda: program.centred(target, allowed, fast),
-        lambda: program.centred(rate, allowed, x),
-        *((lambda point=point: point) for point in (fast, x, start)),
-    ):
-        point = make()
+
+    def points() -> Iterator[Any]:
+        """The first meets the target with room to spare; the others are fallbacks, each closer to the boundary."""
+        yield program.centred(target, allowed, fast)
+        yield program.centred(rate, allowed, x)
+        yield from (fast, x, start)
+
+    for point in points():
         F, inside = program.read(point)
-        found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK), deadline=lp.deadline)
+        found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK))
         if found is not None:
             value = gain_of(found.F, plant.rays) if objective == SMALLEST_GAIN else _proven_rate(found.certificate)
             return succeed(plant, found, objective, value, infimum)
@@ -111,7 +113,7 @@ def _smallest(
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
     """Decide by exact arithmetic: a proof that there is no gain, or a rational one rounded to doubles."""
     lp.stage("deciding in exact arithmetic")
-    proof, x = decide(plant, rate * BELOW, port_data(plant), lp.deadline)
+    proof, x = decide(plant, rate * BELOW, port_data(plant))
     if proof is not None:
         message = "the demands contradict each other."
         return DesignResult(Status.REFUTED, certificate=proof, message=message)
@@ -121,7 +123,7 @@ def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float
         try:
             G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
             T = np.array([[float(v) for v in row] for row in rays])
-            found = accept(plant, np.linalg.solve(T, G.T).T, rate=rate, deadline=lp.deadline)
+            found = accept(plant, np.linalg.solve(T, G.T).T, rate=rate)
         except (OverflowError, np.linalg.LinAlgError):
             found = None
         if found is not None:
@@ -158,7 +160,7 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
         result = _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
         if result:
             return replace(result, limit=limit)
-        if lp.left <= 0:
+        if seconds_left() <= 0:
             break
     return result
 

@@ -94,7 +94,7 @@ def output_feedback(
         if np.any(np.asarray(plant.system.D)):
             raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
         with Reporter(progress) as report:
-            return design_by_alternation(plant, target, Programs(solver, limit, report))
+            return design_by_alternation(plant, target, Programs(solver, report))
 
     result = within(limit, design)
     return replace(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
@@ -162,7 +162,7 @@ def observer_gain(
         plant = read_plant(dual, None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
         with Reporter(progress) as report:
-            result = by(plant, target, Programs(solver, limit, report))
+            result = by(plant, target, Programs(solver, report))
         return _as_observer(result, system, result.F.T) if result else result
 
     return replace(within(limit, design), law=OBSERVER)

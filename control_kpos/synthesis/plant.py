@@ -24,6 +24,8 @@ Floats = NDArray[np.float64]
 _LONGEST = 200
 # About what a decision in rational arithmetic takes, for each entry of its rows.
 SECONDS_PER_ENTRY = 3e-5
+# Of the check of multipliers that came out of it.
+SECONDS_TO_CHECK = 1e-5
 
 
 @dataclass(frozen=True, eq=False)

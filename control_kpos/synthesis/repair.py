@@ -8,7 +8,6 @@ program leaves them room, they stay nonnegative.
 
 from __future__ import annotations
 
-import time
 from fractions import Fraction
 from math import lcm
 from typing import Any
@@ -18,6 +17,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..deadline import seconds_left
 from ..linear_programs import balance, solve
 from ..rational_programs import solve_exactly
 
@@ -28,7 +28,7 @@ _ROOMS, _TINY, _FAINT = (1e-2, 1e-1, 1e-3, 1e-5), 1e-10, 1e-6
 
 
 def repaired_multipliers(
-    rows: Rationals, owner: NDArray[np.intp], n: int, strict: NDArray[np.bool_], deadline: float = np.inf
+    rows: Rationals, owner: NDArray[np.intp], n: int, strict: NDArray[np.bool_]
 ) -> Rationals | None:
     """Exact l >= 0 with rows' l = 0 and a positive sum over `strict`, or None.
 
@@ -40,13 +40,11 @@ def repaired_multipliers(
         The generator of each variable; the first n are xi.
     n : int
     strict : ndarray of bool, shape (K,)
-    deadline : float
-        On the clock of `time.monotonic`: None after it.
     """
     sizes, exact = _balanced(rows)
     values = np.array([[float(x) for x in row] for row in exact])
     for room in _ROOMS:
-        chosen = _exact(exact, values, owner, n, strict, room, deadline)
+        chosen = _exact(exact, values, owner, n, strict, room)
         if chosen is not None:
             return np.array([x * size for x, size in zip(chosen, sizes, strict=True)], dtype=object)
     return None
@@ -59,16 +57,14 @@ def _exact(
     n: int,
     strict: NDArray[np.bool_],
     room: float,
-    deadline: float,
 ) -> Rationals | None:
-    left = deadline - time.monotonic()
-    found = _proposal(values, n, strict, room, left) if left > 0 else None
+    found = _proposal(values, n, strict, room) if seconds_left() > 0 else None
     if found is None:
         return None
     chosen = np.array([Fraction(x) for x in found.tolist()], dtype=object)
     chosen[-n:] = Fraction(0)
     for k in range(n):
-        if time.monotonic() > deadline:
+        if seconds_left() <= 0:
             return None
         own = np.flatnonzero(owner[n:] == k) + n
         if own.size and not _settle(exact, values, chosen, found, own, len(exact) - n):
@@ -104,7 +100,7 @@ def _balanced(rows: Rationals) -> tuple[list[Fraction], Rationals]:
 
 
 def _proposal(
-    values: NDArray[np.float64], n: int, strict: NDArray[np.bool_], most: float, time_limit: float
+    values: NDArray[np.float64], n: int, strict: NDArray[np.bool_], most: float
 ) -> NDArray[np.float64] | None:
     """Multipliers in doubles with as much room as possible where xi > 0 takes up the rest."""
     count, width = values.shape
@@ -116,7 +112,7 @@ def _proposal(
     high = np.concatenate([np.full(count, np.inf), np.full(n, most)])
     sums = np.append(np.zeros(width), 1.0)
     box = np.zeros(count + n), high
-    answer = solve(cost, room, np.zeros(n), equations, sums, bounds=box, time_limit=time_limit)
+    answer = solve(cost, room, np.zeros(n), equations, sums, bounds=box)
     if not answer:
         return None
     out = answer.x[:count]

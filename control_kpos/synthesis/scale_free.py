@@ -87,7 +87,7 @@ def scale_free_feedback(
     def design() -> DesignResult:
         plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
         with Reporter(progress) as report:
-            return _design(plant, value, target, Programs(solver, limit, report))
+            return _design(plant, value, target, Programs(solver, report))
 
     return within(limit, design)
 

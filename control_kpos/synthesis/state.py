@@ -134,7 +134,7 @@ def state_feedback(
     def design() -> DesignResult:
         plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
         with Reporter(progress) as report:
-            lp = Programs(solver, limit, report)
+            lp = Programs(solver, report)
             if constraints is None and objective is None:
                 return _design(plant, target, disturbance, method, lp)
             if target == "max" or disturbance is not None:

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..arguments import flag
 from ..arrays import vector
 from ..cones import Cone
-from ..deadline import OutOfTimeError, limited_to
+from ..deadline import OutOfTimeError, limited_to, seconds_left
 from ..errors import DataError
 from ..progress import Reporter, Target
 from .backend import Programs
@@ -102,11 +102,11 @@ def gain_rate_tradeoff(
         free = column_freedom(plant)
         if free is None:
             raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
-        lp = Programs(None, limit, report)
+        lp = Programs(None, report)
         values, gains, largest = _curve(plant, free, rates, lp)
         for place, rate in enumerate(values.tolist() if certify else []):
             report(f"design {place + 1} of {len(values)}")
-            share = max(lp.left, 1e-3) / (len(values) - place)
+            share = max(seconds_left(), 1e-3) / (len(values) - place)
             designs.append(state_feedback(sys, X=X, rate=rate, time_limit=share, progress=False, **demands))
     return Tradeoff(values, np.full(len(values), np.nan) if gains is None else gains, largest, tuple(designs))
 
@@ -121,12 +121,12 @@ def _curve(
         lp.stage("largest decay rate")
         best = program.supremum_of_rates()
         largest = -np.inf if isinstance(best, Failure) else float(best[1])
-        values = _rates(rates, largest, late=lp.left <= 0)
+        values = _rates(rates, largest, late=seconds_left() <= 0)
         gains = np.full(len(values), np.nan)
         for place, rate in enumerate(values.tolist()):
             lp.stage(f"rate {place + 1} of {len(values)}")
             point = program.start(rate)
-            if not isinstance(point, Failure) and lp.left > 0:
+            if not isinstance(point, Failure) and seconds_left() > 0:
                 gains[place] = program.smallest_gain(rate, point)[1]
     except OutOfTimeError:
         values = _rates(rates, largest, late=True) if values is None else values
