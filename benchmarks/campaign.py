@@ -28,6 +28,7 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))
 sys.path.insert(0, str(ROOT))
 
+# The tests are no package: their folder, and the tree, come first.
 import campaigns  # noqa: E402
 import certified  # noqa: E402
 import unnoticed  # noqa: E402
@@ -245,7 +246,7 @@ def changed_operators(module, tests, functions, harmless):
     """Changes that the tests do not notice and that are not known to be harmless; prints both."""
     os.chdir(ROOT)
     found, known, count = [], 0, 0
-    for count, where in unnoticed.unnoticed(module, tests, functions):  # noqa: B007
+    for count, where in unnoticed.unnoticed(module, tests, functions):  # noqa: B007  (the last count is all of them)
         if where is None:
             continue
         reason = next((reason for change, reason in harmless.items() if change in where), None)

@@ -101,10 +101,7 @@ def spanning_inverse(exact_rays: ExactMatrix, rays: Rationals) -> Rationals | No
     if n > LARGE:
         return None
     ints = exact_rays.rows_as_integers(np.arange(len(rays)))
-    values = np.asarray(exact_rays.values)
-    unit = values / np.linalg.norm(values, axis=1, keepdims=True)
-    order = qr(unit.T, mode="r", pivoting=True)[1] if np.isfinite(unit).all() else np.arange(len(rays))
-    chosen = order[echelon(ints[order]).pivot_rows]
+    chosen = independent(exact_rays, ints)
     if len(chosen) < n:
         return None
     found = solve_exactly(ints[chosen].T, np.eye(n, dtype=int).astype(object))
@@ -116,6 +113,21 @@ def spanning_inverse(exact_rays: ExactMatrix, rays: Rationals) -> Rationals | No
         top = next(j for j in range(n) if ints[k, j])
         Z[k] = [Fraction(int(x), denominator) * int(ints[k, top]) / rays[k, top] for x in row]
     return Z
+
+
+def independent(exact_rays: ExactMatrix, ints: NDArray[np.object_]) -> NDArray[np.intp]:
+    """The largest number of independent generators, far from each other where floating point finds such.
+
+    Parameters
+    ----------
+    exact_rays : ExactMatrix, shape (N, n)
+    ints : ndarray of int, shape (N, n)
+        The same as integers, each row up to a positive factor.
+    """
+    values = np.asarray(exact_rays.values)
+    unit = values / np.linalg.norm(values, axis=1, keepdims=True)
+    order = qr(unit.T, mode="r", pivoting=True)[1] if np.isfinite(unit).all() else np.arange(len(values))
+    return order[echelon(ints[order]).pivot_rows]
 
 
 def decode_cone(runs: Any, limit: int) -> Cone:

@@ -16,14 +16,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import qr
 
-from ..arrays import ExactMatrix, integers_of_doubles, plain
+from ..arrays import ExactMatrix, integers_of_doubles, pick, plain
 from ..cones import Cone, Orthant, ProductCone, orthant
 from ..errors import TooLargeError
 from ..rational_programs import exact_feasibility, solve_exactly
 from .encoding import encode_triplets, nested_text, number_text
-from .portable_cones import LARGE, opposite_facets, portable_rows, spanning_inverse
+from .portable_cones import LARGE, independent, opposite_facets, portable_rows, spanning_inverse
 
 Rationals = NDArray[np.object_]
 # Digits written, and work spent, before a proof is left out of a file.
@@ -180,8 +179,7 @@ class Prover:
         coo = guess.tocoo()
         weights, exponent = integers_of_doubles(coo.data)
         unit = Fraction(2) ** int(exponent.item())
-        # independent generators far from each other, so that corrections stay small
-        basis = support[qr(np.asarray(rays.values)[support].T, mode="r", pivoting=True)[1][: rays.shape[1]]]
+        basis = support[independent(pick(rays, support), rows[support])]
         short = len(basis) == rays.shape[1] <= LARGE
         inverse = solve_exactly(rows[basis].T, np.eye(len(basis), dtype=int).astype(object)) if short else None
         if inverse is None:
