@@ -6,6 +6,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.linalg import lapack
+from strategies import without_facets
 
 import control_kpos as kp
 from control_kpos import linear_programs
@@ -15,6 +16,7 @@ PROVED, REFUTED = kp.Status.PROVED, kp.Status.REFUTED
 X2, LINE, PAPER = kp.orthant(2), kp.orthant(1), kp.examples.paper_cone()
 SQUARE_RAYS = [[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]]
 STATIC = [kp.ConeStateSpace([[-2]], [[1]], [[1]], [[0.5]])]
+INWARDS = [[-2, 0.1, 0], [0, -3, 0.2], [0, 0, -1]], [[0.5], [0], [0.9]], [[0, 0, 1]], [[0]]
 SIMPLE = [kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)]
 
 
@@ -24,6 +26,10 @@ def chain(weight, size=40):
 
 def square():
     return kp.PolyhedralCone(SQUARE_RAYS)  # a new one every time, whose facets are not known yet
+
+
+def unlisted():
+    return without_facets(np.array(SQUARE_RAYS, dtype=float))
 
 
 def ring(nodes, weight):
@@ -75,13 +81,21 @@ CLAIMS = {
     "cone with ports": (lambda: find([[-1, 1], [0, -2]], contains=[[0, 1]], within=[[1, 0]]), PROVED),
     "nonlinear": (lambda: pendulum(3), PROVED),
     "not monotone": (lambda: pendulum(0.1), REFUTED),
+    "cone of thousands of generators": (lambda: find([[-2e-3, 1, 0], [-1, -2e-3, 0], [0, 0, 0]]), PROVED),
+    "positive, from generators": (lambda: kp.cone_positivity(*INWARDS, unlisted(), LINE, LINE), PROVED),
+    "not positive, from generators": (lambda: kp.state_positivity(np.diag([1, 1, 0.5])[::-1], unlisted()), REFUTED),
+    "stable, from generators": (lambda: kp.linear_lyapunov(INWARDS[0], unlisted()), PROVED),
+    "unstable, from generators": (lambda: kp.linear_lyapunov(np.diag([-1, -1, 0.5]), unlisted()), REFUTED),
     "facets": (lambda: verdict(square().n_facets == 4), PROVED),
     "inside": (lambda: verdict(kp.lorentz(3, 12).contains([1, 0.9, 0])), PROVED),
     "outside": (lambda: verdict(kp.lorentz(3, 12).contains([1, 1.01, 0])), REFUTED),
 }
 
 ROUTINES = {
-    **{f"numpy.linalg.{n}": (np.linalg, n) for n in ("solve", "inv", "eig", "eigvals", "lstsq", "svd", "qr", "cond")},
+    **{
+        f"numpy.linalg.{n}": (np.linalg, n)
+        for n in ("solve", "inv", "eig", "eigvals", "lstsq", "svd", "pinv", "qr", "cond")
+    },
     **{f"scipy.linalg.{n}": (sl, n) for n in ("solve", "eig", "eigvals", "schur", "expm", "null_space", "orth")},
     **{f"lapack.{n}": (lapack, n) for n in ("dgetrf", "dgetrs", "dgebal")},
     **{f"sparse.{n}": (spla, n) for n in ("splu", "eigs", "lsqr")},
