@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import control_kpos as kp
-from control_kpos.conefinding import design_cone_and_feedback, find_cone
-from control_kpos.conefinding.rationals import solve_columns
+from control_kpos.exact.rationals import solve_columns
+from control_kpos.find import design_cone_and_feedback, find_cone
 
 
 def dominant(rng, n, discrete=False):

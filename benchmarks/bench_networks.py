@@ -13,7 +13,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 import control_kpos as kp
-from control_kpos.networks.abscissa import descend
+from control_kpos.networks.spectrum.descent import descend
 
 GRAPHS = {"ring": kp.examples.ring, "3-regular": lambda n: kp.examples.random_regular(n, 3, seed=1)}
 

@@ -12,10 +12,10 @@ import pytest
 import scipy.sparse as sp
 
 import control_kpos as kp
-from control_kpos import linear_programs
-from control_kpos.synthesis.backend import Programs
-from control_kpos.synthesis.plant import column_freedom, read_plant
-from control_kpos.synthesis.simplicial import SimplicialProgram
+from control_kpos.design.plant import column_freedom, read_plant
+from control_kpos.design.simplicial.program import SimplicialProgram
+from control_kpos.design.solver import Programs
+from control_kpos.exact import programs as linear_programs
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 import planted

@@ -34,9 +34,14 @@ import certified  # noqa: E402
 import unnoticed  # noqa: E402
 
 import control_kpos as kp  # noqa: E402
-from control_kpos import growth, inclusions, positivity, stability, violations  # noqa: E402
-from control_kpos.certificates import checker, exact  # noqa: E402
-from control_kpos.generators import enclosure, inclusion  # noqa: E402
+from control_kpos import checker  # noqa: E402
+from control_kpos.exact import enclosure  # noqa: E402
+from control_kpos.exact import signs as exact  # noqa: E402
+from control_kpos.proof import generators as inclusion  # noqa: E402
+from control_kpos.proof import inclusion as inclusions  # noqa: E402
+from control_kpos.proof import violations  # noqa: E402
+from control_kpos.theorems import growing_direction as growth  # noqa: E402
+from control_kpos.theorems import positivity, stability  # noqa: E402
 
 # Changes that prove the same: parts of their descriptions, and why.
 LARGER = "the bound becomes larger, so that more signs are left to integers"
@@ -231,7 +236,7 @@ def theorems(_, seed):
     for module in (stability, growth):
         found += changed_operators(module, ["tests/test_stability.py", "tests/test_generators.py"], stable, STABILITY)
     return found + changed_operators(
-        sys.modules["control_kpos.dissipativity"], ["tests/test_dissipativity.py"], dissipative, DISSIPATIVITY
+        sys.modules["control_kpos.theorems.dissipativity"], ["tests/test_dissipativity.py"], dissipative, DISSIPATIVITY
     )
 
 

@@ -3,19 +3,12 @@
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from . import arrays as arrays
 from . import examples as examples
-from .certificates.files import load_certificate as load_certificate
-from .certificates.result import Certificate as Certificate
-from .certificates.result import Status as Status
 from .cones import Cone as Cone
 from .cones import PolyhedralCone as PolyhedralCone
 from .cones import lorentz as lorentz
 from .cones import orthant as orthant
 from .cones import product as product
-from .dissipativity import DissipativityCertificate as DissipativityCertificate
-from .dissipativity import SupplyViolation as SupplyViolation
-from .dissipativity import dissipativity as dissipativity
 from .errors import ActuatorLossWarning as ActuatorLossWarning
 from .errors import CertificateFileError as CertificateFileError
 from .errors import ConeMismatchError as ConeMismatchError
@@ -28,24 +21,38 @@ from .errors import SolverError as SolverError
 from .errors import TimebaseError as TimebaseError
 from .errors import TooLargeError as TooLargeError
 from .errors import UndecidedError as UndecidedError
-from .gains import induced_gain as induced_gain
-from .positivity import PlaneViolation as PlaneViolation
-from .positivity import PositivityCertificate as PositivityCertificate
-from .positivity import PositivityViolation as PositivityViolation
-from .positivity import cone_positivity as cone_positivity
-from .positivity import state_positivity as state_positivity
-from .stability import InstabilityCombination as InstabilityCombination
-from .stability import InstabilityDirection as InstabilityDirection
-from .stability import LyapunovCertificate as LyapunovCertificate
-from .stability import linear_lyapunov as linear_lyapunov
-from .statespace import ConeStateSpace as ConeStateSpace
+from .proof.certificate import Certificate as Certificate
+from .proof.certificate import Status as Status
+from .proof.files import load_certificate as load_certificate
+from .systems.statespace import ConeStateSpace as ConeStateSpace
+from .theorems.dissipativity import DissipativityCertificate as DissipativityCertificate
+from .theorems.dissipativity import SupplyViolation as SupplyViolation
+from .theorems.dissipativity import dissipativity as dissipativity
+from .theorems.gains import induced_gain as induced_gain
+from .theorems.positivity import PlaneViolation as PlaneViolation
+from .theorems.positivity import PositivityCertificate as PositivityCertificate
+from .theorems.positivity import PositivityViolation as PositivityViolation
+from .theorems.positivity import cone_positivity as cone_positivity
+from .theorems.positivity import state_positivity as state_positivity
+from .theorems.stability import InstabilityCombination as InstabilityCombination
+from .theorems.stability import InstabilityDirection as InstabilityDirection
+from .theorems.stability import LyapunovCertificate as LyapunovCertificate
+from .theorems.stability import linear_lyapunov as linear_lyapunov
 
 if TYPE_CHECKING:
-    from .conefinding import CodesignResult as CodesignResult
-    from .conefinding import ConeCertificate as ConeCertificate
-    from .conefinding import FoundCone as FoundCone
-    from .conefinding import design_cone_and_feedback as design_cone_and_feedback
-    from .conefinding import find_cone as find_cone
+    from .design import DesignResult as DesignResult
+    from .design import Tradeoff as Tradeoff
+    from .design import gain_rate_tradeoff as gain_rate_tradeoff
+    from .design import network_feedback as network_feedback
+    from .design import observer_gain as observer_gain
+    from .design import output_feedback as output_feedback
+    from .design import scale_free_feedback as scale_free_feedback
+    from .design import state_feedback as state_feedback
+    from .find import CodesignResult as CodesignResult
+    from .find import ConeCertificate as ConeCertificate
+    from .find import FoundCone as FoundCone
+    from .find import design_cone_and_feedback as design_cone_and_feedback
+    from .find import find_cone as find_cone
     from .networks import AbscissaCertificate as AbscissaCertificate
     from .networks import AlgebraicLoop as AlgebraicLoop
     from .networks import ConeNetwork as ConeNetwork
@@ -67,14 +74,6 @@ if TYPE_CHECKING:
     from .plotting import plot_network as plot_network
     from .plotting import plot_poles as plot_poles
     from .plotting import plot_tradeoff as plot_tradeoff
-    from .synthesis import DesignResult as DesignResult
-    from .synthesis import Tradeoff as Tradeoff
-    from .synthesis import gain_rate_tradeoff as gain_rate_tradeoff
-    from .synthesis import network_feedback as network_feedback
-    from .synthesis import observer_gain as observer_gain
-    from .synthesis import output_feedback as output_feedback
-    from .synthesis import scale_free_feedback as scale_free_feedback
-    from .synthesis import state_feedback as state_feedback
 
 __version__ = "0.1.0"
 
@@ -83,7 +82,7 @@ __version__ = "0.1.0"
 _ON_DEMAND = {
     name: room
     for room, names in {
-        ".conefinding": (
+        ".find": (
             "CodesignResult",
             "ConeCertificate",
             "FoundCone",
@@ -117,7 +116,7 @@ _ON_DEMAND = {
             "plot_poles",
             "plot_tradeoff",
         ),
-        ".synthesis": (
+        ".design": (
             "DesignResult",
             "Tradeoff",
             "gain_rate_tradeoff",

@@ -16,18 +16,24 @@ from pathlib import Path
 
 import numpy as np
 
-from .certificates.files import load_certificate
-from .certificates.independent import verdict
-from .certificates.result import Status
 from .cones import orthant
+from .design import state_feedback
 from .errors import CertificateFileError, FalseClaimError
-from .examples import mass_spring, mass_spring_node, paper_cone, paper_gain, ring
+from .examples import (
+    mass_spring,
+    mass_spring_node,
+    paper_cone,
+    paper_gain,
+    ring,
+)
 from .networks import feedback_interconnect, stack
 from .plotting import phase_portrait
-from .positivity import state_positivity
-from .stability import InstabilityDirection, LyapunovCertificate, linear_lyapunov
-from .statespace import ConeStateSpace
-from .synthesis import state_feedback
+from .proof.certificate import Status
+from .proof.files import load_certificate
+from .proof.independent import verdict
+from .systems.statespace import ConeStateSpace
+from .theorems.positivity import state_positivity
+from .theorems.stability import InstabilityDirection, LyapunovCertificate, linear_lyapunov
 
 PROVED, REFUTED, UNREADABLE = 0, 1, 2
 _RING = (-13 + np.sqrt(85)) / 2

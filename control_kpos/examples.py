@@ -11,11 +11,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from .arguments import real_number, whole_number
-from .arrays import exact_matrix, require_shape
 from .cones import PolyhedralCone, orthant
 from .errors import DataError
-from .statespace import ConeStateSpace
+from .exact.intake import real_number, whole_number
+from .exact.matrix import exact_matrix, require_shape
+from .systems.statespace import ConeStateSpace
 
 # More nodes would fill the memory.
 _MOST_NODES = 10**8

@@ -10,8 +10,8 @@ from typing import TypeAlias
 
 import numpy as np
 
-from .arguments import found
 from .errors import DataError
+from .exact.intake import found
 
 Target: TypeAlias = "Callable[[str], None] | bool | None"
 

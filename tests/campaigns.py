@@ -19,12 +19,12 @@ import numpy as np
 import tampering
 
 import control_kpos as kp
-from control_kpos.arrays import exact_matrix
-from control_kpos.certificates import checker
-from control_kpos.certificates.encoding import Decoder, number
-from control_kpos.certificates.portable_cones import decode_cone
+from control_kpos import checker
+from control_kpos.design.accept import CommonVectorCertificate, GainBoundCertificate
 from control_kpos.errors import CertificateFileError, UndecidedError
-from control_kpos.synthesis.acceptance import CommonVectorCertificate, GainBoundCertificate
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.proof.encoding import Decoder, number
+from control_kpos.proof.portable_cones import decode_cone
 
 
 def hurwitz(A):

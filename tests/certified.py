@@ -5,10 +5,10 @@ import numpy as np
 from strategies import without_facets
 
 import control_kpos as kp
-from control_kpos.arrays import ExactMatrix, as_stack
-from control_kpos.conefinding import ConeCertificate
-from control_kpos.conefinding.explicit import modal_cone
-from control_kpos.conefinding.modes import modes
+from control_kpos.exact.matrix import ExactMatrix, as_stack
+from control_kpos.find import ConeCertificate
+from control_kpos.find.one_matrix.explicit import modal_cone
+from control_kpos.find.one_matrix.modes import modes
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])

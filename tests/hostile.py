@@ -7,7 +7,7 @@ import zipfile
 import numpy as np
 import tampering
 
-from control_kpos.certificates.files import FORMAT
+from control_kpos.proof.files import FORMAT
 
 
 def with_data(content, **data):

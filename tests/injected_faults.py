@@ -9,8 +9,8 @@ from scipy.linalg import lapack
 from strategies import without_facets
 
 import control_kpos as kp
-from control_kpos import linear_programs
-from control_kpos.linear_programs import Solution
+from control_kpos.exact import programs as linear_programs
+from control_kpos.exact.programs import Solution
 
 PROVED, REFUTED = kp.Status.PROVED, kp.Status.REFUTED
 X2, LINE, PAPER = kp.orthant(2), kp.orthant(1), kp.examples.paper_cone()

@@ -11,8 +11,8 @@ import pytest
 import tampering
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.__main__ import main as command_line
-from control_kpos.certificates import checker
 from control_kpos.errors import CertificateFileError
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")

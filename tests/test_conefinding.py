@@ -11,11 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import block_diag
 
-from control_kpos import PolyhedralCone, Status, load_certificate, state_positivity
-from control_kpos.arrays import ExactMatrix, as_stack
-from control_kpos.conefinding import ConeCertificate, find_cone
-from control_kpos.conefinding.existence import SpectralObstruction
-from control_kpos.conefinding.polynomials import (
+from control_kpos import (
+    PolyhedralCone,
+    Status,
+    load_certificate,
+    state_positivity,
+)
+from control_kpos.errors import DataError, ShapeError
+from control_kpos.exact.enclosure import Generators
+from control_kpos.exact.matrix import ExactMatrix, as_stack
+from control_kpos.exact.polynomials import (
     characteristic_polynomial,
     imaginary_axis,
     moebius,
@@ -26,10 +31,10 @@ from control_kpos.conefinding.polynomials import (
     shift_roots,
     square_free_factors,
 )
-from control_kpos.conefinding.rationals import solve_columns
-from control_kpos.conefinding.single import eigenvalues
-from control_kpos.errors import DataError, ShapeError
-from control_kpos.generators.enclosure import Generators
+from control_kpos.exact.rationals import solve_columns
+from control_kpos.find import ConeCertificate, find_cone
+from control_kpos.find.impossible.existence import SpectralObstruction
+from control_kpos.find.one_matrix.search import eigenvalues
 
 
 def pair(gap: float, frequency: float) -> np.ndarray:

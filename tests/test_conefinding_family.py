@@ -12,9 +12,9 @@ import pytest
 from planted import generators, metzler_hurwitz
 
 import control_kpos as kp
-from control_kpos.conefinding import design_cone_and_feedback, find_cone
-from control_kpos.conefinding.rationals import solve_columns
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
+from control_kpos.exact.rationals import solve_columns
+from control_kpos.find import design_cone_and_feedback, find_cone
 
 
 def planted(seed: int, n: int, count: int) -> np.ndarray:

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 from scipy.linalg import block_diag
 from scipy.sparse import csr_array
 
-from control_kpos import Status, find_cone, load_certificate
-from control_kpos.arrays import ExactMatrix
-from control_kpos.certificates import checker
-from control_kpos.conefinding.explicit import LARGE, modal_cone
-from control_kpos.conefinding.modes import modes
+from control_kpos import Status, checker, find_cone, load_certificate
+from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.find.one_matrix.explicit import LARGE, modal_cone
+from control_kpos.find.one_matrix.modes import modes
 
 
 def oscillations(*ratios: float, seed: int = 0, discrete: bool = False) -> np.ndarray:

@@ -10,9 +10,9 @@ import pytest
 from planted import generators, metzler_hurwitz
 
 import control_kpos as kp
-from control_kpos.arrays import ExactMatrix
-from control_kpos.conefinding import find_cone
 from control_kpos.errors import ConeMismatchError, DataError, TimebaseError
+from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.find import find_cone
 
 
 def externally_positive(seed: int, n: int, margin: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,7 +14,15 @@ from hypothesis import strategies as st
 from strategies import any_cone, integer_matrices, proper_cone, simplicial_cone, unimodular
 
 import control_kpos as kp
-from control_kpos.cones import Cone, Orthant, PolyhedralCone, ProductCone, lorentz, orthant, product
+from control_kpos.cones import (
+    Cone,
+    Orthant,
+    PolyhedralCone,
+    ProductCone,
+    lorentz,
+    orthant,
+    product,
+)
 
 SQUARE = [[1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1]]
 PAPER = PolyhedralCone([[0, 1], [1, -2]])

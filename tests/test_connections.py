@@ -10,9 +10,14 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import control_kpos as kp
-from control_kpos.arrays import exact_matrix
-from control_kpos.connections import Origin, image, nonnegative, preimage
-from control_kpos.rounding import maps_into, rounded_into
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.systems.cones_of_connections import (
+    Origin,
+    image,
+    nonnegative,
+    preimage,
+)
+from control_kpos.systems.rounding import maps_into, rounded_into
 
 # Many operations, each with a property of its own.
 FEW = settings(max_examples=30)

@@ -13,9 +13,9 @@ import control_kpos.cones.conversion as conversion
 import control_kpos.cones.hull as hull
 import control_kpos.cones.polyhedral as polyhedral
 from control_kpos.cones import PolyhedralCone, orthant
-from control_kpos.cones.elimination import echelon, inverse_rows, normals
-from control_kpos.cones.lifting import transposed_inverse_rows
 from control_kpos.errors import TooLargeError
+from control_kpos.exact.dixon import transposed_inverse_rows
+from control_kpos.exact.elimination import echelon, inverse_rows, normals
 
 
 def primitive(row):

@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 from test_time_limits import LIMIT, assert_ends
 
 import control_kpos as kp
-from control_kpos.arrays import exact_matrix
-from control_kpos.conefinding.placement import placed
-from control_kpos.deadline import OutOfTimeError, limited_to
-from control_kpos.synthesis import rows
-from control_kpos.synthesis.acceptance import closed_loop
-from control_kpos.synthesis.limits import within
-from control_kpos.synthesis.network_program import _distinct
-from control_kpos.synthesis.result import DesignResult
+from control_kpos.design.accept import closed_loop
+from control_kpos.design.limits import within
+from control_kpos.design.network.program import _distinct
+from control_kpos.design.result import DesignResult
+from control_kpos.design.simplicial import rows
+from control_kpos.exact.budget import OutOfTimeError, limited_to
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.find.feedback.placement import placed
 
 
 def plant(n, m, seed=0):

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from test_positivity import PAPER, PLANT, closed_loop, metzler, perturbations, unimodular
 
 import control_kpos as kp
-from control_kpos.arrays import exact_matrix
-from control_kpos.certificates.result import Status
-from control_kpos.dissipativity import DissipativityCertificate, SupplyViolation
 from control_kpos.errors import DataError
-from control_kpos.positivity import PositivityCertificate
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.proof.certificate import Status
+from control_kpos.theorems.dissipativity import DissipativityCertificate, SupplyViolation
+from control_kpos.theorems.positivity import PositivityCertificate
 
 R1, R2 = kp.orthant(1), kp.orthant(2)
 LAG = [[-2.0]], [[1.0]], [[1.0]], [[0.0]]

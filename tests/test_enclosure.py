@@ -10,9 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csr_array
 
-from control_kpos.arrays import ExactMatrix
-from control_kpos.generators.enclosure import Bounds, Generators, enclosed_product, enclosed_sparse_product
-from control_kpos.generators.products import exact_product
+from control_kpos.exact.enclosure import (
+    Bounds,
+    Generators,
+    enclosed_product,
+    enclosed_sparse_product,
+)
+from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.exact.products import exact_product
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -8,8 +8,18 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from control_kpos.arrays import ExactMatrix, concatenate, exact_matrix, integers_of_doubles
-from control_kpos.certificates.exact import UNKNOWN, BilinearForms, _decide, _row_norms
+from control_kpos.exact.matrix import (
+    ExactMatrix,
+    concatenate,
+    exact_matrix,
+    integers_of_doubles,
+)
+from control_kpos.exact.signs import (
+    UNKNOWN,
+    BilinearForms,
+    _decide,
+    _row_norms,
+)
 
 doubles = st.one_of(
     st.integers(-3, 3).map(float),

@@ -7,10 +7,15 @@ from hypothesis import strategies as st
 from strategies import any_cone, integer_matrices, many_rays, proper_cone, without_facets
 
 import control_kpos as kp
-from control_kpos.arrays import ExactMatrix
 from control_kpos.cones import hull, polyhedral
-from control_kpos.cones.extreme import extreme_generators, line_in, may_have_many_facets, most_facets
+from control_kpos.cones.extreme import (
+    extreme_generators,
+    line_in,
+    may_have_many_facets,
+    most_facets,
+)
 from control_kpos.cones.polyhedral import has_open_facets
+from control_kpos.exact.matrix import ExactMatrix
 
 dimensions = st.integers(1, 4)
 

@@ -17,11 +17,13 @@ import tampering
 from hostile import HOSTILE, WRONG_DATA, archives, thousand_parts, with_data, write_archive
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.__main__ import main
-from control_kpos.certificates import checker, files
-from control_kpos.certificates.encoding import number, number_text
-from control_kpos.certificates.files import load_certificate
 from control_kpos.errors import CertificateFileError
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.proof import files
+from control_kpos.proof.encoding import number, number_text
+from control_kpos.proof.files import load_certificate
 
 EVERY = {**certified.CERTIFICATES, **certified.FOR_THE_PACKAGE}
 
@@ -60,7 +62,7 @@ def test_archives_tell_the_checker_the_same(tmp_path, capsys):
 
 @pytest.mark.parametrize("text", ["1/3", "-21.3", "0.1", "123456789012345678901234567890", "1e-3", "-7"])
 def test_numbers_come_back_exactly(text):
-    exact = kp.arrays.exact_matrix([[text]], "x").fractions()[0, 0]
+    exact = exact_matrix([[text]], "x").fractions()[0, 0]
     assert number(number_text(exact)) == exact == checker.number(number_text(exact))
 
 

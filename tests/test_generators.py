@@ -11,12 +11,12 @@ from scipy.linalg import block_diag
 from strategies import integer_matrices, many_rays, proper_cone, without_facets
 
 import control_kpos as kp
-from control_kpos.arrays import ExactMatrix, identity
-from control_kpos.certificates.independent import verdict
 from control_kpos.cones import polyhedral
-from control_kpos.generators.inclusion import GeneratorProof, own_generators, prove
-from control_kpos.growth import InstabilityCombination
-from control_kpos.violations import PlaneViolation
+from control_kpos.exact.matrix import ExactMatrix, identity
+from control_kpos.proof.generators import GeneratorProof, own_generators, prove
+from control_kpos.proof.independent import verdict
+from control_kpos.proof.violations import PlaneViolation
+from control_kpos.theorems.growing_direction import InstabilityCombination
 
 
 @pytest.fixture
@@ -269,7 +269,7 @@ def test_planes_that_no_field_crosses(A, normal, ray):
 
 def test_what_generators_cannot_decide_is_left_to_facets(monkeypatch):
     X = without_facets(many_rays(5, 9))
-    monkeypatch.setattr("control_kpos.positivity.prove", lambda *_, **__: None)
+    monkeypatch.setattr("control_kpos.theorems.positivity.prove", lambda *_, **__: None)
     with pytest.raises(kp.TooLargeError):
         kp.state_positivity(np.eye(5), X)
 
@@ -279,7 +279,7 @@ def test_work_is_limited(monkeypatch):
     A = ExactMatrix(inside(rays, np.random.default_rng(0), strictly=False).astype(float))
     X = kp.PolyhedralCone(rays)
     assert prove(A, X, None, None, discrete=True)
-    monkeypatch.setattr("control_kpos.generators.inclusion.LIMIT", 1e4)
+    monkeypatch.setattr("control_kpos.proof.generators.LIMIT", 1e4)
     assert prove(A, X, None, None, discrete=True) is None
 
 
@@ -326,7 +326,7 @@ def test_stability_on_cones_that_are_found(no_facets, tmp_path):
 def test_fine_steps_need_no_rational_numbers(step, discrete, no_facets, monkeypatch):
     A = slow_modes(12)
     X = kp.find_cone(A).cone
-    monkeypatch.setattr("control_kpos.generators.inclusion.exact_feasibility", lambda *_, **__: pytest.fail("exact"))
+    monkeypatch.setattr("control_kpos.proof.generators.exact_feasibility", lambda *_, **__: pytest.fail("exact"))
     cert = kp.state_positivity(np.eye(12) + step * A if discrete else A - step * np.eye(12), X, discrete=discrete)
     assert cert and cert.check()
 

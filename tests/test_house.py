@@ -29,26 +29,18 @@ MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
 TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
 
 # Floors of the house, from the ground up.  A room, a module or a folder below the package, may import
-# from its own floor and from those below.  The trusted kernel is a room of its own: cones need its
-# signs, and certificates hold cones.
+# from its own floor and from those below.
 FLOORS = {
-    "numbers": {
-        "errors",
-        "arrays",
-        "arguments",
-        "cards",
-        "deadline",
-        "certificates.exact",
-        "linear_programs",
-        "rational_programs",
-        "progress",
-    },
+    "errors": {"errors"},
+    "exact numbers": {"exact"},
+    "what a reader sees of long work and of results": {"progress", "cards"},
     "cones": {"cones"},
-    "verdicts": {"certificates"},
-    "inclusions of cones": {"generators", "inclusions", "violations", "growth"},
-    "theorems about matrices": {"positivity", "rounding", "perron", "stability", "storage", "dissipativity", "gains"},
-    "systems": {"connections", "operations", "system_data", "statespace"},
-    "theorems about systems": {"networks", "synthesis", "conefinding", "intervals", "nonlinear"},
+    "verdicts": {"proof", "checker"},
+    "theorems about matrices": {"theorems"},
+    "systems": {"systems"},
+    "theorems about many systems": {"networks", "nonlinear"},
+    "design": {"design"},
+    "search for cones": {"find"},
     "examples": {"examples"},
     "pictures": {"plotting"},
     "entrance": {"__init__", "__main__"},
@@ -57,12 +49,12 @@ LEVEL = {room: level for level, rooms in enumerate(FLOORS.values()) for room in 
 
 # Packages that only some rooms may import.
 RESTRICTED = {
-    "cvxpy": {"synthesis"},
+    "cvxpy": {"design"},
     "matplotlib": {"plotting"},
     "mpl_toolkits": {"plotting"},
     "networkx": {"networks", "plotting"},
-    "highspy": {"linear_programs"},
-    "scipy.optimize": {"linear_programs", "synthesis", "conefinding"},
+    "highspy": {"exact"},
+    "scipy.optimize": {"exact", "design", "find"},
     "scipy.spatial": {"cones"},
 }
 

@@ -11,9 +11,9 @@ import pytest
 import scipy.sparse as sp
 from scipy.optimize import linprog
 
-from control_kpos import linear_programs
 from control_kpos.errors import ShapeError
-from control_kpos.linear_programs import balance, guarded, solve
+from control_kpos.exact import programs as linear_programs
+from control_kpos.exact.programs import balance, guarded, solve
 
 
 def random_program(seed):

@@ -9,8 +9,15 @@ import scipy.sparse as sp
 from network_examples import CONE, cycle, is_unstable, lag, mass, random_masses
 
 import control_kpos as kp
-from control_kpos.certificates.result import Status
-from control_kpos.networks import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation, NoWeights
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.networks import (
+    AlgebraicLoop,
+    CouplingViolation,
+    NetworkInstability,
+    NodeViolation,
+    NoWeights,
+)
+from control_kpos.proof.certificate import Status
 
 # -- the paper
 
@@ -156,7 +163,7 @@ def test_changed_certificates_fail_their_check():
         assert not replace(certificate, **{name: value[:-1]}).check()
     assert not replace(certificate, decay_rate=certificate.decay_rate * 1.2).check()
     assert not replace(
-        certificate, model=certificate.model.with_coupling(kp.arrays.exact_matrix(sp.csr_array(cycle(6, 30.0)), "W"))
+        certificate, model=certificate.model.with_coupling(exact_matrix(sp.csr_array(cycle(6, 30.0)), "W"))
     ).check()
     worse = kp.feedback_interconnect(random_masses(rng, 6), cycle(6, 40.0)).certificate
     assert worse.check()

@@ -9,12 +9,12 @@ import scipy.sparse as sp
 from random_networks import is_stable, marginal_network
 
 import control_kpos as kp
-from control_kpos.certificates import independent
-from control_kpos.certificates.result import Status
+from control_kpos.exact.rational_programs import solve_exactly
 from control_kpos.networks import AlgebraicLoop, NetworkInstability
-from control_kpos.networks.exact import EXACT_SIZE
-from control_kpos.networks.lifting import solve_by_lifting
-from control_kpos.rational_programs import solve_exactly
+from control_kpos.networks.spectrum.lifting import solve_by_lifting
+from control_kpos.networks.spectrum.small import EXACT_SIZE
+from control_kpos.proof import independent
+from control_kpos.proof.certificate import Status
 
 ONES, TINY = np.ones((3, 3), dtype=object), Fraction(1, 10**30) * np.eye(3, dtype=int)
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from network_examples import CONE, cycle, lag, mass, random_masses
 
 import control_kpos as kp
-from control_kpos.certificates.result import Status
+from control_kpos.proof.certificate import Status
 
 # -- couplings and nodes in all their forms
 

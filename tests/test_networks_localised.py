@@ -5,8 +5,8 @@ import pytest
 import scipy.sparse as sp
 
 import control_kpos as kp
-from control_kpos.networks import localised
-from control_kpos.networks.abscissa import descend
+from control_kpos.networks.spectrum import leading_nodes as localised
+from control_kpos.networks.spectrum.descent import descend
 
 
 @pytest.fixture(autouse=True)

@@ -6,8 +6,8 @@ import scipy.sparse as sp
 from network_examples import cycle, is_unstable, lag, mass, random_masses
 
 import control_kpos as kp
-from control_kpos.certificates.result import Status
 from control_kpos.networks import NodeNotDissipative, scale_free_certificate
+from control_kpos.proof.certificate import Status
 
 # -- supply rates
 

@@ -6,9 +6,9 @@ import scipy.sparse as sp
 from random_networks import dense_coupling, marginal_network, poles_by_dense_algebra, random_network
 
 import control_kpos as kp
-from control_kpos.certificates.result import Status
 from control_kpos.networks import NodeViolation
-from control_kpos.networks.components import strong_parts
+from control_kpos.networks.spectrum.strong_parts import strong_parts
+from control_kpos.proof.certificate import Status
 
 
 def lags(rates, D=0.0):

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from network_examples import CONE, cycle, lag, mass, random_masses, sparse_ring
 
 import control_kpos as kp
-from control_kpos.certificates.result import Status
+from control_kpos.proof.certificate import Status
 
 # -- the closed loop
 

@@ -5,8 +5,8 @@ import pytest
 from random_networks import dense_coupling, poles_by_dense_algebra, random_network
 
 import control_kpos as kp
-from control_kpos.certificates.result import Status
 from control_kpos.networks import NetworkInstability
+from control_kpos.proof.certificate import Status
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import control_kpos as kp
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
-from control_kpos.intervals import jacobian_enclosure
+from control_kpos.exact.intervals import jacobian_enclosure
 from control_kpos.nonlinear import differential_positivity
 
 DAMPED = kp.PolyhedralCone([[1, 0], [1, -2]])

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import control_kpos as kp
-from control_kpos.arrays import exact_matrix
-from control_kpos.certificates.result import Status
-from control_kpos.positivity import PositivityCertificate, PositivityViolation
+from control_kpos.exact.matrix import ExactMatrix, exact_matrix
+from control_kpos.proof.certificate import Status
+from control_kpos.theorems.positivity import PositivityCertificate, PositivityViolation
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 PLANT = [[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]]
@@ -195,8 +195,8 @@ def perturbations(cert):
         elif isinstance(value, dict):
             changes = [{**value, next(iter(value)): next(iter(value.values())) + 1e-3}, {}] if value else []
         elif hasattr(value, "values") and hasattr(value, "denominator"):
-            changes = [kp.arrays.ExactMatrix(value.values * 1.001 + 0.5)]
-            changes += [kp.arrays.ExactMatrix(-value.values)] if np.any(value.values) else []
+            changes = [ExactMatrix(value.values * 1.001 + 0.5)]
+            changes += [ExactMatrix(-value.values)] if np.any(value.values) else []
         elif isinstance(value, kp.Cone):
             changes = [-value]
         else:

@@ -5,10 +5,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from control_kpos import rational_programs
 from control_kpos.errors import ShapeError, TooLargeError
-from control_kpos.linear_programs import Solution
-from control_kpos.rational_programs import exact_feasibility, is_farkas, is_solution, solve_exactly
+from control_kpos.exact import rational_programs
+from control_kpos.exact.programs import Solution
+from control_kpos.exact.rational_programs import (
+    exact_feasibility,
+    is_farkas,
+    is_solution,
+    solve_exactly,
+)
 
 
 def system(seed):

@@ -12,7 +12,7 @@ import pytest
 from injected_faults import CLAIMS, ERRORS, OUTCOMES, ROUTINES, VALUES, faulty, used_routines
 
 import control_kpos as kp
-from control_kpos import linear_programs
+from control_kpos.exact import programs as linear_programs
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from test_positivity import PAPER, closed_loop, metzler, perturbations, unimodular
 
 import control_kpos as kp
-from control_kpos.arrays import exact_matrix
-from control_kpos.certificates.result import Status
 from control_kpos.errors import DataError
-from control_kpos.positivity import PositivityCertificate
-from control_kpos.stability import InstabilityDirection, LyapunovCertificate, exact_row
+from control_kpos.exact.matrix import exact_matrix
+from control_kpos.proof.certificate import Status
+from control_kpos.theorems.positivity import PositivityCertificate
+from control_kpos.theorems.stability import InstabilityDirection, LyapunovCertificate, exact_row
 
 
 def routh_stable(A):

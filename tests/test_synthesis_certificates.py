@@ -9,9 +9,10 @@ import planted
 import pytest
 
 import control_kpos as kp
-from control_kpos.synthesis.acceptance import GainBoundCertificate
-from control_kpos.synthesis.invariance import PairMultipliers
-from control_kpos.synthesis.obstruction import Multipliers
+from control_kpos.design.accept import GainBoundCertificate
+from control_kpos.design.polyhedral.refusal import PairMultipliers
+from control_kpos.design.simplicial.refusal import Multipliers
+from control_kpos.exact.matrix import exact_matrix
 
 PAPER = [[0, 1], [1, -2]]
 PLANT = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
@@ -107,7 +108,7 @@ def test_refuted_invariance_does_not_survive_perturbation():
 
 def test_gain_bound_is_exact():
     X = kp.PolyhedralCone(PAPER)
-    F = kp.arrays.exact_matrix([[-21, -13]], "F")
+    F = exact_matrix([[-21, -13]], "F")
     assert GainBoundCertificate.settle(F=F, bound=np.array([13.0]), X=X)
     assert not GainBoundCertificate.settle(F=F, bound=np.array([np.nextafter(13.0, 0)]), X=X)
 

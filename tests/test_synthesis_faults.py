@@ -9,8 +9,8 @@ import planted
 import pytest
 
 import control_kpos as kp
-from control_kpos import linear_programs
-from control_kpos.linear_programs import Solution
+from control_kpos.exact import programs as linear_programs
+from control_kpos.exact.programs import Solution
 
 # networks of masses on springs are positive with feedback only
 pytestmark = pytest.mark.filterwarnings("ignore::control_kpos.ActuatorLossWarning")

@@ -7,10 +7,10 @@ import planted
 import pytest
 
 import control_kpos as kp
-from control_kpos.synthesis.alternation import GainProgram
-from control_kpos.synthesis.backend import Programs
-from control_kpos.synthesis.obstruction import Multipliers
-from control_kpos.synthesis.plant import read_plant
+from control_kpos.design.plant import read_plant
+from control_kpos.design.polyhedral.program import GainProgram
+from control_kpos.design.simplicial.refusal import Multipliers
+from control_kpos.design.solver import Programs
 
 PAPER = [[0, 1], [1, -2]]
 

@@ -9,7 +9,12 @@ import pytest
 from scipy.linalg import block_diag
 
 import control_kpos as kp
-from control_kpos.deadline import OutOfTimeError, limited_to, require_seconds, seconds_left
+from control_kpos.exact.budget import (
+    OutOfTimeError,
+    limited_to,
+    require_seconds,
+    seconds_left,
+)
 
 LIMIT = 0.3
 # Bounds that only something that hangs exceeds, however loaded the machine is.

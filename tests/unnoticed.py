@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 import tampering
 
-from control_kpos.certificates import encoding, files
+from control_kpos.proof import encoding, files
 
 _SECONDS = 300
 

@@ -20,12 +20,30 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import flag
-from ..arrays import DENSE_LIMIT, ExactMatrix, dense, exact_matrix
 from ..cards import card, shown_rows
-from ..certificates.exact import UNKNOWN, BilinearForms
-from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TooLargeError, UndecidedError
-from .rows import dense_rows, frozen, image_rows, nonzero, stack_rows
+from ..errors import (
+    ConeMismatchError,
+    DataError,
+    NotProperConeError,
+    ShapeError,
+    TooLargeError,
+    UndecidedError,
+)
+from ..exact.intake import flag
+from ..exact.matrix import (
+    DENSE_LIMIT,
+    ExactMatrix,
+    dense,
+    exact_matrix,
+)
+from ..exact.rows import (
+    dense_rows,
+    frozen,
+    image_rows,
+    nonzero,
+    stack_rows,
+)
+from ..exact.signs import UNKNOWN, BilinearForms
 
 # Largest dimension and number of generators of a cone that is listed in a notebook.
 _MOST_SHOWN = 30

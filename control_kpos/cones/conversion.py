@@ -13,12 +13,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, Integers, rounding_radius
 from ..errors import TooLargeError
-from .elimination import divide_by_content, echelon, inverse_rows
+from ..exact.elimination import divide_by_content, echelon, inverse_rows
+from ..exact.matrix import ExactMatrix, Integers, rounding_radius
+from ..exact.rows import (
+    equilibrate,
+    exact_rows,
+    frozen,
+    negative_rows,
+    select_rows,
+    stack_rows,
+    unit_rows,
+)
 from .hull import Facets, Lines, beneath_beyond
-from .hyperplanes import Hyperplanes
-from .rows import equilibrate, exact_rows, frozen, negative_rows, select_rows, stack_rows, unit_rows
+from .normals import Hyperplanes
 from .simplicial import LARGE, simplicial_facets
 
 # Normals of all facets are computed exactly at once if they cost fewer multiplications than this.

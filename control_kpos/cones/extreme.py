@@ -16,14 +16,14 @@ from math import comb
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, Integers
-from ..certificates.exact import BilinearForms
 from ..errors import DataError, TooLargeError
-from ..linear_programs import solve
-from ..rational_programs import exact_feasibility
-from .elimination import divide_by_content, echelon
+from ..exact.elimination import divide_by_content, echelon
+from ..exact.matrix import ExactMatrix, Integers
+from ..exact.programs import solve
+from ..exact.rational_programs import exact_feasibility
+from ..exact.rows import frozen, select_rows
+from ..exact.signs import BilinearForms
 from .hull import ALLOWANCE, LIMIT, Allowance
-from .rows import frozen, select_rows
 
 # Facets that p generators can have, times the cube of the dimension, above which generators are asked first.
 _MANY = 3 * 10**7

@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import qr
 
-from ..arrays import Integers
-from ..deadline import require_seconds
 from ..errors import TooLargeError
-from .elimination import echelon
-from .hyperplanes import Hyperplanes, round_map
-from .rows import unit_rows
+from ..exact.budget import require_seconds
+from ..exact.elimination import echelon
+from ..exact.matrix import Integers
+from ..exact.rows import unit_rows
+from .normals import Hyperplanes, round_map
 
 _UNKNOWN = 2
 _CHUNK = 2_000_000

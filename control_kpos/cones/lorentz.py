@@ -7,8 +7,8 @@ from math import gcd
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arguments import choice, found, whole_number
 from ..errors import ShapeError, TooLargeError
+from ..exact.intake import choice, found, whole_number
 from .polyhedral import PolyhedralCone
 
 _GRID = 2**16

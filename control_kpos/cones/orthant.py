@@ -8,11 +8,11 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arguments import whole_number
-from ..arrays import ExactMatrix
 from ..errors import ShapeError, UndecidedError
+from ..exact.intake import whole_number
+from ..exact.matrix import ExactMatrix
+from ..exact.rows import nonzero, select_rows, transpose
 from .base import Cone
-from .rows import nonzero, select_rows, transpose
 
 _LARGEST = 2**40
 

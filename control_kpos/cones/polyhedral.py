@@ -7,15 +7,26 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..arrays import ExactMatrix
-from ..certificates.exact import BilinearForms
-from ..errors import DataError, NotProperConeError, TooLargeError, UndecidedError
+from ..errors import (
+    DataError,
+    NotProperConeError,
+    TooLargeError,
+    UndecidedError,
+)
+from ..exact.elimination import divide_by_content, echelon
+from ..exact.matrix import ExactMatrix
+from ..exact.rows import equilibrate, frozen, unit_rows
+from ..exact.signs import BilinearForms
 from .base import Cone, nonzero_rows
 from .conversion import Faces, convert
-from .elimination import divide_by_content, echelon
-from .extreme import Extreme, extreme_generators, line_in, may_have_many_facets, rank
+from .extreme import (
+    Extreme,
+    extreme_generators,
+    line_in,
+    may_have_many_facets,
+    rank,
+)
 from .hull import ALLOWANCE
-from .rows import equilibrate, frozen, unit_rows
 
 
 class _Conversion:

@@ -12,12 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arguments import found, items
-from ..arrays import ExactMatrix, Integers
 from ..errors import DataError, ShapeError
+from ..exact.intake import found, items
+from ..exact.matrix import ExactMatrix, Integers
+from ..exact.rows import dense_rows, frozen
 from .base import Cone
 from .orthant import Orthant
-from .rows import dense_rows, frozen
 
 
 class ProductCone(Cone):

@@ -13,11 +13,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import HALF_ULP, ExactMatrix, Integers, dense, granularity
 from ..errors import TooLargeError
-from .elimination import divide_by_content
-from .lifting import transposed_inverse_rows
-from .rows import equilibrate, frozen
+from ..exact.dixon import transposed_inverse_rows
+from ..exact.elimination import divide_by_content
+from ..exact.matrix import (
+    HALF_ULP,
+    ExactMatrix,
+    Integers,
+    dense,
+    granularity,
+)
+from ..exact.rows import equilibrate, frozen
 
 # Up to this dimension exact elimination is cheap.
 LARGE = 24

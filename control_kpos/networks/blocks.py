@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, Matrix, rounding_radius
+from ..exact.matrix import ExactMatrix, Matrix, rounding_radius
 
 Floats: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]

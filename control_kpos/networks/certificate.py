@@ -22,8 +22,9 @@ from typing import Any, ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..certificates.result import Certificate, Condition, Status
 from ..errors import DataError
+from ..exact.condition import Condition
+from ..proof.certificate import Certificate, Status
 from . import conditions as on
 from . import files
 from .blocks import Floats

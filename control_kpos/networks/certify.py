@@ -15,18 +15,28 @@ from typing import TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import HALF_ULP
-from ..certificates.result import Condition, Status
 from ..cones import Cone, Orthant
-from ..positivity import settle_positivity
+from ..exact.condition import Condition
+from ..exact.matrix import HALF_ULP
+from ..proof.certificate import Status
+from ..theorems.positivity import settle_positivity
 from . import conditions as on
-from .abscissa import Approach, Progress, descend, growing_part, interior, is_inside, mix, slow_state
 from .blocks import Floats, Index, exact_take
 from .certificate import NetworkCertificate, per_node
-from .components import strong_parts
 from .model import NetworkModel
-from .rational import certify_exactly
-from .solvers import PortSystem, direct_loop
+from .spectrum.descent import (
+    Approach,
+    Progress,
+    descend,
+    growing_part,
+    interior,
+    is_inside,
+    mix,
+    slow_state,
+)
+from .spectrum.port_solves import PortSystem, direct_loop
+from .spectrum.rational import certify_exactly
+from .spectrum.strong_parts import strong_parts
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,

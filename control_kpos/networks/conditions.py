@@ -13,14 +13,23 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix
-from ..certificates.exact import BilinearForms
-from ..certificates.result import Condition
 from ..cones import Cone, Orthant
-from ..cones.rows import dense_rows
 from ..errors import UndecidedError
-from ..stability import transpose
-from .blocks import Floats, Index, block_diagonal, exact_block, exact_take, is_zero, nonzero_blocks, take_blocks
+from ..exact.condition import Condition
+from ..exact.matrix import ExactMatrix
+from ..exact.rows import dense_rows
+from ..exact.signs import BilinearForms
+from ..theorems.stability import transpose
+from .blocks import (
+    Floats,
+    Index,
+    block_diagonal,
+    exact_block,
+    exact_take,
+    is_zero,
+    nonzero_blocks,
+    take_blocks,
+)
 from .model import NetworkModel, NodeStack
 
 STATE, INPUT, OUTPUT, DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..arguments import dimensions
-from ..arrays import ExactMatrix, exact_matrix, sparse_matrix
 from ..errors import ConeMismatchError, DataError, ShapeError
+from ..exact.intake import dimensions
+from ..exact.matrix import ExactMatrix, exact_matrix, sparse_matrix
 from .model import NetworkModel
 
 

@@ -18,12 +18,23 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from ..arguments import found
-from ..arrays import ExactMatrix, exact_matrix
-from ..certificates.result import Status, all_hold
-from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
+from ..errors import (
+    ConeMismatchError,
+    DataError,
+    ShapeError,
+    TimebaseError,
+)
+from ..exact.condition import all_hold
+from ..exact.intake import found
+from ..exact.matrix import ExactMatrix, exact_matrix
+from ..proof.certificate import Status
 from . import conditions as on
-from .blocks import Floats, apply, inverse, is_zero
+from .blocks import (
+    Floats,
+    apply,
+    inverse,
+    is_zero,
+)
 from .certificate import NetworkCertificate, flat, per_node
 from .certify import nudge, provable_rate, supply_rates
 from .model import NetworkModel, NodeStack, same_timebase

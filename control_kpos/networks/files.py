@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import ExactMatrix
-from ..certificates import proofs
 from ..cones import Cone, product
 from ..errors import DataError
+from ..exact.matrix import ExactMatrix
+from ..proof import weights as proofs
 from .blocks import Index, take_blocks
 from .model import NetworkModel, NodeStack
 from .witnesses import (

@@ -8,7 +8,8 @@ from functools import cached_property
 from os import PathLike
 from typing import Any
 
-from ..certificates.result import Certificate, Condition, Status
+from ..exact.condition import Condition
+from ..proof.certificate import Certificate, Status
 from .certificate import NetworkCertificate
 from .edits import Overlay
 from .model import NetworkModel

@@ -10,15 +10,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from ..arguments import places
-from ..arrays import ExactMatrix
 from ..errors import ShapeError
-from ..statespace import ConeStateSpace
+from ..exact.intake import places
+from ..exact.matrix import ExactMatrix
+from ..systems.statespace import ConeStateSpace
 from .blocks import Index
 from .coupling import read_coupling
+from .given_rates import SupplyRates, certify_rates, read_rates
 from .model import NetworkModel, NodeStack, gather
 from .network import ConeNetwork
-from .supply import SupplyRates, certify_rates, read_rates
 
 
 def feedback_interconnect(

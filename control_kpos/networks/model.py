@@ -20,12 +20,18 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..arguments import items
-from ..arrays import ExactMatrix
-from ..certificates.files import register_record
 from ..errors import ShapeError, TimebaseError
-from ..statespace import ConeStateSpace
-from .blocks import Floats, Index, block_diagonal, exact_stack, is_zero
+from ..exact.intake import items
+from ..exact.matrix import ExactMatrix
+from ..proof.files import register_record
+from ..systems.statespace import ConeStateSpace
+from .blocks import (
+    Floats,
+    Index,
+    block_diagonal,
+    exact_stack,
+    is_zero,
+)
 from .nodes import NodeStack as NodeStack
 from .nodes import Timebase as Timebase
 

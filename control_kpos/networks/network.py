@@ -8,14 +8,20 @@ from typing import Any
 
 from control import StateSpace
 
-from ..arguments import flag, found, items, real_number, whole_number, words
 from ..cards import card
-from ..certificates.result import Status
 from ..errors import DataError, ShapeError, UndecidedError
+from ..exact.intake import (
+    flag,
+    found,
+    items,
+    real_number,
+    whole_number,
+    words,
+)
 from ..progress import Reporter, Target
-from ..statespace import ConeStateSpace
+from ..proof.certificate import Status
+from ..systems.statespace import ConeStateSpace
 from .blocks import Index
-from .bracket import AbscissaCertificate, bracket
 from .certificate import NetworkCertificate
 from .certify import certify
 from .coupling import read_coupling
@@ -24,6 +30,7 @@ from .inherited import LocalCertificate, inherit
 from .model import NetworkModel, NodeStack, gather
 from .responses import NetworkResponses
 from .room import room_for
+from .spectrum.bracket import AbscissaCertificate, bracket
 from .witnesses import NetworkInstability
 
 # Brackets are not sought narrower than this: rounding is in the way.

@@ -10,12 +10,12 @@ import numpy as np
 from control.config import defaults
 from numpy.typing import ArrayLike
 
-from ..arguments import places
-from ..arrays import ExactMatrix, exact_matrix
-from ..certificates.files import register_record
 from ..cones import Cone, as_cone, orthant
 from ..errors import ConeMismatchError, ShapeError
-from ..system_data import require_timebase
+from ..exact.intake import places
+from ..exact.matrix import ExactMatrix, exact_matrix
+from ..proof.files import register_record
+from ..systems.reading import require_timebase
 from .blocks import exact_take
 
 Timebase: TypeAlias = "float | bool | None"

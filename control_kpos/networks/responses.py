@@ -11,16 +11,22 @@ import scipy.sparse.linalg as spla
 from control import TimeResponseData
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import dimensions, flag, places, real_number, whole_number
-from ..arrays import dense, exact_matrix, vector
 from ..errors import DataError, ShapeError, TooLargeError
+from ..exact.intake import (
+    dimensions,
+    flag,
+    places,
+    real_number,
+    whole_number,
+)
+from ..exact.matrix import dense, exact_matrix, vector
 from ..progress import Reporter
-from .abscissa import descend
 from .blocks import Floats, Index
 from .model import READABLE
 from .shell import NetworkShell
 from .simulate import delayed, respond, sample_times
-from .solvers import PortSystem
+from .spectrum.descent import descend
+from .spectrum.port_solves import PortSystem
 
 # Numbers a response may hold before it has to be narrowed down.
 RESPONSE_LIMIT = 200_000_000

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 import scipy.sparse as sp
 
-from ..arrays import ExactMatrix
-from ..certificates.result import all_hold
 from ..cones import Cone
 from ..errors import ConeMismatchError
+from ..exact.condition import all_hold
+from ..exact.matrix import ExactMatrix
 from . import conditions as on
 from .blocks import Floats, inverse, is_zero
 from .edits import Overlay, shaped_link

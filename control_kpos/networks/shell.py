@@ -10,12 +10,12 @@ import scipy.sparse as sp
 from control import StateSpace
 from numpy.typing import NDArray
 
-from ..arguments import words
 from ..cones import Cone, product
 from ..errors import DataError, TooLargeError
+from ..exact.intake import words
 from ..progress import Reporter, Target
 from .blocks import Index
-from .closedloop import ClosedLoop
+from .closed_loop import ClosedLoop
 from .edits import Overlay
 from .model import READABLE, NetworkModel
 

@@ -18,11 +18,11 @@ import scipy.sparse.linalg as spla
 from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
-from ..arguments import dimensions, real_number
-from ..arrays import vector
 from ..errors import DataError, ShapeError, TooLargeError
+from ..exact.intake import dimensions, real_number
+from ..exact.matrix import vector
 from .blocks import Floats, Index, apply
-from .closedloop import ClosedLoop
+from .closed_loop import ClosedLoop
 from .model import NetworkModel
 
 Progress: TypeAlias = Callable[[str], None]

@@ -9,15 +9,21 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..arrays import ExactMatrix
-from ..certificates.exact import BilinearForms
-from ..certificates.files import register_record
-from ..certificates.result import Condition, Status
-from ..dissipativity import DissipativityCertificate, SupplyViolation
 from ..errors import DataError
-from ..positivity import PositivityCertificate, PositivityViolation, take_rows
+from ..exact.condition import Condition
+from ..exact.matrix import ExactMatrix
+from ..exact.signs import BilinearForms
+from ..proof.certificate import Status
+from ..proof.files import register_record
+from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
+from ..theorems.positivity import PositivityCertificate, PositivityViolation, take_rows
 from . import conditions as on
-from .blocks import Floats, exact_block, exact_take, take_blocks
+from .blocks import (
+    Floats,
+    exact_block,
+    exact_take,
+    take_blocks,
+)
 from .model import NetworkModel
 
 Exact: TypeAlias = "tuple[tuple[Fraction, ...], ...] | None"

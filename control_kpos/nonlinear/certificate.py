@@ -12,13 +12,19 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..arrays import ExactMatrix, as_stack, pick, plain
-from ..certificates.exact import BilinearForms
-from ..certificates.files import register_record
-from ..certificates.proofs import ProofOmittedError, Prover, violation
-from ..certificates.result import Certificate, Condition
 from ..cones import Cone
 from ..errors import DataError
+from ..exact.condition import Condition
+from ..exact.matrix import (
+    ExactMatrix,
+    as_stack,
+    pick,
+    plain,
+)
+from ..exact.signs import BilinearForms
+from ..proof.certificate import Certificate
+from ..proof.files import register_record
+from ..proof.weights import ProofOmittedError, Prover, violation
 
 Array = NDArray[np.float64]
 

@@ -23,13 +23,17 @@ import numpy as np
 from control import NonlinearIOSystem, StateSpace
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import dimensions, flag, items, seconds, whole_number
-from ..arrays import ExactMatrix, dense, exact_matrix
-from ..certificates.result import Status
 from ..cones import Cone, as_cone
-from ..deadline import OVERTIME
 from ..errors import ConeMismatchError, DataError, ShapeError
-from ..intervals import (
+from ..exact.budget import OVERTIME
+from ..exact.intake import (
+    dimensions,
+    flag,
+    items,
+    seconds,
+    whole_number,
+)
+from ..exact.intervals import (
     UnboundedError,
     UnsupportedError,
     box_points,
@@ -37,8 +41,15 @@ from ..intervals import (
     jacobian_by_differences,
     jacobian_pieces,
 )
-from ..linear_programs import solve
-from .certificate import DifferentialCertificate, DifferentialViolation, extreme_products, invariance
+from ..exact.matrix import ExactMatrix, dense, exact_matrix
+from ..exact.programs import solve
+from ..proof.certificate import Status
+from .certificate import (
+    DifferentialCertificate,
+    DifferentialViolation,
+    extreme_products,
+    invariance,
+)
 
 Array = NDArray[np.float64]
 

@@ -12,9 +12,9 @@ from matplotlib.patches import Polygon
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import found, real_number, words
 from ..cones import Cone, as_cone
 from ..errors import DataError, ShapeError
+from ..exact.intake import found, real_number, words
 from .figure import (
     BLUE,
     GREEN,

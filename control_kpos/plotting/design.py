@@ -8,11 +8,18 @@ import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
 
-from ..arguments import found, words
+from ..design import DesignResult
+from ..design.tradeoff import Tradeoff
 from ..errors import DataError
-from ..synthesis import DesignResult
-from ..synthesis.tradeoff import Tradeoff
-from .figure import BLUE, ORANGE, choose_axes, control_style, legend_beside, set_title
+from ..exact.intake import found, words
+from .figure import (
+    BLUE,
+    ORANGE,
+    choose_axes,
+    control_style,
+    legend_beside,
+    set_title,
+)
 from .phase import phase_portrait
 
 

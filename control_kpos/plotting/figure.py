@@ -18,8 +18,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from ..arguments import found, words
 from ..errors import DataError, ShapeError
+from ..exact.intake import found, words
 
 Points: TypeAlias = NDArray[np.float64]
 

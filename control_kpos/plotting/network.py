@@ -14,11 +14,20 @@ from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from ..arguments import found, whole_number, words
-from ..arrays import dense, exact_matrix
 from ..errors import DataError, ShapeError
+from ..exact.intake import found, whole_number, words
+from ..exact.matrix import dense, exact_matrix
 from ..networks import ConeNetwork
-from .figure import BLUE, ORANGE, SKY, Points, choose_axes, control_style, legend_beside, set_title
+from .figure import (
+    BLUE,
+    ORANGE,
+    SKY,
+    Points,
+    choose_axes,
+    control_style,
+    legend_beside,
+    set_title,
+)
 from .graph import graph_layout
 
 # More nodes than this are not drawn one by one; of more than that only those that matter get a name.

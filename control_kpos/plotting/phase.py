@@ -10,12 +10,24 @@ import scipy.linalg
 from matplotlib.patches import Polygon
 from numpy.typing import ArrayLike
 
-from ..arguments import flag, real_number, words
-from ..arrays import dense, exact_matrix, vector
 from ..cones import Cone
 from ..errors import ConeMismatchError, ShapeError
-from ..statespace import ConeStateSpace
-from .figure import BLUE, GREEN, ORANGE, SKY, Points, choose_axes, control_style, fan, legend_beside, set_title, unit
+from ..exact.intake import flag, real_number, words
+from ..exact.matrix import dense, exact_matrix, vector
+from ..systems.statespace import ConeStateSpace
+from .figure import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    SKY,
+    Points,
+    choose_axes,
+    control_style,
+    fan,
+    legend_beside,
+    set_title,
+    unit,
+)
 
 _FLOW = "0.72"
 _N_LEVELS = 4

@@ -1,1 +1,0 @@
-"""What a verdict is: proven signs, certificates, and their files."""

@@ -1,0 +1,43 @@
+"""Modes that no feedback can move, and whether that matters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..exact.budget import seconds_left
+from .plant import Plant
+
+_RANK = 1e-10
+# Of a singular value decomposition.
+_SECONDS_PER_STEP = 1e-8
+
+
+def controllability_notes(plant: Plant) -> list[str]:
+    """One sentence for each uncontrollable mode of the nominal plant, as far as time allows.
+
+    In floating point: advice, no proof.
+    """
+    A, B = plant.pairs[0]
+    effort = plant.n**2 * (plant.n + plant.m) * _SECONDS_PER_STEP
+    if seconds_left() < effort:
+        return []
+    scale = max(np.abs(A).max(), np.abs(B).max(initial=0.0), np.finfo(float).tiny)
+    notes = []
+    for mode in np.unique(np.round(np.linalg.eigvals(A) / scale, 9)) * scale:
+        if mode.imag < 0:
+            continue
+        if seconds_left() < effort:
+            break
+        singular = np.linalg.svd(np.hstack([A - mode * np.eye(plant.n), B]), compute_uv=False)
+        if singular[-1] > _RANK * singular[0]:
+            continue
+        bad = abs(mode) >= 1 if plant.discrete else mode.real >= 0
+        name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
+        consequence = (
+            "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
+            "change the actuators"
+            if bad
+            else "it is stable and stays as it is, which limits the decay rate but not the design"
+        )
+        notes.append(f"The mode {name} is not controllable: {consequence}.")
+    return notes

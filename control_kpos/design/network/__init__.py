@@ -1,0 +1,1 @@
+"""Local gains for the nodes of a network."""

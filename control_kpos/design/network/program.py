@@ -1,0 +1,354 @@
+"""The linear program of a whole network with local feedback, assembled on stacked arrays.
+
+Nodes x_j' = A_j x_j + B_j u_j, y_j = C_j x_j on simplicial cones with generators t_k, u_j = F_j x_j + sum_l W_jl y_l.
+With xi_j > 0 and z_jk = xi_jk F_j t_k, invariance of every node and a decay rate of the network read
+
+    h_i'(A_j t_k xi_jk + B_j z_jk) >= 0  (i != k),
+    sum_k h_i'(A_j t_k xi_jk + B_j z_jk) + sum_l h_i'B_j W_jl C_l x_l < -rate d_i xi_ji,   x_l = sum_k xi_lk t_k:
+
+linear, with a handful of entries per row, and necessary and sufficient.  With one F for all nodes the xi are
+shared, which is sufficient only.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...exact.budget import require_seconds, seconds_left
+from ...exact.programs import Solution
+from ...networks.model import NetworkModel, NodeStack
+from ..simplicial.ratio import (
+    Solver,
+    first_point,
+    minimise_ratio,
+    satisfies,
+)
+from .units import input_units, state_units
+
+Floats = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# Relative to the size of the nodes: decay demanded beyond the required one, margins of invariance, widest first.
+_STRICT, MARGINS = 1e-6, (1e-1, 1e-3, 1e-6)
+# From this many variables on, the interior point method without crossover is faster than the simplex method.
+_LARGE = 4000
+# Seconds to set up and scale a program, for each entry of its rows; with one gain for all, where few rows differ.
+_SECONDS_PER_ENTRY = 1e-6, 3e-7
+
+
+class Geometry:
+    """Generators and matching facets of a stack's cone, and its matrices in these coordinates.
+
+    Attributes
+    ----------
+    HAT, HB, CT : ndarray, shapes (N, n, n), (N, n, m), (N, q, n)
+        A, B and C, with states in their units.
+    HZ : ndarray, shape (N, n, m)
+        B with inputs in their units as well.
+    lengths : ndarray, shape (N, n)
+        Of the generators at which gains are measured.
+    """
+
+    def __init__(self, stack: NodeStack, lengths: Floats | None = None) -> None:
+        X = stack.X
+        self.rays = np.asarray(X.rays, dtype=float)
+        order = np.argmin(np.asarray(X.incidence), axis=0)
+        facets = np.asarray(X.facets, dtype=float)[order]
+        self.facets = facets / np.einsum("ij,ij->i", facets, self.rays)[:, None]
+        self.A, self.B, self.C = (np.asarray(M.values) for M in (stack.A, stack.B, stack.C))
+        self.HAT = np.einsum("ia,jab,kb->jik", self.facets, self.A, self.rays, optimize=True)
+        self.HB = np.einsum("ia,jam->jim", self.facets, self.B, optimize=True)
+        self.CT = np.einsum("jqa,ka->jqk", self.C, self.rays, optimize=True)
+        self.units, self.input_units = np.ones(self.HAT.shape[:2]), np.ones(self.HB.shape[::2])
+        self.lengths = np.ones(self.HAT.shape[:2]) if lengths is None else lengths
+        self.HZ = self.HB
+
+    def use(self, units: Floats) -> None:
+        """Change to other units of the states, and to suitable ones of the inputs."""
+        self.units = units
+        self.HAT = self.HAT * units[:, None, :] / units[:, :, None]
+        self.HB, self.CT = self.HB / units[:, :, None], self.CT * units[:, None, :]
+        self.input_units = input_units(self.HAT, self.HB)
+        self.HZ = self.HB * self.input_units[:, None, :]
+
+    def measure(self) -> Floats:
+        """|F t_k| per unit of z / xi, shape (N, n, m)."""
+        return (self.lengths / self.units)[:, :, None] * self.input_units[:, None, :]
+
+
+class NetworkProgram:
+    """Rows over (xi, z) of all nodes.
+
+    Parameters
+    ----------
+    model : NetworkModel
+        Simplicial state cones, D = 0.
+    gain_bound : ndarray, shape (sum m_j,), or None
+        |F_j t_k| <= gain_bound, input by input.
+    uniform : bool
+        One F and one xi for all nodes (one stack).
+    lp : callable
+    margin : float
+        Demanded of invariance, relative to the size of each row.
+    lengths : list of ndarray, shape (N, n), optional
+        Of the generators at which gains are measured, stack by stack.
+    """
+
+    def __init__(
+        self,
+        model: NetworkModel,
+        gain_bound: Floats | None,
+        uniform: bool,
+        lp: Solver,
+        margin: float = MARGINS[-1],
+        lengths: list[Floats] | None = None,
+    ) -> None:
+        entries = sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks)
+        require_seconds(entries * _SECONDS_PER_ENTRY[uniform])
+        self.model, self.uniform, self.margin, self.lengths = model, uniform, margin, lengths
+        given = [None] * len(model.stacks) if lengths is None else lengths
+        self.parts = [Geometry(s, own) for s, own in zip(model.stacks, given, strict=True)]
+        self.xi, self.z, self.size = self._variables()
+        self.lp = lp if self.size < _LARGE else lambda *data, **more: lp(*data, **more, method="ipm")
+        self.bound = None if gain_bound is None else model.split(gain_bound, 1)
+        if not uniform:
+            for g, units in zip(self.parts, state_units([g.HAT for g in self.parts], self._links()), strict=True):
+                g.use(units)
+        self.scale = max(float(max(np.abs(g.HAT).max(), np.abs(g.HZ).max(initial=0.0))) for g in self.parts)
+
+    def _variables(self) -> tuple[list[Index], list[Index], int]:
+        """Columns of xi (N, n) and z (N, n, m) per stack; all xi come first."""
+        stacks = self.model.stacks
+        if self.uniform:
+            n, m, _ = stacks[0].sizes
+            count = [len(s) for s in stacks]
+            xi = [np.tile(np.arange(n), (c, 1)) for c in count]
+            z = [np.tile(n + np.arange(n * m).reshape(n, m), (c, 1, 1)) for c in count]
+            return xi, z, n * (1 + m)
+        xi, z, at = [], [], 0
+        for s in stacks:
+            n = s.sizes[0]
+            xi.append(at + np.arange(len(s) * n).reshape(len(s), n))
+            at += len(s) * n
+        for s in stacks:
+            n, m, _ = s.sizes
+            z.append(at + np.arange(len(s) * n * m).reshape(len(s), n, m))
+            at += len(s) * n * m
+        return xi, z, at
+
+    @cached_property
+    def owner(self) -> Index:
+        """The xi that each variable is proportional to."""
+        out = np.zeros(self.size, dtype=np.intp)
+        for xi, z in zip(self.xi, self.z, strict=True):
+            out[xi] = xi
+            out[z] = xi[:, :, None]
+        return out
+
+    @cached_property
+    def closed(self) -> sp.csr_array:
+        """Invariance with its margin: rows that must not be negative."""
+        parts = []
+        for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
+            n, m = g.HAT.shape[1], g.HZ.shape[2]
+            where = np.ones((n, n), dtype=bool) if self.model.discrete else ~np.eye(n, dtype=bool)
+            i, k = np.nonzero(where)
+            movable = np.abs(g.HZ[:, i]).max(axis=2, initial=0.0)
+            size = np.abs(g.HAT[:, i, k]) + movable
+            data = [(g.HAT[:, i, k] - self.margin * np.where(movable > 0, size, 0.0))[..., None], g.HZ[:, i]]
+            columns = [xi[:, k][..., None], z[:, k]]
+            parts.append(_rows(np.concatenate(data, axis=2), np.concatenate(columns, axis=2), 1 + m, self.size))
+        return _distinct(sp.csr_array(sp.vstack(parts, format="csr"))) if self.uniform else _stack(parts)
+
+    @cached_property
+    def drift(self) -> sp.csr_array:
+        """A_cl applied to xi, facet by facet, in the order of stacks."""
+        local = []
+        for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
+            count, n, _ = g.HAT.shape
+            m = g.HZ.shape[2]
+            data = np.concatenate(
+                [g.HAT, np.broadcast_to(g.HZ[:, :, None, :], (count, n, n, m)).reshape(count, n, n * m)], axis=2
+            )
+            columns = np.concatenate([xi, z.reshape(count, n * m)], axis=1)
+            local.append(_rows(data, np.broadcast_to(columns[:, None, :], data.shape), n * (1 + m), self.size))
+        columns = np.concatenate([xi.ravel() for xi in self.xi])
+        place = (np.arange(len(columns)), columns)
+        spread = sp.csr_array((np.ones(len(columns)), place), shape=(len(columns), self.size))
+        return sp.csr_array(_stack(local) + self._links() @ spread)
+
+    def _links(self) -> sp.csr_array:
+        """h_i'B_j W_jl C_l t_k, in the order of stacks."""
+        model = self.model
+        total = sum(g.HB.shape[0] * g.HB.shape[1] for g in self.parts)
+        if not model.W.nnz:
+            return sp.csr_array((total, total))
+        pushed, seen, at = [], [], 0
+        for g, places in zip(self.parts, model.places, strict=True):
+            count, n, _ = g.HB.shape
+            rows = at + np.arange(count * n).reshape(count, n)
+            at += count * n
+            pushed.append(_coo(g.HB, rows, places[1]))
+            seen.append(_coo(g.CT, places[2], rows))
+        inputs, outputs = model.totals[1], model.totals[2]
+        return sp.csr_array(_sum(pushed, (total, inputs)) @ model.W @ _sum(seen, (outputs, total)))
+
+    @cached_property
+    def weights(self) -> sp.csr_array:
+        """xi, row by row of `drift`."""
+        columns = np.concatenate([xi.ravel() for xi in self.xi])
+        index = np.arange(len(columns))
+        return sp.csr_array((np.ones(len(columns)), (index, columns)), shape=(len(columns), self.size))
+
+    @cached_property
+    def slope(self) -> sp.csr_array:
+        """z and -z, input by input, divided by the bound if there is one."""
+        measures = [g.measure() for g in self.parts]
+        if self.bound is not None:
+            measures = [each / np.maximum(b, 1e-300)[:, None, :] for each, b in zip(measures, self.bound, strict=True)]
+        columns, place = np.unique(np.concatenate([z.ravel() for z in self.z]), return_inverse=True)
+        factors = np.zeros(len(columns))
+        np.maximum.at(factors, place, np.concatenate([each.ravel() for each in measures]))
+        index = np.arange(len(columns))
+        half = sp.csr_array((factors, (index, columns)), shape=(len(columns), self.size))
+        return sp.csr_array(sp.vstack([half, -half], format="csr"))
+
+    @cached_property
+    def level(self) -> sp.csr_array:
+        """xi, row by row of `slope`."""
+        owners = self.owner[self.slope.indices]
+        index = np.arange(len(owners))
+        return sp.csr_array((np.ones(len(owners)), (index, owners)), shape=(len(owners), self.size))
+
+    def theta(self, rate: float) -> float:
+        """Factor of xi on the right of the drift rows."""
+        return (1.0 if self.model.discrete else 0.0) - rate - _STRICT * self.scale
+
+    def fixed(self, rate: float | None, gain: float | None = None) -> sp.csr_array:
+        """Rows that must not be positive; `gain` is relative to the bound, or absolute without one."""
+        parts = [-self.closed]
+        if gain is None and self.bound is not None:
+            gain = 1.0
+        if gain is not None:
+            parts.append(self.slope - gain * (1 - 1e-9) * self.level)
+        if rate is not None:
+            parts.append(self.decreasing(rate))
+        return sp.csr_array(sp.vstack(parts, format="csr"))
+
+    def start(self, rate: float | None, gain: float | None = None) -> tuple[Floats | None, str]:
+        """Any solution, or what the solver said."""
+        if seconds_left() <= 0:
+            return None, "the time limit has passed"
+        fixed = self.fixed(rate, gain)
+        if gain is None and self.bound is None:
+            answer = first_point(fixed, self.slope, self.owner, self.lp)
+            x = answer.x[:-1]
+        else:
+            answer = self._bounded_point(rate, 1.0 if gain is None else gain)
+            x = answer.x
+        if not answer:
+            return None, answer.message or answer.outcome
+        if not (x[self.owner] > 0).all() or not satisfies(fixed, x):
+            return None, "the solver returned a point that violates the program"
+        return x, ""
+
+    def _bounded_point(self, rate: float | None, gain: float) -> Solution:
+        """Any solution, with z = p - b xi and 0 <= p <= 2 b xi for the bound b: one row per entry instead of two."""
+        half = self.slope[: self.slope.shape[0] // 2]
+        columns, bound = half.indices, gain * (1 - 1e-9) / half.data
+        n, owners = int(self.owner.max()) + 1, self.owner[half.indices]
+        shift = sp.eye_array(self.size, format="csr") - sp.csr_array(
+            (bound, (columns, owners)), shape=(self.size, self.size)
+        )
+        rows = [-self.closed]
+        if rate is not None:
+            rows.append(self.decreasing(rate))
+        count = np.arange(len(columns))
+        above = sp.csr_array(
+            (
+                np.concatenate([np.ones(len(columns)), -2 * bound]),
+                (np.tile(count, 2), np.concatenate([columns, owners])),
+            ),
+            shape=(len(columns), self.size),
+        )
+        matrix = sp.csr_array(sp.vstack([sp.vstack(rows, format="csr") @ shift, above], format="csr"))
+        low = np.concatenate([np.ones(n), np.zeros(self.size - n)])
+        answer = Solution("failed", np.empty(0))
+        for spread in (1e4, np.inf):
+            high = np.concatenate([np.full(n, spread), np.full(self.size - n, np.inf)])
+            answer = self.lp(np.zeros(self.size), matrix, np.zeros(matrix.shape[0]), bounds=(low, high))
+            if answer.outcome != "infeasible":
+                break
+        return Solution("optimal", shift @ answer.x, 0.0) if answer else answer
+
+    def decreasing(self, rate: float) -> sp.csr_array:
+        """Rows that must be negative for the decay rate."""
+        rows = sp.csr_array(self.drift - self.theta(rate) * self.weights)
+        return _distinct(rows) if self.uniform else rows
+
+    def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:
+        """Point of smallest gain, relative to the bound if there is one."""
+        x, gain = minimise_ratio(
+            self.fixed(rate), self.slope, self.level, self.owner, self.lp, start=start, tolerance=1e-3
+        )
+        return x, max(gain, 0.0)
+
+    def largest_rate(self, start: Floats, gain: float | None = None) -> tuple[Floats, float]:
+        """Point of largest decay rate."""
+        base = 1.0 if self.model.discrete else 0.0
+        fixed = self.fixed(None, gain)
+        x, theta = minimise_ratio(
+            fixed,
+            self.drift,
+            self.weights,
+            self.owner,
+            self.lp,
+            start=start,
+            stop=base - 1e5 * self.scale,
+            tolerance=1e-3,
+        )
+        return x, base - theta
+
+    def gains(self, x: Floats) -> list[Floats]:
+        """F per stack, shape (N, m, n)."""
+        out = []
+        for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
+            columns = x[z] / (x[xi] * g.units)[:, :, None] * g.input_units[:, None, :]
+            out.append(np.einsum("jkm,ak->jma", columns, np.linalg.inv(g.rays), optimize=True))
+        return out
+
+
+def _rows(data: Floats, columns: Index, width: int, size: int) -> sp.csr_array:
+    count = data.size // width
+    indptr = np.arange(0, data.size + 1, width)
+    return sp.csr_array((data.ravel(), np.ascontiguousarray(columns).ravel(), indptr), shape=(count, size))
+
+
+def _stack(parts: list[sp.csr_array]) -> sp.csr_array:
+    return parts[0] if len(parts) == 1 else sp.csr_array(sp.vstack(parts, format="csr"))
+
+
+def _coo(blocks: Floats, rows: Index, columns: Index) -> tuple[Floats, Index, Index]:
+    shape = blocks.shape
+    return (
+        blocks.ravel(),
+        np.broadcast_to(rows[:, :, None], shape).ravel(),
+        np.broadcast_to(columns[:, None, :], shape).ravel(),
+    )
+
+
+def _sum(parts: list[tuple[Floats, Index, Index]], shape: tuple[int, int]) -> sp.csr_array:
+    data, rows, columns = (np.concatenate(group) for group in zip(*parts, strict=True))
+    return sp.csr_array((data, (rows, columns)), shape=shape)
+
+
+def _distinct(rows: sp.csr_array) -> sp.csr_array:
+    """Each row once; rows over few shared variables repeat for alike nodes."""
+    # two random products tell rows apart, and a program that lost one would only propose a worse point
+    keys = rows @ np.random.default_rng(0).standard_normal((rows.shape[1], 2))
+    first = np.unique(keys[:, 0] + 1j * keys[:, 1], return_index=True)[1]
+    return sp.csr_array(rows[np.sort(first)])

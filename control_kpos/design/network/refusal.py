@@ -1,0 +1,191 @@
+"""Why a network has no local gains: a node that cannot be helped, or a proof about the network as a whole.
+
+The network is one system on the product of the cones, with B W C as coupling and a block diagonal F.  That product is
+simplicial, so the linear program is necessary as well as sufficient, and `obstruction` proves in rational arithmetic
+that it has no solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...cones import Cone, product
+from ...exact.budget import OutOfTimeError, limited_to, seconds_left
+from ...exact.matrix import ExactMatrix, dense
+from ...networks.certificate import NetworkCertificate
+from ...networks.certify import violation
+from ...networks.model import NetworkModel, NodeStack
+from ...proof.certificate import Status
+from ...systems.statespace import ConeStateSpace
+from ..plant import Plant, read_plant
+from ..result import DesignResult, Nearest
+from ..simplicial.refusal import NoFeedback, decide
+from ..simplicial.search import BELOW, design_on_simplicial
+from ..solver import Programs
+from .program import NetworkProgram
+
+Floats = NDArray[np.float64]
+
+_NODES_TRIED, _SECONDS_EACH = 50, 10.0
+# States up to which the whole network is refuted in rational arithmetic, and seconds spent on it.
+_STATES, _SECONDS = 60, 30.0
+
+
+def explain_failure(
+    model: NetworkModel,
+    program: NetworkProgram,
+    bound: Floats | None,
+    rate: float,
+    message: str,
+    cones: Mapping[int, Cone],
+    lp: Programs,
+) -> DesignResult:
+    """REFUTED with a proof, or UNDECIDED; with what is possible instead, as far as that is found.
+
+    Parameters
+    ----------
+    message : str
+        What the solver said.
+    cones : mapping of int to Cone
+        Of the nodes that have a cone object of their own; the others have that of their stack.
+    """
+    blocked = _blocking_node(model, bound, rate, cones, lp)
+    if blocked is not None and blocked.certificate.rate == 0:  # type: ignore[union-attr]
+        return blocked
+    nearest = _nearest(model, program, bound, rate, lp)
+    if blocked is not None:
+        return replace(blocked, nearest=nearest)
+    proof = _no_local_gains(model, bound, rate, cones, lp)
+    if proof is not None:
+        message = "the demands on the network as a whole exclude each other."
+        return DesignResult(Status.REFUTED, certificate=proof, message=message, nearest=nearest)
+    lead = "no common gain was found" if program.uniform else "the linear program has no solution"
+    return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
+
+
+def beyond_gains(model: NetworkModel) -> DesignResult | None:
+    """REFUTED if a link, or an input or output of a node, leaves the cones: no local gain changes those."""
+    still = [replace(s, A=ExactMatrix(-np.broadcast_to(np.eye(s.sizes[0]), s.A.shape))) for s in model.stacks]
+    if model.discrete:
+        still = [replace(s, A=ExactMatrix(np.zeros(s.A.shape))) for s in model.stacks]
+    found = violation(replace(model, stacks=tuple(still)), None)
+    if found is None:
+        return None
+    proof = NetworkCertificate.settle(model=model, witness=found.witness)
+    message = "local gains change neither the links nor the input and output matrices of nodes."
+    return DesignResult(proof.status, certificate=proof, message=message)
+
+
+def _nearest(
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
+) -> Nearest | None:
+    with suppress(OutOfTimeError):
+        if rate > 0:
+            start, _ = program.start(0.0)
+            if start is not None:
+                return Nearest(decay_rate=program.largest_rate(start)[1])
+        if bound is not None:
+            free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
+            start, _ = free.start(rate)
+            if start is not None:
+                return Nearest(gain_bound=free.smallest_gain(rate, start)[1])
+    return None
+
+
+def _blocking_node(
+    model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
+) -> DesignResult | None:
+    """A node that cannot be made positive and stable, or as fast, even alone: then no network with it can.
+
+    Links only add to A + B F, in the order of X, and so never speed up the decay.
+    """
+    seen: set[tuple[bytes, bytes, int]] = set()
+    bounds = None if bound is None else model.split(bound, 1)
+    for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
+        for place, j in enumerate(index.tolist()):
+            X = cones.get(j, s.X)
+            if seconds_left() <= 0:
+                return None
+            key = (np.asarray(s.A.values[place]).tobytes(), np.asarray(s.B.values[place]).tobytes(), id(X))
+            if key in seen:
+                continue
+            seen.add(key)
+            if len(seen) > _NODES_TRIED:
+                return None
+            lp.stage(f"{model.name_of(j)} alone")
+            plant = read_plant(node_system(s, place), X, gain_bound=None if bounds is None else bounds[g][place])
+            result = _alone(plant, rate, lp)
+            if result is None:
+                continue
+            slow = _alone(plant, 0.0, lp) if rate > 0 else result
+            if slow is not None:
+                return replace(slow, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
+            return replace(result, message=f"{model.name_of(j)} cannot have a decay rate of {rate:g} even alone.")
+    return None
+
+
+def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
+    """The proof that there is no gain, if it takes a few seconds at most."""
+    with suppress(OutOfTimeError), limited_to(_SECONDS_EACH):
+        result = design_on_simplicial(plant, rate, lp.on_highs())
+        return result if result.status is Status.REFUTED else None
+    return None
+
+
+def node_system(s: NodeStack, place: int) -> ConeStateSpace:
+    """One node of a stack."""
+    parts = (np.asarray(M.values[place]) for M in (s.A, s.B, s.C, s.D))
+    return ConeStateSpace(*parts, s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False)
+
+
+def _no_local_gains(
+    model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
+) -> NoFeedback | None:
+    """The proof, if the network is small and time is left; also for one gain for all, which is a special case."""
+    if model.totals[0] > _STATES or seconds_left() <= 0:
+        return None
+    lp.stage("deciding in exact arithmetic")
+    plant = whole_network(model, bound, cones)
+    with suppress(OutOfTimeError), limited_to(_SECONDS):
+        return decide(plant, rate * BELOW)[0]
+    return None
+
+
+def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int, Cone]) -> Plant:
+    """The network as one plant: A and B block diagonal, B W C as coupling, a block diagonal pattern for F."""
+    factors: list[Any] = [None] * model.n_nodes
+    sizes = np.zeros((model.n_nodes, 3), dtype=int)
+    blocks: list[Any] = [None] * model.n_nodes
+    for s, index in zip(model.stacks, model.members, strict=True):
+        A, B, C = (M.fractions() for M in (s.A, s.B, s.C))
+        for place, j in enumerate(index.tolist()):
+            factors[j], sizes[j] = cones.get(j, s.X), s.sizes
+            blocks[j] = A[place], B[place], C[place]
+    n, m, q = sizes.sum(axis=0)
+    whole = [np.full(shape, 0, dtype=object) for shape in ((n, n), (n, m), (q, n))]
+    pattern = np.zeros((m, n), dtype=bool)
+    ends = np.cumsum(sizes, axis=0)
+    for parts, size, end in zip(blocks, sizes, ends, strict=True):
+        x, u, y = (slice(stop - length, stop) for stop, length in zip(end, size, strict=True))
+        for target, place, part in zip(whole, ((x, x), (x, u), (y, x)), parts, strict=True):
+            target[place] = part
+        pattern[u, x] = True
+    W = model.coupling
+    links = (ExactMatrix(dense(W.values)) if W.is_double else W).fractions()
+    A, B, C = whole
+    return Plant(
+        None,  # type: ignore[arg-type]
+        product(factors),
+        (ExactMatrix.from_fractions(A),),
+        (ExactMatrix.from_fractions(B),),
+        discrete=model.discrete,
+        gain_bound=bound,
+        pattern=pattern,
+        coupling=ExactMatrix.from_fractions(B @ links @ C),
+    )

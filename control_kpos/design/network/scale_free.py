@@ -1,0 +1,123 @@
+"""One gain for any number of nodes on any graph: scale-free design (section V.B of the paper, where w = 1).
+
+Nodes x' = A x + B(F x + u), y = C x with one input and one output, u_j = sum_k W_jk y_k, W >= 0.  If A + B F keeps X
+invariant, B is in X, C in X* and A + B F + w B C is stable, the network is positive and stable for every number
+of nodes and every W whose column sums (or row sums) are at most w: with v'(A + B F + w B C)x < 0 on X, the sum of
+v'x_j decreases, as sum_j W_jk v'B C x_k <= w v'B C x_k; row sums go through a vector in X instead.  For
+different nodes (A_s, B_s, C_s) on one cone, a common x in X with (A_s + B_s F)x + w B_s c < 0 for c = max_s C_s x
+covers row sums at most w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...cones import Cone, orthant
+from ...errors import DataError, ShapeError
+from ...exact.intake import real_number
+from ...exact.matrix import ExactMatrix, exact_matrix
+from ...networks.any_size import out_weight_certificate
+from ...progress import Reporter, Target
+from ...proof.certificate import Status
+from ...systems.statespace import ConeStateSpace
+from ...theorems.positivity import cone_positivity
+from ...theorems.stability import LyapunovCertificate
+from ..limits import within
+from ..plant import Plant, read_plant, require_simplicial
+from ..result import DesignResult
+from ..simplicial.search import design_on_simplicial
+from ..solver import Programs, SolverChoice
+from ..state import read_rate, read_time_limit
+
+
+def scale_free_feedback(
+    sys: Any,
+    weight: float = 1.0,
+    *,
+    X: Cone | ArrayLike | None = None,
+    rate: float | Literal["max"] = 0.0,
+    gain_bound: ArrayLike | None = None,
+    structure: ArrayLike | None = None,
+    solver: SolverChoice = None,
+    time_limit: float = 60.0,
+    progress: Target = None,
+) -> DesignResult:
+    """Find one F that certifies every network of such nodes with link weights summing to at most `weight`.
+
+    Parameters
+    ----------
+    sys : ConeStateSpace or control.StateSpace
+        The node: one input, one output, D = 0, B in X and C in X*, X simplicial.
+    weight : float
+        Bound on the sum of the weights of the links out of each node (or into each node).
+    X, rate, gain_bound, structure, solver, time_limit, progress
+        As in `state_feedback`; `rate` is that of the whole network, whatever its size.
+
+    Returns
+    -------
+    DesignResult
+        `closed_loop` is the node A + B F; `certificate` an `OutWeightCertificate`.  REFUTED means that no F does this
+        for every such network: for links of total weight `weight`, A + B F + weight * B C must be stable.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError, NotProperConeError, SolverError
+        As in `state_feedback`; a node with several inputs or outputs, or with feedthrough.
+
+    Notes
+    -----
+    The cost is that of one node.  By the sum of v'x_j for out-weights, by a common vector in X for in-weights.
+
+    Examples
+    --------
+    >>> import control_kpos as kp, numpy as np
+    >>> node = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    >>> d = kp.scale_free_feedback(node, weight=1)
+    >>> ring = kp.feedback_interconnect([d.closed_loop] * 100, np.roll(np.eye(100), 1, axis=1))
+    >>> bool(d), bool(ring.certificate)
+    (True, True)
+    """
+    limit, target = read_time_limit(time_limit), read_rate(rate)
+    value = real_number(weight, "weight", nonnegative=True)
+
+    def design() -> DesignResult:
+        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
+        with Reporter(progress) as report:
+            return _design(plant, value, target, Programs(solver, report))
+
+    return within(limit, design)
+
+
+def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> DesignResult:
+    system = plant.system
+    if (system.ninputs, system.noutputs) != (1, 1):
+        raise ShapeError(
+            f"scale-free design takes one input and one output; the node has {system.ninputs} and {system.noutputs}."
+        )
+    if np.any(np.asarray(system.D)):
+        raise DataError("scale-free design needs D = 0.")
+    require_simplicial(plant.X, "scale-free design")
+    _, B, C, D = system._data()
+    ports = cone_positivity(np.eye(plant.n), B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
+    if ports.status is Status.REFUTED:
+        return DesignResult(
+            Status.REFUTED,
+            certificate=ports,
+            message="B must lie in X and C in X*, which no feedback changes; choose another cone.",
+        )
+    product = exact_matrix([[weight]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
+    plant = replace(plant, coupling=ExactMatrix.from_fractions(product))
+    result = design_on_simplicial(plant, target, lp)
+    if not result:
+        return result
+    proof = result.certificate
+    coupled = [c for c in (proof.parts() if proof is not None else ()) if isinstance(c, LyapunovCertificate)][-1]
+    closed = ConeStateSpace(result.closed_loop, X=plant.X, U=orthant(1), Y=orthant(1))
+    certificate = out_weight_certificate(closed, weight, coupled)
+    if not certificate:
+        return DesignResult(Status.UNDECIDED, message="a gain was found, but the scale-free claim could not be proven.")
+    return replace(result, certificate=certificate, decay_rate=certificate.decay_rate)

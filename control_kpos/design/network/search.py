@@ -1,0 +1,369 @@
+"""Local feedback for the nodes of a network, so that the whole network is certified (section V.B of the paper)."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ...cones import Cone
+from ...errors import (
+    ActuatorLossWarning,
+    DataError,
+    NotProperConeError,
+    ShapeError,
+)
+from ...exact.budget import OVERTIME, OutOfTimeError, seconds_left
+from ...exact.intake import flag, items
+from ...exact.matrix import HALF_ULP, ExactMatrix, vector
+from ...networks.coupling import read_coupling
+from ...networks.model import NetworkModel, NodeStack, gather
+from ...networks.network import ConeNetwork
+from ...progress import Reporter, Target
+from ...proof.certificate import Status
+from ...systems.statespace import ConeStateSpace
+from ..actuator_loss import loss_of_positivity, node_fractions
+from ..limits import within
+from ..result import DesignResult
+from ..solver import Programs, SolverChoice
+from ..state import read_rate, read_time_limit
+from .program import MARGINS, NetworkProgram
+from .refusal import beyond_gains, explain_failure
+from .units import generator_lengths, own_cones
+
+Floats = NDArray[np.float64]
+
+NETWORK_GAIN = "smallest gain max |F_j x_k| over all nodes and generators"
+BOUNDED = "largest |F_j x_k| relative to its bound"
+# Entries of the closed loop up to which A + B F is formed in rational arithmetic.
+_EXACT_ENTRIES = 20_000
+_DIGITS = (4, 6, 9, 12)
+# Of a proof, for each entry of A.
+_SECONDS_PER_ENTRY = 2e-6
+# What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
+_SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
+# Bounds on gains are numbers of a linear program.
+_LARGEST_BOUND = 1e100
+
+
+def network_feedback(
+    systems: Any,
+    coupling: Any,
+    *,
+    uniform: bool = False,
+    rate: float = 0.0,
+    gain_bound: ArrayLike | None = None,
+    solver: SolverChoice = None,
+    time_limit: float = 600.0,
+    progress: Target = None,
+) -> DesignResult:
+    """Find local gains u_j = F_j x_j + sum_k W_jk y_k + w_j for which the network is positive and stable.
+
+    Parameters
+    ----------
+    systems : sequence of ConeStateSpace, or result of `stack`
+        Nodes with simplicial state cones, B_j U_j inside X_j, C_j X_j inside Y_j and D_j = 0.
+    coupling : as in `feedback_interconnect`
+    uniform : bool
+        True: one F for all nodes, which must have equal sizes and one cone.  Found with one vector for all nodes,
+        a sufficient condition.
+    rate : float
+        Decay rate of the network.
+    gain_bound : float, array_like, shape (sum m_j,), optional
+        |F_j x_k| <= gain_bound at every generator of X_j.  With a bound one program is solved, and the gains are
+        whatever it gives; without, several, for the smallest bound that is possible.
+    solver, time_limit, progress
+        As in `state_feedback`.
+
+    Returns
+    -------
+    DesignResult
+        `F` of shape (N, m, n) (a tuple of arrays if nodes differ in size; shape (m, n) if uniform), `closed_loop` a
+        network as from `feedback_interconnect`, `certificate` its Theorem-4 certificate, `certified_fraction` of
+        shape (N,) for all nodes weakened at once.  REFUTED, with a certificate, if a node alone cannot meet the
+        demands, or if a network of up to 60 states cannot.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError, NotProperConeError, TimebaseError, SolverError
+        Arguments that do not fit together; a node with feedthrough or a state cone that is not simplicial.
+
+    Warns
+    -----
+    ActuatorLossWarning
+        If weakening a local gain breaks invariance of its node, so that a failing actuator takes the guarantees of the
+        whole network with it; with the smallest fraction of the gain that is still certified, and the node.
+
+    Notes
+    -----
+    One sparse program with n + n m variables and about n^2 + n m rows per node.  Up to 5000 nodes or so A + B F
+    is formed exactly; beyond, the certificate is about the doubles of A + B F, and a note says whether the margins
+    also cover the rounding of that sum.
+
+    Examples
+    --------
+    >>> import control_kpos as kp, numpy as np
+    >>> tanks = kp.ConeStateSpace([[-1, 1], [1, -1]], [[0], [1]], [[1, 0]], 0)
+    >>> ring = np.roll(np.eye(5), 1, axis=1)
+    >>> d = kp.network_feedback([tanks] * 5, ring, rate=0.5)
+    >>> bool(d), d.F.shape, d.decay_rate >= 0.5
+    (True, (5, 1, 2), True)
+    """
+    limit, uniform = read_time_limit(time_limit), flag(uniform, "uniform")
+    target = read_rate(rate)
+    if target == "max":
+        raise DataError('rate must be a number for a network; "max" is for single systems.')
+    alarms: list[str] = []
+
+    def design() -> DesignResult:
+        single = isinstance(systems, (NodeStack, ConeStateSpace))
+        given = [systems] if single else items(systems, "systems")
+        stacks, members, dt = gather(given)
+        empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+        model = empty.with_coupling(read_coupling(coupling, empty))
+        _require_nodes(model, uniform)
+        bound = _read_bound(gain_bound, model)
+        cones = own_cones(given)
+        with Reporter(progress) as report:
+            lp = Programs(solver, report)
+            result, alarm = _designed(model, bound, uniform, float(target), lp, cones)
+        alarms.extend([alarm] if alarm else [])
+        return result
+
+    result = within(limit, design)
+    for alarm in alarms:
+        warnings.warn(alarm, ActuatorLossWarning, stacklevel=2)
+    return result
+
+
+def _designed(
+    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, cones: dict[int, Cone]
+) -> tuple[DesignResult, str]:
+    """The design, and a warning about weakened gains or ""."""
+    lp.stage(f"{model.n_nodes} nodes")
+    lengths = generator_lengths(cones, model)
+    result = DesignResult(Status.UNDECIDED)
+    # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
+    for margin in MARGINS if bound is not None else MARGINS[1:]:
+        program = NetworkProgram(model, bound, uniform, lp, margin, lengths)
+        result, alarm = _design(model, program, bound, rate, lp)
+        if result:
+            return result, alarm
+        if seconds_left() <= 0:
+            break
+    refused = beyond_gains(model) if _effort(model) < seconds_left() + OVERTIME else None
+    if seconds_left() <= 0 and refused is None:
+        message = result.message or "the time limit was reached before gains were found."
+        return DesignResult(Status.UNDECIDED, limit=result.limit, message=message), ""
+    if refused is not None or result.message:
+        return (result if refused is None else refused), ""
+    program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
+    return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp), ""
+
+
+def _effort(model: NetworkModel) -> float:
+    """About the seconds that one proof takes."""
+    return sum(s.A.values.size * (1 + s.sizes[1] / 10) for s in model.stacks) * _SECONDS_PER_ENTRY
+
+
+def _require_nodes(model: NetworkModel, uniform: bool) -> None:
+    if model.has_feedthrough:
+        raise DataError("some D is not zero; network feedback needs nodes without feedthrough.")
+    for s, index in zip(model.stacks, model.members, strict=True):
+        if s.sizes[1] == 0:
+            raise ShapeError(f"{model.name_of(int(index[0]))} has no inputs.")
+        if not s.X.is_simplicial:
+            raise NotProperConeError(
+                f"{model.name_of(int(index[0]))}: the state cone has {s.X.n_rays} generators in dimension {s.X.dim}; "
+                "network feedback needs simplicial cones."
+            )
+    first = model.stacks[0]
+    if uniform and any(s.sizes[:2] != first.sizes[:2] or s.X != first.X for s in model.stacks[1:]):
+        raise ShapeError("uniform=True needs nodes with equal numbers of states and inputs, and one state cone.")
+
+
+def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
+    if bound is None:
+        return None
+    values = vector(bound, "gain_bound")
+    total = model.totals[1]
+    if values.shape == (1,):
+        values = np.full(total, values[0])
+    if values.shape != (total,):
+        raise ShapeError(
+            f"gain_bound has {values.size} entries; give one number, or one for each of the {total} inputs."
+        )
+    if not (values > 0).all():
+        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| must be positive.")
+    if (values > _LARGEST_BOUND).any():
+        raise DataError(
+            f"gain_bound is {values.max():g}, which is no bound; leave it out, or take at most {_LARGEST_BOUND:g}."
+        )
+    return values
+
+
+def _design(
+    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
+) -> tuple[DesignResult, str]:
+    start, _ = program.start(rate)
+    if start is None:
+        return DesignResult(Status.UNDECIDED), ""
+    points, limit = [start], 1.0
+    if bound is None:
+        slim, limit = program.smallest_gain(rate, start)
+        points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
+    for x in points:
+        for digits in _DIGITS:
+            if seconds_left() <= 0 or _effort(model) > seconds_left() + OVERTIME:
+                break
+            lp.stage(f"{model.n_nodes} nodes: proof with gains of {digits} digits")
+            result = _certified(model, program, bound, rate, x, digits, limit)
+            if result is not None:
+                return result
+    message = "gains were found, but the network they make could not be proven."
+    return DesignResult(Status.UNDECIDED, limit=limit, message=message), ""
+
+
+def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: float, lp: Programs) -> Floats | None:
+    """A point with a little more gain than the smallest, and as wide margins as that allows."""
+    with suppress(OutOfTimeError):
+        for margin in _WIDE if limit > 0 else ():
+            wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
+            point, _ = wide.start(rate, limit * (1 + _SLACK))
+            if point is not None:
+                return point
+    return None
+
+
+def _certified(
+    model: NetworkModel,
+    program: NetworkProgram,
+    bound: Floats | None,
+    rate: float,
+    x: Floats,
+    digits: int,
+    limit: float,
+) -> tuple[DesignResult, str] | None:
+    gains = [round_to(F, digits) for F in program.gains(x)]
+    if program.uniform:
+        gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
+    used = [
+        np.abs(np.einsum("jma,ka->jmk", F, g.rays)) * g.lengths[:, None, :]
+        for F, g in zip(gains, program.parts, strict=True)
+    ]
+    value = max(float(u.max(initial=0.0)) for u in used)
+    if bound is not None:
+        bounds = model.split(bound, 1)
+        if any((u > b[:, :, None]).any() for u, b in zip(used, bounds, strict=True)):
+            return None
+        value = max(float((u / b[:, :, None]).max(initial=0.0)) for u, b in zip(used, bounds, strict=True))
+    closed, exact = _closed(model, gains)
+    if not all((g >= 0).all() for g in _invariance(program, closed)):
+        return None
+    network = ConeNetwork(closed)
+    certificate = network.certificate
+    if not certificate:
+        return None
+    reached = certificate.decay_rate
+    if reached < rate:
+        tight = network.spectral_abscissa()[1]
+        if not -tight >= rate:
+            return None
+    invariant, fraction = node_fractions(model, gains, certificate)
+    notes = [] if exact else [_rounding_note(program, gains, closed)]
+    weakest = int(np.argmax(fraction))
+    if fraction[weakest] > 0:
+        notes.append(
+            f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most "
+            f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
+        )
+    result = DesignResult(
+        Status.PROVED,
+        _shaped(model, program, gains),
+        network,
+        certificate,
+        NETWORK_GAIN if bound is None else BOUNDED,
+        value,
+        limit,
+        max(reached, rate),
+        fraction,
+        notes=tuple(notes),
+    )
+    return result, loss_of_positivity(model, invariant, fraction)
+
+
+def round_to(F: Floats, digits: int) -> Floats:
+    """Each entry to so many significant decimal digits."""
+    with np.errstate(divide="ignore"):
+        place = digits - 1 - np.floor(np.log10(np.abs(F)))
+    place = np.clip(np.where(np.isfinite(place), place, 0), -300, 300)
+    unit = 10.0 ** np.abs(place)
+    return np.where(place >= 0, np.rint(F * unit) / unit, np.rint(F / unit) * unit)
+
+
+def _closed(model: NetworkModel, gains: list[Floats]) -> tuple[NetworkModel, bool]:
+    """The network of A + B F, exactly if it is not too large."""
+    exact = sum(s.A.values.size for s in model.stacks) <= _EXACT_ENTRIES
+    stacks = []
+    for s, F in zip(model.stacks, gains, strict=True):
+        if exact:
+            A, B = s.A.fractions(), s.B.fractions()
+            K = ExactMatrix(np.ascontiguousarray(F)).fractions()
+            loop = ExactMatrix.from_fractions(
+                np.array([a + b @ k for a, b, k in zip(A, B, K, strict=True)], dtype=object)
+            )
+        else:
+            loop = ExactMatrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
+        stacks.append(replace(s, A=loop))
+    return replace(model, stacks=tuple(stacks)), exact
+
+
+def _invariance(program: NetworkProgram, closed: NetworkModel) -> list[Floats]:
+    """h_i'(A + B F)t_k for pairs that matter, with values below rounding set to 0; a glance before the proof."""
+    out = []
+    for g, s in zip(program.parts, closed.stacks, strict=True):
+        M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
+        size = np.einsum(
+            "ia,jab,kb->jik", np.abs(g.facets), np.abs(np.asarray(s.A.values)), np.abs(g.rays), optimize=True
+        )
+        where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
+        out.append(np.where(np.abs(M) <= 1e-15 * size, 0.0, M)[:, where])
+    return out
+
+
+def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: NetworkModel) -> str:
+    """Whether the margins of invariance exceed what rounding A + B F can change."""
+    safe = True
+    for g, F, s in zip(program.parts, gains, closed.stacks, strict=True):
+        A, B = np.abs(g.A), np.abs(g.B)
+        moved = B.max(axis=2) > 0
+        error = 4 * (F.shape[1] + 2) * HALF_ULP * (A + np.einsum("jam,jmb->jab", B, np.abs(F))) * moved[:, :, None]
+        change = np.einsum("ia,jab,kb->jik", np.abs(g.facets), error, np.abs(g.rays), optimize=True)
+        M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
+        where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
+        safe &= bool((2 * change <= M)[:, where].all() or (change[:, where] == 0).all())
+    return (
+        "The certificate is about the doubles of A + B F; the margins of invariance cover the rounding of that sum."
+        if safe
+        else "The certificate is about the doubles of A + B F, which differ from the exact sum in the last place."
+    )
+
+
+def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -> Any:
+    if program.uniform:
+        return np.array(gains[0][0])
+    if len({s.sizes[:2] for s in model.stacks}) == 1:
+        out = np.empty((model.n_nodes, *gains[0].shape[1:]))
+        for index, F in zip(model.members, gains, strict=True):
+            out[index] = F
+        return out
+    slots: list[Any] = [None] * model.n_nodes
+    for index, F in zip(model.members, gains, strict=True):
+        for j, f in zip(index.tolist(), F, strict=True):
+            slots[j] = f
+    return tuple(slots)

@@ -1,0 +1,187 @@
+"""Static output feedback u = K y, and positive observers by duality."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from control import StateSpace
+from numpy.typing import ArrayLike
+
+from ..cones import Cone
+from ..errors import DataError
+from ..exact.matrix import ExactMatrix
+from ..progress import Reporter, Target
+from ..systems.statespace import ConeStateSpace
+from ..theorems.stability import transpose
+from .limits import within
+from .plant import as_system, read_plant
+from .polyhedral.search import design_by_alternation
+from .result import OBSERVER, DesignResult, dual_words
+from .simplicial.search import design_on_simplicial
+from .solver import Programs, SolverChoice
+from .state import read_rate, read_time_limit
+
+
+def output_feedback(
+    sys: Any,
+    *,
+    X: Cone | ArrayLike | None = None,
+    rate: float | Literal["max"] = 0.0,
+    gain_bound: ArrayLike | None = None,
+    structure: ArrayLike | None = None,
+    vertices: Sequence[Any] | None = None,
+    ports: bool = False,
+    solver: SolverChoice = None,
+    time_limit: float = 60.0,
+    progress: Target = None,
+) -> DesignResult:
+    """Find a static gain for u = F y + w, y = C x, that makes X invariant and the closed loop stable.
+
+    Parameters
+    ----------
+    sys : ConeStateSpace or control.StateSpace
+        The plant; D must be zero.
+    X : Cone or array_like of rays, optional
+        Default: the cone of `sys`.
+    rate : float or "max"
+        As in `state_feedback`.
+    gain_bound : float or array_like, shape (m,), optional
+        Bound on |F C x_k|, input by input, at every generator of X.
+    structure : array_like of bool, shape (m, q), optional
+        True where F may differ from zero: which input may use which output.
+    vertices : sequence of (A_s, B_s), optional
+        As in `state_feedback`.
+    ports : bool
+        As in `state_feedback`.
+    solver, time_limit, progress
+        As in `state_feedback`.
+
+    Returns
+    -------
+    DesignResult
+        `F` has shape (m, q), for u = F y; `K` = -F, for u = -K y.  REFUTED only if invariance alone is
+        impossible; otherwise the alternation finds a gain or gives up.
+
+    Raises
+    ------
+    DataError
+        D is not zero.
+    ShapeError, ConeMismatchError, NotProperConeError, SolverError
+        As in `state_feedback`.
+
+    Notes
+    -----
+    Static output feedback is bilinear in (F, v); the alternation is a local method with restarts, some dozens of
+    linear programs.
+
+    Examples
+    --------
+    >>> import control as ct, control_kpos as kp
+    >>> plant = ct.ss([[-3, 1], [2, 1]], [[0], [1]], [[0, 1]], 0)
+    >>> d = kp.output_feedback(plant)
+    >>> bool(d), d.F.shape
+    (True, (1, 1))
+    """
+    limit, target = read_time_limit(time_limit), read_rate(rate)
+
+    def design() -> DesignResult:
+        plant = read_plant(
+            sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, output=True
+        )
+        if np.any(np.asarray(plant.system.D)):
+            raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
+        with Reporter(progress) as report:
+            return design_by_alternation(plant, target, Programs(solver, report))
+
+    result = within(limit, design)
+    return replace(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
+
+
+def observer_gain(
+    sys: Any,
+    *,
+    X: Cone | ArrayLike | None = None,
+    rate: float | Literal["max"] = 0.0,
+    gain_bound: ArrayLike | None = None,
+    solver: SolverChoice = None,
+    time_limit: float = 60.0,
+    progress: Target = None,
+) -> DesignResult:
+    """Find L for which the error e' = (A + L C) e of an observer keeps X invariant and decays.
+
+    The observer is z' = A z + B u + L (C z - y).  If z - x starts in X it stays there: z bounds x in the order of X;
+    a second copy started on the other side gives an interval for x.
+
+    Parameters
+    ----------
+    sys : ConeStateSpace or control.StateSpace
+    X : Cone or array_like of rays, optional
+        Default: the cone of `sys`.
+    rate : float or "max"
+        As in `state_feedback`.
+    gain_bound : float or array_like, shape (q,), optional
+        |L'h_k| <= gain_bound, output by output, at every facet h_k of X.
+    solver, time_limit, progress
+        As in `state_feedback`.
+
+    Returns
+    -------
+    DesignResult
+        `F` is L, shape (n, q); `closed_loop` is the observer from (u, y) to z; the certificate is about the dual
+        system A' + C'L' on X*, which is invariant and stable exactly when A + L C is on X.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError, NotProperConeError, SolverError
+        As in `state_feedback`.
+
+    Notes
+    -----
+    A + L C is K-positive and stable on X if and only if its transpose is on X*: the linear programs of
+    `state_feedback` for (A', C') and X*, exact if X is simplicial.
+
+    Examples
+    --------
+    >>> import control as ct, control_kpos as kp
+    >>> plant = ct.ss([[1, 1], [0.5, -2]], [[1], [0]], [[1, 0]], 0)
+    >>> d = kp.observer_gain(plant, rate=1)
+    >>> bool(d), d.F.shape
+    (True, (2, 1))
+    """
+    limit, target = read_time_limit(time_limit), read_rate(rate)
+
+    def design() -> DesignResult:
+        system = as_system(sys, X)
+        A, B, C, D = system._data()
+        dual = ConeStateSpace(
+            *(transpose(M) for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False
+        )
+        plant = read_plant(dual, None, gain_bound=gain_bound)
+        by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
+        with Reporter(progress) as report:
+            result = by(plant, target, Programs(solver, report))
+        return _as_observer(result, system, result.F.T) if result else result
+
+    return replace(within(limit, design), law=OBSERVER)
+
+
+def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> DesignResult:
+    A, B, C, D = (m.fractions() for m in system._data())
+    gain = ExactMatrix(np.asarray(L, dtype=float)).fractions()
+    n, q = system.nstates, system.noutputs
+    inputs = np.concatenate([B + gain @ D, -gain], axis=1)
+    labels = {"inputs": [*system.input_labels, *system.output_labels], "states": system.state_labels}
+    observer = StateSpace(
+        ExactMatrix.from_fractions(A + gain @ C).values,
+        ExactMatrix.from_fractions(inputs).values,
+        np.eye(n),
+        np.zeros((n, system.ninputs + q)),
+        system.dt,
+        remove_useless_states=False,
+        **labels,
+    )
+    objective = dual_words(result.objective.replace("F x_k", "F'h_k"))
+    return replace(result, F=L, closed_loop=observer, objective=objective, law=OBSERVER)

@@ -1,0 +1,270 @@
+"""What a design is about: exact matrices of the plants, the cone, and the demands on the gain."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from control import StateSpace
+from numpy.typing import ArrayLike, NDArray
+
+from ..cones import Cone, as_cone
+from ..errors import (
+    ConeMismatchError,
+    DataError,
+    NotProperConeError,
+    ShapeError,
+)
+from ..exact.intake import flag, found, items
+from ..exact.matrix import (
+    ExactMatrix,
+    Integers,
+    exact_matrix,
+    require_shape,
+    vector,
+)
+from ..systems.statespace import ConeStateSpace
+
+Floats = NDArray[np.float64]
+
+# Bits of the integers in exact generators and facets; beyond, powers of two are divided out.
+_LONGEST = 200
+# About what a decision in rational arithmetic takes, for each entry of its rows.
+SECONDS_PER_ENTRY = 3e-5
+# Of the check of multipliers that came out of it.
+SECONDS_TO_CHECK = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """x' = A_s x + B_s u, with demands on u = F x or u = K y.
+
+    Attributes
+    ----------
+    system : ConeStateSpace
+        The nominal plant, with C, D, U, Y and the names of its signals.
+    X : Cone
+    A, B : tuple of ExactMatrix
+        Vertices; one pair without uncertainty.
+    C : ExactMatrix or None
+        For u = K C x.
+    discrete : bool
+    gain_bound : ndarray, shape (m,), or None
+        |F x_k| <= gain_bound at every generator x_k of X, input by input.
+    pattern : ndarray of bool, shape (m, n) or (m, q), or None
+        Where the gain may differ from zero.
+    ports : bool
+        True: B U in X and (C + D F) X in Y are demanded as well.
+    coupling : ExactMatrix or None
+        Stability is asked of A + B F + coupling, invariance of A + B F.
+    """
+
+    system: ConeStateSpace
+    X: Cone
+    A: tuple[ExactMatrix, ...]
+    B: tuple[ExactMatrix, ...]
+    C: ExactMatrix | None = None
+    discrete: bool = False
+    gain_bound: Floats | None = None
+    pattern: NDArray[np.bool_] | None = None
+    ports: bool = False
+    coupling: ExactMatrix | None = None
+
+    @property
+    def n(self) -> int:
+        """States."""
+        return self.A[0].shape[0]
+
+    @property
+    def m(self) -> int:
+        """Inputs."""
+        return self.B[0].shape[1]
+
+    @cached_property
+    def pairs(self) -> list[tuple[Floats, Floats]]:
+        """(A_s, B_s) as doubles."""
+        return [(np.asarray(A.values), np.asarray(B.values)) for A, B in zip(self.A, self.B, strict=True)]
+
+    @cached_property
+    def rays(self) -> Floats:
+        """Generators of X."""
+        return np.asarray(self.X.rays, dtype=float)
+
+    @cached_property
+    def facets(self) -> Floats:
+        """Facets of X; for a simplicial cone facets[i] is the one opposite rays[i]."""
+        return np.asarray(self.X.facets, dtype=float)[self.facet_order]
+
+    @cached_property
+    def facet_order(self) -> NDArray[np.intp]:
+        """Facet opposite every ray, for a simplicial cone; all of them in order otherwise."""
+        if not self.X.is_simplicial:
+            return np.arange(self.X.n_facets)
+        return np.argmin(np.asarray(self.X.incidence), axis=0)
+
+    @cached_property
+    def incidence(self) -> NDArray[np.bool_]:
+        """Pairs (facet, ray) with h'x = 0, in the order of `facets`; in discrete time all pairs."""
+        where = np.asarray(self.X.incidence, dtype=bool)[self.facet_order]
+        return np.ones_like(where) if self.discrete else where
+
+    @cached_property
+    def scale(self) -> float:
+        """Size of A seen in the generators of X, per unit of time; of B, if A is zero or next to it.
+
+        The size of B depends on the units of the inputs.
+        """
+        heights = np.maximum((self.facets @ self.rays.T).max(axis=1), np.finfo(float).tiny)
+        H = self.facets / heights[:, None]
+        size = max(np.abs(H @ A @ self.rays.T).max() for A, _ in self.pairs)
+        push = max(np.abs(H @ B).max(initial=0.0) for _, B in self.pairs)
+        return float(max(size, 1e-9 * push if size > 0 else push, 1e-300))
+
+    def alone(self) -> Plant:
+        """The same without bound, pattern and port demands."""
+        return replace(self, gain_bound=None)
+
+
+def read_plant(
+    sys: Any,
+    X: Cone | ArrayLike | None,
+    *,
+    gain_bound: ArrayLike | None = None,
+    structure: ArrayLike | None = None,
+    vertices: Sequence[Any] | None = None,
+    ports: bool = False,
+    output: bool = False,
+) -> Plant:
+    """Check the arguments of a design and gather them.
+
+    Raises
+    ------
+    DataError, ShapeError, ConeMismatchError, NotProperConeError
+        Naming the argument, what was found and what to do.
+    """
+    system = as_system(sys, X)
+    cone = system.X
+    cone.require_proper("X")
+    A, B, C, _ = (exact_matrix(m, name) for m, name in zip(system._data(), "ABCD", strict=True))
+    n, m = B.shape
+    if m == 0:
+        raise ShapeError("the system has no inputs: there is nothing to feed back to.")
+    plants = [(A, B)]
+    if vertices is not None:
+        plants = [_vertex(v, s, n, m) for s, v in enumerate(items(vertices, "vertices"))]
+        if not plants:
+            raise ShapeError("vertices is empty; give at least one pair (A, B), or leave it out.")
+    width = C.shape[0] if output else n
+    return Plant(
+        system,
+        cone,
+        tuple(a for a, _ in plants),
+        tuple(b for _, b in plants),
+        C if output else None,
+        bool(system.dt),
+        _bound(gain_bound, m),
+        _pattern(structure, m, width),
+        flag(ports, "ports"),
+    )
+
+
+def as_system(sys: Any, X: Cone | ArrayLike | None) -> ConeStateSpace:
+    """sys with the cone X, if one is given."""
+    if not isinstance(sys, StateSpace):
+        raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace, or a control.StateSpace and X=.")
+    if X is None:
+        return sys if isinstance(sys, ConeStateSpace) else ConeStateSpace(sys)
+    cone = as_cone(X, "X")
+    if cone.dim != sys.nstates:
+        raise ConeMismatchError(f"X has dimension {cone.dim}, but the system has {sys.nstates} states.")
+    return ConeStateSpace(sys, X=cone)
+
+
+def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[ExactMatrix, ExactMatrix]:
+    if isinstance(vertex, ConeStateSpace):
+        vertex = vertex._data()[:2]
+    elif isinstance(vertex, StateSpace):
+        vertex = vertex.A, vertex.B
+    if not isinstance(vertex, (tuple, list)) or len(vertex) != 2:
+        raise ShapeError(f"vertices[{s}] is not a pair (A, B); give one pair of matrices for each vertex.")
+    A, B = exact_matrix(vertex[0], f"vertices[{s}][0]"), exact_matrix(vertex[1], f"vertices[{s}][1]")
+    require_shape(A, f"vertices[{s}][0]", (n, n), f"the system has {n} states")
+    require_shape(B, f"vertices[{s}][1]", (n, m), f"the system has {n} states and {m} inputs")
+    return A, B
+
+
+def _bound(bound: ArrayLike | None, m: int) -> Floats | None:
+    if bound is None:
+        return None
+    values = vector(bound, "gain_bound")
+    if values.shape == (1,):
+        values = np.full(m, values[0])
+    if values.shape != (m,):
+        raise ShapeError(f"gain_bound has {values.size} entries; give one number, or one for each of the {m} inputs.")
+    if not (values >= 0).all():
+        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| cannot be negative.")
+    return values
+
+
+def _pattern(structure: ArrayLike | None, m: int, width: int) -> NDArray[np.bool_] | None:
+    if structure is None:
+        return None
+    try:
+        mask = np.asarray(structure)
+    except Exception:  # noqa: BLE001  (ragged; or the object's own conversion, which may raise anything)
+        raise ShapeError(f"structure is {found(structure)}, but must be a {m} x {width} matrix.") from None
+    if mask.shape != (m, width):
+        shape = " x ".join(map(str, mask.shape))
+        raise ShapeError(f"structure is {shape}, but the gain is {m} x {width}; mark entries that may differ from 0.")
+    if mask.dtype.kind not in "bif" or not np.isin(mask, (0, 1)).all():
+        raise DataError("structure must hold booleans (or 0 and 1): True where the gain may differ from 0.")
+    return mask.astype(bool)
+
+
+def column_freedom(plant: Plant) -> NDArray[np.bool_] | None:
+    """Which F t_k may differ from zero, shape (n, m), if the pattern says just that; None if it does not.
+
+    F = G T^{-1} keeps a pattern of F that follows the blocks of a block diagonal T.
+    """
+    if plant.pattern is None:
+        return np.ones((plant.n, plant.m), dtype=bool)
+    reach = (plant.rays != 0).T  # states x generators
+    linked = (reach.astype(int) @ reach.T.astype(int)) > 0
+    closure = np.linalg.matrix_power(linked.astype(float), plant.n) > 0
+    free = np.ones((plant.n, plant.m), dtype=bool)
+    for j, row in enumerate(plant.pattern):
+        if (closure[np.ix_(row, ~row)]).any():
+            return None
+        free[:, j] = [bool(row[np.flatnonzero(reach[:, k])[0]]) for k in range(plant.n)]
+    return free
+
+
+def exact_geometry(plant: Plant) -> tuple[Integers, Integers]:
+    """Exact facets, in the order of `Plant.facets`, and rays, each row up to a positive factor."""
+    X = plant.X
+    facets = X.exact_facets.rows_as_integers(plant.facet_order)
+    rays = X.exact_rays.rows_as_integers(np.arange(X.n_rays))
+    return within_doubles(facets), within_doubles(rays)
+
+
+def within_doubles(rows: Integers) -> Integers:
+    """Long integers divided by a power of two: facets of many generators have thousands of bits."""
+    out = np.array(rows, dtype=object)
+    for i, row in enumerate(out):
+        length = max(int(x).bit_length() for x in row)
+        if length > _LONGEST:
+            out[i] = [Fraction(int(x), 2**length) for x in row]
+    return out
+
+
+def require_simplicial(X: Cone, what: str) -> None:
+    """Raise unless X has as many generators as dimensions."""
+    if not X.is_simplicial:
+        raise NotProperConeError(
+            f"{what} needs a simplicial cone (as many generators as dimensions); X has {X.n_rays} generators "
+            f"in dimension {X.dim}."
+        )

@@ -1,0 +1,1 @@
+"""Gains on any polyhedral cone, by alternation between gain and Lyapunov vector."""

@@ -1,0 +1,284 @@
+"""Gains on any polyhedral cone, of any linear shape: u = F x with a pattern, or u = K y.
+
+Invariance is linear in the gain; stability, v'(A + B F) x_k < 0, is linear in F for fixed v and has a closed
+form in v for fixed F.  Alternating the two is a policy iteration:
+
+    F: the linear program  max gamma - rho sum_k v'(A + B F) x_k / v'x_k   subject to invariance and
+       v'(A + B F) x_k <= -gamma v'x_k,
+    v: -(A + B F - (lambda + d) I)^{-T} c  for the rightmost eigenvalue lambda and shrinking d > 0.
+
+The small reward rho on the sum matters: without it the iteration stops early in one case out of eight, because
+columns that are not the worst stay where they are.  What is found is a local optimum, never worse than the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...exact.budget import seconds_left
+from ..plant import Floats, Plant
+from ..simplicial.ratio import TIERS, Solver
+from ..simplicial.rows import (
+    assembled,
+    bordered,
+    diagonals,
+    products,
+    scaled_rows,
+    stacked,
+)
+
+_RHO = 1e-2
+_SHIFTS = (1.0, 0.1, 0.01, 1e-4)
+# Gains beyond this many times the ratio of the sizes of A and B are not looked for.
+_BOX = 1e4
+_ROUNDS = 12
+_STRICT = 1e-6
+_SEED = 20211
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """A gain, its Lyapunov vector, and the decay rate v proves (in floating point)."""
+
+    gain: Floats
+    v: Floats
+    rate: float
+
+
+class GainProgram:
+    """Linear programs over the free entries of L in u = L R x, with R = I or C.
+
+    Parameters
+    ----------
+    plant : Plant
+        On any proper polyhedral cone.
+    lp : callable
+        As `control_kpos.linear_programs.solve`.
+    """
+
+    def __init__(self, plant: Plant, lp: Solver) -> None:
+        self.plant, self.lp = plant, lp
+        self.read = np.eye(plant.n) if plant.C is None else np.asarray(plant.C.values)
+        self.shape = (plant.m, len(self.read))
+        pattern = np.ones(self.shape, dtype=bool) if plant.pattern is None else plant.pattern
+        self.free = np.flatnonzero(pattern.ravel())
+        # generators seen by the gain, and drifts A_s (A_s - I in discrete time)
+        self.seen = plant.rays @ self.read.T
+        eye = np.eye(plant.n) if plant.discrete else 0.0
+        self.drifts = [A - eye for A, _ in plant.pairs]
+        inputs = [np.abs(plant.facets @ B).max(initial=0.0) for _, B in plant.pairs]
+        sizes = [np.abs(plant.facets @ A @ plant.rays.T).max() for A, _ in plant.pairs]
+        self.unit = max(sizes) / max(inputs) if max(inputs) > 0 and max(sizes) > 0 else 1.0
+
+    def _coefficients(self, left: Floats, k: NDArray[np.intp]) -> Any:
+        """Rows of left_r' L R x_k(r) over the free entries of L."""
+        return products(left, self.seen, k, self.free)
+
+    @cached_property
+    def invariance(self) -> tuple[Any, Floats]:
+        """(G, g) with G l + g >= 0: invariance for every vertex, and ports."""
+        plant = self.plant
+        i, k = np.nonzero(plant.incidence)
+        rows, constants = [], []
+        for A, B in plant.pairs:
+            rows.append(self._coefficients((plant.facets @ B)[i], k))
+            constants.append((plant.facets @ A @ plant.rays.T)[i, k])
+        if plant.ports:
+            C, D = (np.asarray(M.values) for M in plant.system._data()[2:])
+            facets = np.asarray(plant.system.Y.facets)
+            a, b = (index.ravel() for index in np.indices((len(facets), len(plant.rays))))
+            rows.append(self._coefficients((facets @ D)[a], b))
+            constants.append((facets @ C @ plant.rays.T)[a, b])
+        return stacked(*rows), np.concatenate(constants)
+
+    @cached_property
+    def inputs(self) -> tuple[Any, NDArray[np.intp]]:
+        """Rows of (L R x_k)_j over the free entries, and j for each."""
+        j, k = (index.ravel() for index in np.indices((self.plant.m, len(self.plant.rays))))
+        return self._coefficients(np.eye(self.plant.m)[j], k), j
+
+    @cached_property
+    def _both(self) -> Any:
+        return stacked(self.inputs[0], -self.inputs[0])
+
+    def _bounds(self) -> tuple[Any, Floats]:
+        """Rows and right-hand sides of |L R x_k| <= bound, or a very large box."""
+        j = self.inputs[1]
+        bound = np.full(self.plant.m, _BOX * self.unit) if self.plant.gain_bound is None else self.plant.gain_bound
+        return self._both, np.concatenate([bound[j], bound[j]])
+
+    def _stability(self, v: Floats) -> tuple[Any, Floats, Floats]:
+        """(S, s, w): v'(drift + B L R) x_k = S l + s, and w = v'x_k."""
+        k = np.arange(len(self.plant.rays))
+        rows = [self._coefficients(np.tile(v @ B, (len(k), 1)), k) for _, B in self.plant.pairs]
+        constants = [self.plant.rays @ (v @ M) for M in self.drifts]
+        weights = np.tile(self.plant.rays @ v, len(rows))
+        return stacked(*rows), np.concatenate(constants), weights
+
+    def any_invariant(self) -> bool | None:
+        """Whether some gain keeps X invariant within the bounds; None if the solver failed."""
+        G, g = self.invariance
+        bounds, right = self._bounds()
+        answer = self.lp(
+            np.zeros(len(self.free)), stacked(-G, bounds), np.concatenate([g, right]), bounds=(-np.inf, np.inf)
+        )
+        return {"optimal": True, "infeasible": False}.get(answer.outcome)
+
+    def fastest(self, v: Floats, ceiling: float, most: float | None = None) -> Iterate | None:
+        """Gain of largest decay rate (up to `ceiling`) for this v, with |L R x_k| <= most if given."""
+        G, g = self.invariance
+        bounds, right = self._bounds()
+        if most is not None:
+            right = np.minimum(right, most)
+        S, s, w = self._stability(v)
+        rows = bordered(stacked(-G, bounds), S, w)
+        cost = np.append(_RHO * scaled_rows(S, 1 / w).sum(axis=0) / len(w), -1.0)
+        low = np.full(len(cost), -np.inf)
+        high = np.append(np.full(len(self.free), np.inf), ceiling)
+        answer = self.lp(cost, rows, np.concatenate([g, right, -s]), bounds=(low, high))
+        if not answer:
+            return None
+        return Iterate(self._fill(answer.x[:-1]), v, float(answer.x[-1]))
+
+    def smallest(self, v: Floats, rate: float) -> tuple[Iterate, float] | None:
+        """Gain of smallest max |L R x_k| that has this decay rate with this v."""
+        G, g = self.invariance
+        bounds, right = self._bounds()
+        S, s, w = self._stability(v)
+        both = self._both
+        rows = bordered(stacked(-G, bounds, S), both, -np.ones(both.shape[0]))
+        limits = np.concatenate([g, right, -s - rate * w, np.zeros(both.shape[0])])
+        cost = np.append(np.zeros(len(self.free)), 1.0)
+        answer = self.lp(cost, rows, limits, bounds=(-np.inf, np.inf))
+        if not answer:
+            return None
+        return Iterate(self._fill(answer.x[:-1]), v, rate), float(answer.x[-1])
+
+    def centred(self, v: Floats, rate: float, most: float) -> Floats | None:
+        """Gain within `most` with a slack of its own in every inequality; see `ratio.spread_margins`."""
+        G, g = self.invariance
+        bounds, right = self._bounds()
+        S, s, w = self._stability(v)
+        size = abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
+        scale = np.concatenate([np.where(size > 0, size, 1.0), w * max(self.plant.scale, rate)])
+        slack = diagonals([scale * tier for tier in TIERS])
+        count, free = slack.shape[1], len(self.free)
+        rows = assembled([[stacked(-G, S), slack], [bounds, None]])
+        limits = np.concatenate([g, -s - rate * w, np.minimum(right, most)])
+        cost = np.concatenate([np.zeros(free), -np.ones(count)])
+        low = np.concatenate([np.full(free, -np.inf), np.zeros(count)])
+        high = np.concatenate([np.full(free, np.inf), np.ones(count)])
+        answer = self.lp(cost, rows, limits, bounds=(low, high))
+        return self._fill(answer.x[:free]) if answer else None
+
+    def _fill(self, entries: Floats) -> Floats:
+        out = np.zeros(self.shape[0] * self.shape[1])
+        out[self.free] = entries
+        return out.reshape(self.shape)
+
+    # -- vectors
+
+    def facet_sum(self) -> Floats:
+        """A vector inside X*: the sum of the facets, each of height 1 over X."""
+        return self._weighted(np.ones(len(self.plant.facets)))
+
+    def _weighted(self, weights: Floats) -> Floats:
+        heights = (self.plant.facets @ self.plant.rays.T).max(axis=1)
+        return (weights / heights) @ self.plant.facets
+
+    def starts(self, count: int, extra: tuple[Floats, ...] = ()) -> Iterator[Floats]:
+        """Vectors inside X*: given ones, the facet sum, then random combinations of facets."""
+        yield from extra
+        yield self.facet_sum()
+        rng = np.random.default_rng(_SEED)
+        for _ in range(count - 1):
+            yield self._weighted(rng.lognormal(sigma=1.5, size=len(self.plant.facets)))
+
+    def vectors(self, gain: Floats) -> Iterator[Floats]:
+        """Lyapunov vectors for a fixed gain, nearer and nearer to the left Perron vector."""
+        c = self.facet_sum()
+        if len(self.drifts) > 1:
+            v = self._common_vector(gain)
+            if v is not None:
+                yield v
+            return
+        M = self.drifts[0] + self.plant.pairs[0][1] @ gain @ self.read
+        with np.errstate(all="ignore"):
+            values = np.linalg.eigvals(M) if np.isfinite(M).all() else np.empty(0)
+            if not values.size:
+                return
+            rightmost = values.real.max()
+            size = max(abs(rightmost), 1e-3 * self.plant.scale)
+            for d in _SHIFTS:
+                try:
+                    v = -np.linalg.solve((M - (rightmost + d * size) * np.eye(len(M))).T, c)
+                except np.linalg.LinAlgError:
+                    continue
+                heights = self.plant.rays @ v
+                if np.isfinite(v).all() and (heights > 1e-12 * np.abs(heights).max()).all():
+                    yield v / heights.max()
+
+    def _common_vector(self, gain: Floats) -> Floats | None:
+        """The v inside X* that decreases fastest along all vertices, by bisection on the rate."""
+        rays = self.plant.rays
+        loops = [M + B @ gain @ self.read for M, (_, B) in zip(self.drifts, self.plant.pairs, strict=True)]
+        n = self.plant.n
+        low, high, best = -2 * self.plant.scale * n, 2 * self.plant.scale * n, None
+        for _ in range(24):
+            if seconds_left() <= 0:
+                break
+            rate = (low + high) / 2
+            rows = np.concatenate([rays @ (M.T + rate * np.eye(n)) for M in loops] + [-rays])
+            right = np.concatenate([np.zeros(len(loops) * len(rays)), -np.ones(len(rays))])
+            answer = self.lp(np.zeros(n), rows, right, bounds=(-np.inf, np.inf))
+            if answer:
+                low, best = rate, answer.x
+            else:
+                high = rate
+        return best
+
+    # -- iterations
+
+    def speed_up(self, v: Floats, ceiling: float, goal: float = np.inf, most: float | None = None) -> Iterate | None:
+        """Alternate from v until the decay rate exceeds `goal` or stops growing."""
+        best = self.fastest(v, ceiling, most)
+        if best is None:
+            return None
+        for _ in range(_ROUNDS):
+            if best.rate > goal:
+                return best
+            found = best
+            for vector in self.vectors(best.gain):
+                candidate = self.fastest(vector, ceiling, most)
+                if candidate is not None and candidate.rate > found.rate:
+                    found = candidate
+                if found.rate > goal:
+                    return found
+            if found.rate <= best.rate + 1e-6 * self.plant.scale:
+                return found
+            best = found
+        return best
+
+    def slim(self, iterate: Iterate, rate: float) -> tuple[Iterate, float]:
+        """Alternate to make the gain small at a given decay rate; never larger than at the start."""
+        best, size = iterate, float(np.abs(iterate.gain @ self.seen.T).max(initial=0.0))
+        for _ in range(_ROUNDS):
+            before = size
+            for vector in (best.v, *self.vectors(best.gain)):
+                found = self.smallest(vector, rate)
+                if found is not None and found[1] < size:
+                    best, size = found
+            if size >= before * (1 - 1e-3):
+                break
+        return best, size
+
+    @property
+    def strict(self) -> float:
+        """Decay demanded beyond the required one."""
+        return _STRICT * self.plant.scale

@@ -1,0 +1,155 @@
+"""Proof that no gain of the given shape keeps a polyhedral cone invariant.
+
+h_i'(A + B L R) x_k >= 0 is linear in L.  If multipliers y >= 0 over the pairs (i, k) have
+sum y_ik (h_i'B_j)(R x_k)_l = 0 for every free entry (j, l) and sum y_ik h_i'A x_k < 0, no L satisfies all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...cones import Cone
+from ...errors import DataError, TooLargeError
+from ...exact.budget import OVERTIME, seconds_left
+from ...exact.condition import Condition
+from ...exact.matrix import ExactMatrix, identity
+from ...exact.rational_programs import exact_feasibility
+from ...exact.signs import BilinearForms
+from ...proof.certificate import Certificate
+from ...proof.files import register_record
+from ..plant import (
+    SECONDS_PER_ENTRY,
+    SECONDS_TO_CHECK,
+    Plant,
+    within_doubles,
+)
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class PairMultipliers:
+    """Nonnegative weights of pairs (facet, generator), vertex after vertex, that contradict invariance.
+
+    Attributes
+    ----------
+    weights : tuple of Fraction
+        In the order of `numpy.nonzero(incidence)` (all pairs in discrete time), for each vertex.
+    """
+
+    weights: tuple[Fraction, ...]
+
+    def __str__(self) -> str:
+        return f"a combination of {sum(1 for w in self.weights if w)} invariance conditions that contradicts itself"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class NoInvariance(Certificate):
+    """Proof that no gain makes a cone invariant: the claim "there is one" is REFUTED.
+
+    Attributes
+    ----------
+    A, B : tuple of ExactMatrix
+    R : ExactMatrix
+        The gain acts on R x: the identity for state feedback, C for output feedback.
+    pattern : ndarray, shape (m, rows of R)
+        1 where the gain may differ from zero.
+    X : Cone
+    discrete : bool
+    witness : PairMultipliers
+    """
+
+    claim: ClassVar[str] = "invariant gain exists"
+
+    A: tuple[ExactMatrix, ...]
+    B: tuple[ExactMatrix, ...]
+    R: ExactMatrix
+    pattern: NDArray[np.float64]
+    X: Cone
+    discrete: bool
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+        raise DataError("this certificate can only refute; give multipliers as its witness.")
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the witness, or None."""
+        w = self.witness
+        if not isinstance(w, PairMultipliers):
+            return None
+        rows, constants = self.rows()
+        numbers = np.array(w.weights, dtype=object)
+        if numbers.shape != (len(rows),):
+            return None
+        row = ExactMatrix.from_fractions(numbers[None, :])
+        return [
+            Condition("multipliers >= 0", BilinearForms(row, None, identity(len(rows))), ">="),
+            Condition("combination of slopes = 0", BilinearForms(row, None, ExactMatrix.from_fractions(rows.T)), "=="),
+            Condition(
+                "combination of constants < 0",
+                BilinearForms(row, None, ExactMatrix.from_fractions(constants[None, :])),
+                "<",
+            ),
+        ]
+
+    def rows(self) -> tuple[NDArray[np.object_], NDArray[np.object_]]:
+        """Exact (G, g) with G l + g >= 0 over the free entries l of the gain."""
+        X = self.X
+        where = np.asarray(X.incidence, dtype=bool)
+        i, k = np.nonzero(np.ones_like(where) if self.discrete else where)
+        facets = within_doubles(X.exact_facets.rows_as_integers(np.arange(X.n_facets)))
+        rays = within_doubles(X.exact_rays.rows_as_integers(np.arange(X.n_rays)))
+        seen = rays @ self.R.fractions().T
+        free = np.flatnonzero(np.asarray(self.pattern).ravel())
+        rows, constants = [], []
+        for A, B in zip(self.A, self.B, strict=True):
+            left = (facets @ B.fractions())[i]
+            full = (left[:, :, None] * seen[k][:, None, :]).reshape(len(i), left.shape[1] * seen.shape[1])
+            rows.append(full[:, free])
+            constants.append((facets @ A.fractions() @ rays.T)[i, k])
+        return np.concatenate(rows), np.concatenate(constants)
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if not isinstance(self.witness, PairMultipliers):
+            return "Undecided: no multipliers are given."
+        return (
+            f"Proved impossible: no gain of this shape keeps X invariant; attached is {self.witness}, checked in exact "
+            "arithmetic. Choose another cone, more actuators, or a freer structure."
+        )
+
+
+def no_invariance(plant: Plant) -> NoInvariance | None:
+    """The proof, if there is one within reach of exact arithmetic within the time limit."""
+    width = plant.n if plant.C is None else plant.C.shape[0]
+    pattern = np.ones((plant.m, width)) if plant.pattern is None else plant.pattern.astype(float)
+    data = {
+        "A": plant.A,
+        "B": plant.B,
+        "R": identity(plant.n) if plant.C is None else plant.C,
+        "pattern": pattern,
+        "X": plant.X,
+        "discrete": plant.discrete,
+    }
+    pairs = np.prod(plant.X.incidence.shape) * len(plant.A)
+    entries = pairs * (1 + pattern.sum())
+    if entries * SECONDS_PER_ENTRY > seconds_left():
+        return None
+    rows, constants = NoInvariance(**data).rows()
+    matrix = np.concatenate([rows.T, constants[None, :]])
+    right = np.array([0] * rows.shape[1] + [-1], dtype=object)
+    try:
+        weights, _ = exact_feasibility(
+            ExactMatrix.from_fractions(matrix),
+            ExactMatrix.from_fractions(right),
+        )
+    except (TooLargeError, DataError):
+        return None
+    if weights is None or entries * SECONDS_TO_CHECK > seconds_left() + OVERTIME:
+        return None
+    return NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))

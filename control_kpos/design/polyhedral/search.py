@@ -1,0 +1,196 @@
+"""From the alternation on any polyhedral cone to a certified gain; see `alternation`.
+
+Finds gains of any linear shape: all of F, a pattern of F, or u = K y.  It gives up with UNDECIDED, and refutes
+only if invariance alone is already impossible, which is linear in the gain and decided exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...exact.budget import OutOfTimeError, seconds_left
+from ...proof.certificate import Status
+from ..accept import Accepted, accept
+from ..modes import controllability_notes
+from ..plant import Floats, Plant
+from ..result import DesignResult, Nearest
+from ..simplicial.program import gain_of
+from ..simplicial.rows import SECONDS_PER_ENTRY
+from ..simplicial.search import (
+    GAIN_SLACK,
+    LARGEST_RATE,
+    SMALLEST_GAIN,
+    exact_design,
+    succeed,
+    without_feedback,
+)
+from ..solver import Programs
+from .program import GainProgram, Iterate
+from .refusal import no_invariance
+
+# Starting vectors for any gain, and for the largest rate, which is a local optimum.
+_STARTS, _MANY_STARTS = 6, 12
+_MAX_RATE_SHARE = 0.999
+
+
+def design_by_alternation(
+    plant: Plant, rate: float | str, lp: Programs, hints: tuple[Floats, ...] = ()
+) -> DesignResult:
+    """Alternate from several vectors inside X*.
+
+    Parameters
+    ----------
+    plant : Plant
+    rate : float or "max"
+    lp : callable
+    hints : tuple of ndarray, shape (n,)
+        Vectors inside X* to start from first.
+    """
+    trivial = without_feedback(plant, rate)
+    if trivial is not None:
+        return trivial
+    program = GainProgram(plant, lp)
+    if program.any_invariant() is False:
+        proof = no_invariance(plant)
+        if proof is not None:
+            notes = tuple(controllability_notes(plant))
+            return DesignResult(
+                Status.REFUTED, certificate=proof, message="invariance alone is impossible.", notes=notes
+            )
+    if rate == "max":
+        return _fastest(plant, program, lp, hints)
+    return _any_rate(plant, program, lp, float(rate), hints)
+
+
+def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hints: tuple[Floats, ...]) -> DesignResult:
+    goal = rate + program.strict
+    ceiling = 2 * rate + plant.scale
+    best: tuple[Accepted, float] | None = None
+    fastest = -np.inf
+    with suppress(OutOfTimeError):
+        for number, v in enumerate(program.starts(_STARTS, hints)):
+            lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}")
+            found = program.speed_up(v, ceiling, goal)
+            if found is None:
+                continue
+            fastest = max(fastest, found.rate)
+            if found.rate <= goal:
+                continue
+            for gain in _candidates(program, found, rate, goal):
+                accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain))
+                if accepted is not None:
+                    size = _size(plant, accepted.F)
+                    if best is None or size < best[1]:
+                        best = accepted, size
+                    break
+            if best is not None and number >= 1 + len(hints):
+                break
+    if best is not None:
+        return succeed(plant, best[0], SMALLEST_GAIN, best[1], best[1])
+    proof = _unstructured_refutation(plant, rate, lp)
+    if proof is not None:
+        return proof
+    nearest = Nearest(decay_rate=float(fastest)) if rate > 0 and 0 < fastest < np.inf else None
+    reached = (
+        "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {fastest + 0.0:.6g}"
+    )
+    ended = "the alternation gave up" if seconds_left() > 0 else "the alternation reached its time limit"
+    return DesignResult(
+        Status.UNDECIDED,
+        message=f"{ended}; {reached}.",
+        nearest=nearest,
+        notes=tuple(controllability_notes(plant)),
+    )
+
+
+def _unstructured_refutation(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
+    """On a simplicial cone: a proof that not even an unrestricted F = (all of F, all states) does it."""
+    if not plant.X.is_simplicial:
+        return None
+    result = exact_design(replace(plant, pattern=None, C=None), rate, lp)
+    return None if result.status is not Status.REFUTED else replace(result, notes=tuple(controllability_notes(plant)))
+
+
+def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) -> Iterator[Floats]:
+    slim, size = program.slim(found, goal)
+    allowed = size * (1 + GAIN_SLACK)
+    fast = program.speed_up(slim.v, 2 * rate + program.plant.scale, most=allowed)
+    for iterate in (fast, slim, found):
+        if iterate is None:
+            continue
+        target = rate + 0.9 * max(iterate.rate - rate, 0.0) if iterate is fast else goal
+        most = np.inf if iterate is found else allowed
+        centred = program.centred(iterate.v, target, most)
+        if centred is not None:
+            yield centred
+        yield iterate.gain
+
+
+def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floats, ...]) -> DesignResult:
+    ceiling = 1e5 * plant.scale
+    best: Iterate | None = None
+    with suppress(OutOfTimeError):
+        for number, v in enumerate(program.starts(_MANY_STARTS, hints)):
+            lp.stage(f"vector {number + 1} of {_MANY_STARTS + len(hints)}")
+            found = program.speed_up(v, ceiling)
+            if found is not None and (best is None or found.rate > best.rate):
+                best = found
+    if best is None or best.rate <= 0:
+        return (
+            DesignResult(
+                Status.UNDECIDED,
+                objective=LARGEST_RATE,
+                message="the alternation gave up: it found no gain that is invariant and stable.",
+                notes=tuple(controllability_notes(plant)),
+            )
+            if (proof := _unstructured_refutation(plant, 0.0, lp)) is None
+            else proof
+        )
+    if best.rate >= ceiling * (1 - 1e-6):
+        return DesignResult(
+            Status.UNDECIDED,
+            objective=LARGEST_RATE,
+            limit=np.inf,
+            message="nothing limits the decay rate; give gain_bound, or the rate you need.",
+        )
+    for share in (_MAX_RATE_SHARE, 0.99, 0.9):
+        result = _any_rate(plant, program, lp, best.rate * share, (best.v,))
+        if result:
+            return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=best.rate)
+    return result
+
+
+def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
+    """A vector inside X that every vertex may map inwards: a candidate for the common vector."""
+    if len(plant.A) == 1:
+        return None
+    full = gain if plant.C is None else gain @ np.asarray(plant.C.values)
+    return common_vector(plant, lp, [A + B @ full for A, B in plant.pairs])
+
+
+def common_vector(plant: Plant, lp: Programs, loops: list[Any]) -> Floats | None:
+    """x inside X with A_s x inside -X for every closed loop, in floating point, or None."""
+    if (len(loops) + 1) * len(plant.facets) * len(plant.rays) * SECONDS_PER_ENTRY > seconds_left():
+        return None
+    heights = (plant.facets @ plant.rays.T).max(axis=1)
+    H = plant.facets / heights[:, None]
+    eye = np.eye(plant.n) if plant.discrete else 0.0
+    rows = np.concatenate([H @ (M - eye) for M in loops])
+    # x = sum of generators with coefficients; maximise the common margin
+    inside = plant.rays.T
+    block = np.block([[rows @ inside, np.full((len(rows), 1), plant.scale)], [-H @ inside, np.ones((len(H), 1))]])
+    cost = np.append(np.zeros(len(plant.rays)), -1.0)
+    low = np.append(np.zeros(len(plant.rays)), 0.0)
+    high = np.append(np.ones(len(plant.rays)), np.inf)
+    answer = lp(cost, block, np.zeros(len(block)), bounds=(low, high))
+    return inside @ answer.x[:-1] if answer and answer.x[-1] > 0 else None
+
+
+def _size(plant: Plant, F: Floats) -> float:
+    full = F if plant.C is None else F @ np.asarray(plant.C.values)
+    return gain_of(full, plant.rays)

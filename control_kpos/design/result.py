@@ -1,0 +1,197 @@
+"""What a design hands back: a certified gain, a proof that there is none, or an honest "not found"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import card, shown_rows
+from ..proof.certificate import Certificate, Status
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """What is possible where the demand is not.
+
+    Attributes
+    ----------
+    decay_rate : float or None
+        Largest decay rate that the other demands leave (found, not proven to be the largest).
+    gain_bound : float or None
+        Smallest max |F x_k| that meets the other demands (found, not proven to be the smallest).
+    """
+
+    decay_rate: float | None = None
+    gain_bound: float | None = None
+
+    def __str__(self) -> str:
+        parts = []
+        if self.decay_rate is not None:
+            parts.append(f"a decay rate just below {self.decay_rate:.6g} with everything else as asked")
+        if self.gain_bound is not None:
+            parts.append(f"a gain bound just above {self.gain_bound:.6g} with everything else as asked")
+        return " or ".join(parts) if parts else "nothing nearby was found"
+
+
+# The law of an observer; its design is the feedback of the dual system.
+OBSERVER = "z' = A z + B u + F (C z - y)"
+_DUAL_WORDS = {
+    "not controllable": "not observable",
+    "uncontrollable": "unobservable",
+    "no feedback stabilises this plant": "no gain makes the error decay",
+    "actuators": "sensors",
+    "Actuators": "Sensors",
+    "on X": "on the dual of X",
+    "cone X": "dual of X",
+    "generators of X": "facets of X",
+}
+
+
+def dual_words(text: str) -> str:
+    """What is said of the feedback of a dual system, in words about the observer."""
+    for word, other in _DUAL_WORDS.items():
+        text = text.replace(word, other)
+    return text
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignResult:
+    """Outcome of a feedback design.  `bool(result)` is True only for PROVED; otherwise there is no gain.
+
+    Attributes
+    ----------
+    status : Status
+        PROVED: `F` does what was asked.  REFUTED: no gain does, proven by `certificate`.  UNDECIDED: no
+        gain was found, or none could be proven.
+    F : ndarray, shape (m, n), or None
+        Gain of u = F x + w.  Of networks: shape (N, m, n), or a tuple of arrays.
+    closed_loop : ConeStateSpace or network, or None
+        From w to y, with A + B F exact.
+    certificate : Certificate or None
+        Proof for the closed loop formed exactly from the plant's data and the doubles in `F`; or the proof
+        that there is no gain.
+    objective : str
+        What was minimised or maximised.
+    value : float
+        What was reached; NaN without a gain.
+    limit : float
+        Best value the linear programs allow (an infimum or supremum; in floating point, not proven).
+    decay_rate : float
+        Proven for the closed loop; NaN without a gain.
+    certified_fraction : float or ndarray
+        The gain may be weakened to any fraction between this one and 1 (actuators that lose effect, one
+        factor for all inputs of a node) and the proof still holds.  NaN without a gain.
+    message : str
+        What stands in the way, for a design that failed.
+    nearest : Nearest or None
+        For a design that failed: what is possible instead.
+    notes : tuple of str
+        Uncontrollable modes, loss of positivity under weakened gains, and the like.
+    law : str
+        Where the gain stands: "u = F x", for output feedback "u = F y", for an observer `OBSERVER`.
+    """
+
+    status: Status
+    F: Any = None
+    closed_loop: Any = None
+    certificate: Certificate | None = None
+    objective: str = ""
+    value: float = float("nan")
+    limit: float = float("nan")
+    decay_rate: float = float("nan")
+    certified_fraction: Any = float("nan")
+    message: str = ""
+    nearest: Nearest | None = None
+    notes: Sequence[str] = field(default_factory=tuple)
+    law: str = "u = F x"
+
+    def __post_init__(self) -> None:
+        if self.law == OBSERVER:
+            object.__setattr__(self, "message", dual_words(self.message))
+            object.__setattr__(self, "notes", tuple(dual_words(note) for note in self.notes))
+
+    @property
+    def K(self) -> Any:
+        """-F, for u = -K x (output feedback: u = -K y) as python-control writes it."""
+        if self.F is None:
+            return None
+        return tuple(-f for f in self.F) if isinstance(self.F, tuple) else -np.asarray(self.F)
+
+    @property
+    def witness(self) -> Any:
+        """For REFUTED: what the proof rests on."""
+        return None if self.certificate is None or self else getattr(self.certificate, "witness", None)
+
+    @property
+    def margin(self) -> float:
+        """Scale-free margin of the certificate; NaN without one."""
+        return float("nan") if self.certificate is None else float(self.certificate.margin)
+
+    def check(self) -> bool:
+        """Recompute the verdict from the data in the certificate, without any solver.
+
+        Returns
+        -------
+        bool
+            False also for UNDECIDED: there is nothing to check.
+        """
+        return self.certificate is not None and self.certificate.status is self.status and self.certificate.check()
+
+    def explain(self) -> str:
+        """What was done, what is proven, and what to do next.
+
+        Returns
+        -------
+        str
+        """
+        return dual_words(self._explanation()) if self.law == OBSERVER else self._explanation()
+
+    def _explanation(self) -> str:
+        notes = "".join(f" {note}" for note in self.notes)
+        if self:
+            proof = "" if self.certificate is None else f" {self.certificate.explain()}"
+            return (
+                f"Certified gain for {self.law}. {self.objective}: {self.value:.6g} reached, limit {self.limit:.6g} "
+                f"by the linear programs. Decay rate {self.decay_rate:.6g}.{proof} {self._weakening()}{notes}"
+            )
+        proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
+        nearest = f" Possible instead: {self.nearest}." if self.nearest is not None else ""
+        lead = "No gain exists" if self.status is Status.REFUTED else "No certified gain was found"
+        return f"{lead}: {self.message}{proof}{nearest}{notes}"
+
+    def _weakening(self) -> str:
+        if np.ndim(self.certified_fraction):
+            return ""  # a network: the notes name the most sensitive node
+        least = float(self.certified_fraction)
+        if np.isnan(least):
+            return ""
+        if least <= 0:
+            return "Actuators may lose any part of their effect, even all, without losing the proof."
+        return (
+            f"The gain must act as designed: the proof covers actuators at {100 * least:.4g} % to 100 % of their "
+            "effect, and below that invariance or stability can be lost."
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (name, f"{fact:.6g}")
+            for name, fact in ((self.objective, self.value), ("decay rate", self.decay_rate))
+            if self
+        ]
+        if isinstance(self.F, np.ndarray) and self.F.ndim == 2:
+            rows.append(("F" if self.law == OBSERVER else f"F in {self.law}", shown_rows(self.F)))
+        return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
+
+    def __bool__(self) -> bool:
+        return self.status is Status.PROVED
+
+    def __repr__(self) -> str:
+        if not self:
+            return f"<DesignResult {self.status.name}: {self.message}>"
+        return f"<DesignResult PROVED, {self.objective} {self.value:.4g}, decay rate {self.decay_rate:.4g}>"

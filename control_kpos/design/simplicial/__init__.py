@@ -1,0 +1,1 @@
+"""Gains on a simplicial cone: one linear program is necessary and sufficient."""

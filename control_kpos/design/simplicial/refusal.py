@@ -1,0 +1,288 @@
+"""Proofs that no gain exists, by Farkas' lemma.
+
+If rows G x >= 0, S x < 0, x_1..x_n > 0 have no solution, there are multipliers a, b, c >= 0, b and c not both
+zero, with a'G - b'S + (c, 0)' = 0: multiplying a supposed solution by this identity gives 0 > 0.  They
+are found in rational arithmetic and checked by the kernel against rows rebuilt from the data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...cones import Cone
+from ...errors import DataError, TooLargeError
+from ...exact.budget import OVERTIME, seconds_left
+from ...exact.condition import Condition
+from ...exact.matrix import ExactMatrix, identity
+from ...exact.rational_programs import exact_feasibility
+from ...exact.signs import BilinearForms
+from ...proof.certificate import Certificate
+from ...proof.files import register_record
+from ..plant import (
+    SECONDS_PER_ENTRY,
+    SECONDS_TO_CHECK,
+    Plant,
+    column_freedom,
+    exact_geometry,
+)
+from .inequalities import (
+    Inequalities,
+    column_rows,
+    feedback_inequalities,
+    gain_rows,
+)
+from .repair import repaired_multipliers
+
+# Of products of fractions, of data as they are given and with facets that have thousands of digits.
+_SECONDS_PER_PRODUCT = 1e-5, 9e-5
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class Multipliers:
+    """Nonnegative numbers that combine the inequalities of a design into a contradiction.
+
+    Attributes
+    ----------
+    closed : tuple of Fraction
+        For rows that must be nonnegative: invariance, gain bound, ports.
+    drift : tuple of Fraction
+        For rows that must be negative: A + B F maps xi towards 0.
+    positive : tuple of Fraction
+        For xi > 0.
+    """
+
+    closed: tuple[Fraction, ...]
+    drift: tuple[Fraction, ...]
+    positive: tuple[Fraction, ...]
+
+    def __str__(self) -> str:
+        used = sum(1 for group in (self.closed, self.drift, self.positive) for value in group if value)
+        return f"a combination of {used} inequalities that contradicts itself"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class NoFeedback(Certificate):
+    """Proof that no u = F x makes a simplicial cone invariant and the closed loop stable as demanded.
+
+    The claim is "there is such an F"; the status is REFUTED when the multipliers contradict it.
+
+    Attributes
+    ----------
+    A, B : tuple of ExactMatrix
+        Vertices of the plant.
+    X : Cone
+        Simplicial.
+    discrete : bool
+    rate : float
+        Decay rate that was to be exceeded.
+    gain_bound : ndarray, shape (m,), or None
+        |F x_k| <= gain_bound at the generators, read up to a relative 1e-9.
+    free : ndarray, shape (n, m)
+        1 where F x_k may differ from zero.
+    coupling : ExactMatrix or None
+        Stability was asked of A + B F + coupling.
+    witness : Multipliers
+    """
+
+    claim: ClassVar[str] = "feedback exists"
+
+    A: tuple[ExactMatrix, ...]
+    B: tuple[ExactMatrix, ...]
+    X: Cone
+    discrete: bool
+    rate: float
+    gain_bound: NDArray[np.float64] | None
+    free: NDArray[np.float64]
+    coupling: ExactMatrix | None = None
+    ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+        raise DataError("this certificate can only refute; give multipliers as its witness.")
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the witness, or None."""
+        w = self.witness
+        if not isinstance(w, Multipliers):
+            return None
+        system = self._rows()
+        groups = [np.array(g, dtype=object) for g in (w.closed, w.drift, w.positive)]
+        numbers = np.concatenate(groups)
+        if numbers.size != len(system):
+            return None
+        row = ExactMatrix.from_fractions(numbers[None, :])
+        strict = np.concatenate(
+            [np.zeros(len(groups[0]), dtype=int), np.ones(len(numbers) - len(groups[0]), dtype=int)]
+        )
+        return [
+            Condition("multipliers >= 0", BilinearForms(row, None, identity(numbers.size)), ">="),
+            Condition(
+                "sum of strict multipliers > 0",
+                BilinearForms(row, None, ExactMatrix(strict[None, :].astype(float))),
+                ">",
+            ),
+            Condition("combination = 0", BilinearForms(row, None, ExactMatrix.from_fractions(system.T)), "=="),
+        ]
+
+    def _rows(self) -> NDArray[np.object_]:
+        """closed, -drift and xi rows over the free variables, in integers and fractions."""
+        q = self.inequalities()
+        return homogeneous_rows(q, _theta(self.rate, self.discrete), np.asarray(self.free) != 0)[0]
+
+    def inequalities(self) -> Inequalities:
+        """The exact inequalities that have no solution."""
+        plant = Plant(None, self.X, self.A, self.B, None, self.discrete, self.gain_bound, None, False, self.coupling)  # type: ignore[arg-type]
+        return exact_inequalities(plant, self.ports)
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        w = self.witness
+        if not isinstance(w, Multipliers):
+            return "Undecided: no multipliers are given."
+        labels = self.inequalities().labels
+        used = [labels[i] for i, value in enumerate(w.closed) if value]
+        pairs = sorted({(i, k) for kind, _, i, k in (u for u in used if u[0] == "positivity")})
+        at = ", ".join(f"facet {i} at generator {k}" for i, k in pairs[:4]) + (" and others" if len(pairs) > 4 else "")
+        gains = sorted({u[1] for u in used if u[0] == "gain"})
+        demands = [f"invariance of X ({at})"] if pairs else []
+        if gains:
+            demands.append(f"the gain bound on input{'s' if len(gains) > 1 else ''} {', '.join(map(str, gains))}")
+        if any(u[0] == "output" for u in used):
+            demands.append("outputs in Y")
+        if any(w.drift):
+            speed = f"a decay rate above {self.rate:g}" if self.rate else "stability"
+            demands.append(speed)
+        verdict = "cannot be had with any F" if len(demands) == 1 else "exclude each other for every F"
+        return (
+            f"Proved impossible: {' and '.join(demands)} {verdict}; attached is {w}, checked in exact arithmetic. "
+            "Relax a demand, or choose another cone."
+        )
+
+
+def _entries(plant: Plant, ports: tuple[ExactMatrix, ExactMatrix, Cone] | None) -> int:
+    """About as many as `exact_inequalities` has."""
+    n, m = plant.n, plant.m
+    rows = n * n * len(plant.A) + (0 if plant.gain_bound is None else 2 * n * m)
+    return (rows + (0 if ports is None else ports[2].n_facets * n)) * n * (1 + m)
+
+
+def _theta(rate: float, discrete: bool) -> Fraction:
+    return 1 - Fraction(rate) if discrete else -Fraction(rate)
+
+
+def homogeneous_rows(
+    q: Inequalities, theta: Fraction, free: NDArray[np.bool_]
+) -> tuple[NDArray[np.object_], NDArray[np.intp]]:
+    """Rows G; -S; xi >= 0 over xi and the z that may differ from zero, and the columns kept."""
+    kept = np.concatenate([np.arange(q.n), q.n + np.flatnonzero(free.ravel())])
+    positive = np.zeros((q.n, q.size), dtype=object)
+    positive[np.arange(q.n), np.arange(q.n)] = 1
+    rows = np.concatenate([q.closed, -q.decreasing(theta), positive])
+    return rows[:, kept], kept
+
+
+def exact_inequalities(plant: Plant, ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None) -> Inequalities:
+    """The inequalities of a design in integers and fractions."""
+    facets, rays = exact_geometry(plant)
+    pairs = [(_rational(A), _rational(B)) for A, B in zip(plant.A, plant.B, strict=True)]
+    drift = None
+    if plant.coupling is not None:
+        drift = [(A + _rational(plant.coupling), B) for A, B in pairs]
+    q = feedback_inequalities(facets, rays, pairs, discrete=plant.discrete, drift_plants=drift)
+    if plant.gain_bound is not None:
+        slack = 1 + Fraction(1, 10**9)
+        bound = np.array([Fraction(b) * slack for b in plant.gain_bound.tolist()], dtype=object)
+        slope, level, labels = gain_rows(q.n, q.m, _lengths(plant.X, rays), bound)
+        q = q.with_closed(level - slope, labels)
+    if ports is not None:
+        C, D, Y = ports
+        q = q.with_closed(
+            *output_rows(_rational(C), _rational(D), Y.exact_facets.rows_as_integers(np.arange(Y.n_facets)), rays)
+        )
+    return q
+
+
+def output_rows(
+    C: NDArray[Any], D: NDArray[Any], facets: NDArray[Any], rays: NDArray[Any]
+) -> tuple[NDArray[Any], list[tuple[Any, ...]]]:
+    """Rows of (C + D F) t_k in Y."""
+    i, k = (index.ravel() for index in np.indices((len(facets), len(rays))))
+    rows = column_rows((facets @ C @ rays.T)[i, k], (facets @ D)[i], k, len(rays))
+    return rows, [("output", int(a), int(b)) for a, b in zip(i, k, strict=True)] if rows.dtype == object else []
+
+
+def _rational(M: ExactMatrix) -> NDArray[np.object_]:
+    return M.fractions()
+
+
+def _lengths(X: Cone, integer_rays: NDArray[np.object_]) -> NDArray[np.object_]:
+    """Integer ray k = lengths[k] * rays[k], up to the rounding of rays[k]: a bound on F x_k, for the integer ray."""
+    rays = np.asarray(X.rays, dtype=float)
+    largest = np.argmax(np.abs(rays), axis=1)
+    return np.array([Fraction(integer_rays[k, j]) / Fraction(rays[k, j]) for k, j in enumerate(largest)], dtype=object)
+
+
+def decide(
+    plant: Plant,
+    rate: float,
+    ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None,
+) -> tuple[NoFeedback | None, NDArray[np.object_] | None]:
+    """Exactly one of a proof that no gain exists and an exact solution; neither if that takes too long.
+
+    Returns
+    -------
+    certificate : NoFeedback or None
+    x : ndarray of Fraction or None
+        (xi, z) over integer generators.
+    """
+    free = column_freedom(plant)
+    entries, long = _entries(plant, ports), plant.X.exact_facets.integer_rows is not None
+    products = len(plant.A) * plant.n**3 * _SECONDS_PER_PRODUCT[long]
+    if free is None or entries * SECONDS_PER_ENTRY + products > seconds_left():
+        return None, None
+    q = exact_inequalities(plant, ports)
+    rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
+    first = len(q.closed)
+    strict = np.arange(len(rows)) >= first
+    owner = np.concatenate([np.arange(q.n), np.repeat(np.arange(q.n), q.m)])[kept]
+    multipliers, solution = repaired_multipliers(rows, owner, q.n, strict), None
+    if multipliers is None:
+        matrix = np.concatenate([rows.T, strict.astype(int).astype(object)[None, :]])
+        right = np.array([0] * rows.shape[1] + [1], dtype=object)
+        try:
+            multipliers, solution = exact_feasibility(
+                ExactMatrix.from_fractions(matrix),
+                ExactMatrix.from_fractions(right),
+            )
+        except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
+            return None, None
+    if multipliers is not None:
+        if entries * SECONDS_TO_CHECK + products > seconds_left() + OVERTIME:
+            return None, None
+        ends = np.cumsum([first, len(q.drift), q.n])
+        groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]
+        certificate = NoFeedback.settle(
+            A=plant.A,
+            B=plant.B,
+            X=plant.X,
+            discrete=plant.discrete,
+            rate=rate,
+            gain_bound=plant.gain_bound,
+            free=free.astype(float),
+            coupling=plant.coupling,
+            ports=ports,
+            witness=Multipliers(*groups),
+        )
+        return certificate, None
+    if solution is None:
+        return None, None
+    x = np.full(q.size, Fraction(0), dtype=object)
+    x[kept] = solution[:-1]
+    return None, x

@@ -1,0 +1,125 @@
+"""Matrices of linear programs: dense while they are small, sparse where most entries are zero and there are many.
+
+Functions here take either kind and return the kind they were given; a sparse block makes the whole sparse.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ...exact.budget import require_seconds
+
+Floats = NDArray[np.float64]
+
+# Entries up to which dense matrices are faster.
+_SMALL = 30_000
+# Seconds that it takes to assemble and to scale a program, for each entry that is not zero, in all its copies.
+SECONDS_PER_ENTRY = 1.5e-7
+# Entries of a program beyond which memory ends before patience does.
+_MOST_ENTRIES = 10**8
+
+
+def require_room(entries: float) -> None:
+    """Raise OutOfTimeError unless a program of so many entries can be set up within the time limit.
+
+    Parameters
+    ----------
+    entries : float
+        That are not zero.
+    """
+    require_seconds(entries * SECONDS_PER_ENTRY if entries <= _MOST_ENTRIES else np.inf)
+
+
+def compact(rows: Any) -> Any:
+    """Small sparse matrices as dense ones."""
+    return rows.toarray() if sp.issparse(rows) and rows.shape[0] * rows.shape[1] <= _SMALL else rows
+
+
+def entry_rows(data: Floats, columns: NDArray[np.intp], width: int) -> sp.csr_array:
+    """Rows with entries data[r, e] in the columns columns[r, e], which differ within a row; zeros are left out."""
+    held = data != 0
+    indptr = np.concatenate([[0], np.cumsum(held.sum(axis=1))])
+    return sp.csr_array((data[held], columns[held], indptr), shape=(len(data), width))
+
+
+def products(left: Floats, right: Floats, k: NDArray[np.intp], free: NDArray[np.intp]) -> Any:
+    """Rows of left_r' L right_k(r) over the entries `free` of L in row-major order.
+
+    Parameters
+    ----------
+    left, right : ndarray, shapes (R, m), (p, q)
+    k : ndarray of int, shape (R,)
+    free : ndarray of int, shape (f,)
+    """
+    count, m = left.shape
+    width = right.shape[1]
+    if count * m * width <= _SMALL:
+        return (left[:, :, None] * right[k][:, None, :]).reshape(count, m * width)[:, free]
+    # only pairs of entries that are not zero
+    held = np.count_nonzero(right, axis=1)
+    require_room(float(np.count_nonzero(left, axis=1) @ held[k]))
+    r, j = np.nonzero(left)
+    l = np.nonzero(right)[1]
+    starts = np.cumsum(held) - held
+    each = held[k[r]]
+    first = np.repeat(np.arange(len(r)), each)
+    second = np.arange(len(first)) - np.repeat(np.cumsum(each) - each - starts[k[r]], each)
+    place = np.full(m * width, -1)
+    place[free] = np.arange(len(free))
+    row, column = r[first], place[j[first] * width + l[second]]
+    kept = column >= 0
+    row, column = row[kept], column[kept]
+    values = left[r, j][first[kept]] * right[right != 0][second[kept]]
+    return sp.csr_array((values, column, np.searchsorted(row, np.arange(count + 1))), shape=(count, len(free)))
+
+
+def stacked(*parts: Any) -> Any:
+    """One below the other."""
+    if any(sp.issparse(part) for part in parts):
+        return sp.csr_array(sp.vstack([sp.csr_array(part) for part in parts], format="csr"))
+    return np.concatenate(parts)
+
+
+def assembled(blocks: Sequence[Sequence[Any]]) -> Any:
+    """A matrix of blocks; None stands for zeros."""
+    if any(sp.issparse(block) for row in blocks for block in row):
+        return sp.csr_array(sp.block_array(blocks, format="csr"))
+    heights = [next(block.shape[0] for block in row if block is not None) for row in blocks]
+    widths = [next(block.shape[1] for block in column if block is not None) for column in zip(*blocks, strict=True)]
+    return np.block(
+        [
+            [np.zeros((height, width)) if block is None else block for block, width in zip(row, widths, strict=True)]
+            for row, height in zip(blocks, heights, strict=True)
+        ]
+    )
+
+
+def bordered(top: Any, bottom: Any, border: Floats) -> Any:
+    """[[top, 0], [bottom, border]]."""
+    return assembled([[top, None], [bottom, _column(border, sp.issparse(top))]])
+
+
+def scaled(M: Any, scale: Floats) -> Any:
+    """M with its columns multiplied."""
+    return M @ sp.diags_array(scale, format="csr") if sp.issparse(M) else M * scale
+
+
+def scaled_rows(M: Any, scale: Floats) -> Any:
+    """M with its rows multiplied."""
+    return sp.diags_array(scale, format="csr") @ M if sp.issparse(M) else M * scale[:, None]
+
+
+def diagonals(sizes: Sequence[Floats]) -> Any:
+    """Diagonal matrices side by side."""
+    if sum(size.size**2 for size in sizes) > _SMALL:
+        return sp.csr_array(sp.hstack([sp.diags_array(size) for size in sizes], format="csr"))
+    return np.hstack([np.diag(size) for size in sizes])
+
+
+def _column(values: Floats, sparse: bool) -> Any:
+    return sp.csr_array(values[:, None]) if sparse else values[:, None]

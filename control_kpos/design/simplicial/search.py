@@ -1,0 +1,239 @@
+"""From the one-shot program on a simplicial cone to a certified gain, a proof that there is none, or neither.
+
+The order: the smallest gain; then, with one per cent more gain, decay rate and margins, so that a rounded F is
+safely inside; then proof.  If the program has no solution, Farkas multipliers in exact arithmetic.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from ...cones import Cone
+from ...errors import DataError
+from ...exact.budget import OutOfTimeError, seconds_left
+from ...exact.matrix import ExactMatrix
+from ...proof.certificate import Certificate, Status
+from ...systems.statespace import ConeStateSpace
+from ..accept import Accepted, accept, closed_loop
+from ..actuator_loss import certified_fraction
+from ..modes import controllability_notes
+from ..plant import Plant, column_freedom, exact_geometry
+from ..result import DesignResult, Nearest
+from ..solver import Programs
+from .program import Failure, SimplicialProgram, gain_of
+from .refusal import decide
+
+SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
+LARGEST_RATE = "largest decay rate"
+FIRST_GAIN = "nothing; max |F x_k| at the generators of X"
+# The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
+GAIN_SLACK = 0.05
+# Of the decay rate that the slack allows, the part that is used; and of the largest rate, the part asked for.
+_RATE_SHARE, _MAX_RATE_SHARE = 0.8, 0.999
+# Refusals are about decay rates this much smaller than the one asked for, so that a boundary stays undecided.
+BELOW = 1 - 1e-9
+
+
+def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
+    """The one-shot design; the plant's pattern must follow the blocks of X."""
+    free = column_freedom(plant)
+    if free is None:
+        raise DataError("structure does not follow the blocks of X; this program cannot express it.")
+    trivial = without_feedback(plant, rate)
+    if trivial is not None:
+        return trivial
+    program = SimplicialProgram(plant, free, lp)
+    if rate == "max":
+        return _fastest(plant, program, lp)
+    target = float(rate)
+    start = program.start(target)
+    if isinstance(start, Failure):
+        return _refuse(plant, target, start, program, lp)
+    return _smallest(plant, program, target, start, SMALLEST_GAIN, lp)
+
+
+def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
+    """The result with gain 0, if that does what is asked."""
+    if rate == "max" or len(plant.A) > 1:
+        return None
+    width = plant.n if plant.C is None else plant.C.shape[0]
+    found = accept(plant, np.zeros((plant.m, width)), rate=float(rate))
+    return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
+
+
+def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
+    """Any certified gain: by columns if that works, by the one-shot program otherwise."""
+    free = column_freedom(plant)
+    if free is None:
+        raise DataError("structure does not follow the blocks of X; this program cannot express it.")
+    program = SimplicialProgram(plant, free, lp)
+    point = program.by_columns(rate)
+    for x in (None if point is None else program.centred(rate, None, point), point):
+        if x is None:
+            continue
+        F, inside = program.read(x)
+        found = accept(plant, F, rate=rate, x=inside)
+        if found is not None:
+            value = gain_of(found.F, plant.rays)
+            return succeed(plant, found, FIRST_GAIN, value, float("nan"))
+    return design_on_simplicial(plant, rate, lp)
+
+
+def _smallest(
+    plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str, lp: Programs
+) -> DesignResult:
+    if seconds_left() <= 0:
+        return exact_design(plant, rate, lp)
+    x, infimum = program.smallest_gain(rate, start)
+    allowed = infimum * (1 + GAIN_SLACK)
+    fast, reachable = program.largest_rate(x, allowed, tolerance=0.05)
+    reachable = min(reachable, rate + plant.scale)
+    target = rate + _RATE_SHARE * max(reachable - rate, 0.0)
+
+    def points() -> Iterator[Any]:
+        """The first meets the target with room to spare; the others are fallbacks, each closer to the boundary."""
+        yield program.centred(target, allowed, fast)
+        yield program.centred(rate, allowed, x)
+        yield from (fast, x, start)
+
+    for point in points():
+        F, inside = program.read(point)
+        found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK))
+        if found is not None:
+            value = gain_of(found.F, plant.rays) if objective == SMALLEST_GAIN else _proven_rate(found.certificate)
+            return succeed(plant, found, objective, value, infimum)
+    return exact_design(plant, rate, lp, infimum)
+
+
+def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
+    """Decide by exact arithmetic: a proof that there is no gain, or a rational one rounded to doubles."""
+    lp.stage("deciding in exact arithmetic")
+    proof, x = decide(plant, rate * BELOW, port_data(plant))
+    if proof is not None:
+        message = "the demands contradict each other."
+        return DesignResult(Status.REFUTED, certificate=proof, message=message)
+    if x is not None:
+        n, m = plant.n, plant.m
+        rays = exact_geometry(plant)[1]
+        try:
+            G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
+            T = np.array([[float(v) for v in row] for row in rays])
+            found = accept(plant, np.linalg.solve(T, G.T).T, rate=rate)
+        except (OverflowError, np.linalg.LinAlgError):
+            found = None
+        if found is not None:
+            return succeed(plant, found, SMALLEST_GAIN, gain_of(found.F, plant.rays), infimum)
+        return DesignResult(
+            Status.UNDECIDED,
+            message="gains in fractions exist, but none that doubles can express was proven; relax the demands.",
+        )
+    return DesignResult(
+        Status.UNDECIDED,
+        message="the linear program has no solution that could be proven, and exact arithmetic would take too long, or "
+        "longer than the time limit leaves.",
+    )
+
+
+def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignResult:
+    best = program.supremum_of_rates()
+    if isinstance(best, Failure):
+        return _refuse(plant, 0.0, best, program, lp)
+    x, limit = best
+    if np.isinf(limit):
+        return DesignResult(
+            Status.UNDECIDED,
+            objective=LARGEST_RATE,
+            limit=limit,
+            message="nothing limits the decay rate; give gain_bound, or the rate you need.",
+        )
+    if limit <= 0:
+        return exact_design(plant, 0.0, lp)
+    result = DesignResult(Status.UNDECIDED)
+    for share in (_MAX_RATE_SHARE, 0.99, 0.9):
+        again = program.start(limit * share)
+        point = x if isinstance(again, Failure) else again
+        result = _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
+        if result:
+            return replace(result, limit=limit)
+        if seconds_left() <= 0:
+            break
+    return result
+
+
+def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram, lp: Programs) -> DesignResult:
+    result = exact_design(plant, rate, lp)  # also if the solver failed: that must not hide a proof either way
+    if result:
+        return result
+    if failure.solver and result.status is not Status.REFUTED:
+        return DesignResult(Status.UNDECIDED, message=f"the solver failed: {failure.reason}.")
+    return replace(result, nearest=_nearest(plant, rate, program), notes=tuple(controllability_notes(plant)))
+
+
+def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest | None:
+    slowest = bound = None
+    with suppress(OutOfTimeError):
+        if rate > 0:
+            best = program.supremum_of_rates()
+            if not isinstance(best, Failure):
+                limit = best[1]
+                slowest = limit if np.isfinite(limit) and limit > 0 else None
+        if plant.gain_bound is not None:
+            unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.free, program.lp)
+            start = unbounded.start(rate)
+            if not isinstance(start, Failure):
+                bound = unbounded.smallest_gain(rate, start)[1]
+    return None if slowest is None and bound is None else Nearest(slowest, bound)
+
+
+def port_data(plant: Plant) -> tuple[ExactMatrix, ExactMatrix, Cone] | None:
+    """(C, D, Y) if outputs are to stay in Y."""
+    if not plant.ports:
+        return None
+    _, _, C, D = plant.system._data()
+    return C, D, plant.system.Y
+
+
+def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
+    """The result for an accepted gain."""
+    sys = plant.system
+    _, _, C, D = sys._data()
+    full = found.F if plant.C is None else found.F @ np.asarray(plant.C.values)
+    loop = ConeStateSpace(
+        found.closed[0],
+        plant.B[0],
+        closed_loop(C, D, full if plant.C is None else _exact_product(found.F, plant.C)),
+        D,
+        sys.dt,
+        X=plant.X,
+        U=sys.U,
+        Y=sys.Y,
+        inputs=sys.input_labels,
+        outputs=sys.output_labels,
+        states=sys.state_labels,
+        remove_useless_states=False,
+    )
+    return DesignResult(
+        Status.PROVED,
+        found.F,
+        loop,
+        found.certificate,
+        objective,
+        value,
+        limit,
+        _proven_rate(found.certificate),
+        certified_fraction(plant, found),
+        notes=tuple(controllability_notes(plant)),
+    )
+
+
+def _exact_product(K: Any, C: ExactMatrix) -> Any:
+    return ExactMatrix.from_fractions(ExactMatrix(np.asarray(K, dtype=float)).fractions() @ C.fractions())
+
+
+def _proven_rate(certificate: Certificate) -> float:
+    return float(getattr(certificate, "decay_rate", np.nan))

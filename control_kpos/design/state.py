@@ -1,0 +1,201 @@
+"""State feedback u = F x + w that makes a cone invariant and the closed loop stable (section V.A of the paper)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..cones import Cone
+from ..errors import DataError
+from ..exact.intake import choice, real_number, seconds
+from ..progress import Reporter, Target
+from ..proof.certificate import Status
+from ..theorems.positivity import cone_positivity
+from .disturbance import reject_disturbance
+from .limits import within
+from .modelling import design_with_constraints
+from .plant import (
+    Plant,
+    column_freedom,
+    read_plant,
+    require_simplicial,
+)
+from .polyhedral.search import design_by_alternation
+from .result import DesignResult
+from .simplicial.search import design_on_simplicial, first_gain
+from .simplicial.two_step import design_in_two_steps
+from .solver import Programs, SolverChoice
+
+Method = Literal["auto", "one-shot", "first", "alternation", "two-step"]
+_METHODS = ("auto", "one-shot", "first", "alternation", "two-step")
+
+
+def state_feedback(
+    sys: Any,
+    *,
+    X: Cone | ArrayLike | None = None,
+    rate: float | Literal["max"] = 0.0,
+    gain_bound: ArrayLike | None = None,
+    structure: ArrayLike | None = None,
+    vertices: Sequence[Any] | None = None,
+    disturbance: Sequence[ArrayLike] | None = None,
+    ports: bool = False,
+    constraints: Callable[[Any], Sequence[Any]] | None = None,
+    objective: Callable[[Any], Any] | None = None,
+    method: Method = "auto",
+    solver: SolverChoice = None,
+    time_limit: float = 60.0,
+    progress: Target = None,
+) -> DesignResult:
+    """Find the smallest gain F for which u = F x + w makes X invariant and x' = (A + B F) x stable.
+
+    Parameters
+    ----------
+    sys : ConeStateSpace or control.StateSpace
+        The plant; discrete time if its timebase says so.
+    X : Cone or array_like of rays, optional
+        Default: the cone of `sys` (the orthant for a plain system).
+    rate : float or "max"
+        Decay rate to be reached, per unit of time; in discrete time V(x[k+1]) <= (1 - rate) V(x[k]).  "max": as
+        fast as possible.  0: any.  A gain that is only just large enough leaves little decay: ask for what you need.
+    gain_bound : float or array_like, shape (m,), optional
+        |F x_k| <= gain_bound, input by input, at every generator x_k of X with the length it has in `X.rays`: the
+        input that the state x_k may use.
+    structure : array_like of bool, shape (m, n), optional
+        True where F may differ from zero.
+    vertices : sequence of (A_s, B_s), or of systems, optional
+        One F for all of them, and for their convex hull, with one common vector as proof.  They replace A and B
+        of `sys`.
+    disturbance : (E, G), (E, G, H) or (E, G, H, D), optional
+        Minimise the L-infinity gain from w to z in x' = (A + B F) x + E w, z = (G + H F) x + D w instead of the gain
+        F; w and z in orthants, and positivity from w to z is part of the design.
+    ports : bool
+        True: the closed loop must also be positive from w in U to y in Y: B U in X and (C + D F) X in Y.
+    constraints : callable, optional
+        Of a cvxpy variable F, shape (m, n): a list of further linear constraints.
+    objective : callable, optional
+        Of the same variable: a convex expression to minimise instead of the gain.
+    method : {"auto", "one-shot", "first", "alternation", "two-step"}
+        "one-shot": necessary and sufficient on simplicial cones.  "first": the same without a search for the
+        smallest gain, for many states.  "alternation": any cone and any pattern.
+        "two-step": the linear programs of the paper, for reference.  "auto" chooses between the first two.
+    solver : str, callable or None
+        None: HiGHS directly.  The name of any installed solver that cvxpy knows; or
+        f(c, A_ub, b_ub, A_eq, b_eq, bounds) that returns x.  No solver is trusted.
+    time_limit : float
+        Seconds; what is not settled by then is UNDECIDED.
+    progress : callable or bool, optional
+        Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
+        terminal or a notebook; False: never; True: also where nobody seems to watch.
+
+    Returns
+    -------
+    DesignResult
+        PROVED with the gain and its certificate; REFUTED with a proof that there is no such gain (one-shot
+        method; or invariance alone is impossible); UNDECIDED otherwise.  Never a gain without proof.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError, NotProperConeError, SolverError
+        Arguments that do not fit together; a solver that is not installed.
+
+    Notes
+    -----
+    With T = (x_1 ... x_n) and z_k = xi_k F x_k, invariance and stability are linear in xi > 0 and z: see
+    `control_kpos.synthesis.inequalities`.  A handful of programs with n + n m variables and n^2 rows: 20 ms for
+    two states, 0.1 s for ten states and five inputs, proof included.  On other cones the alternation of
+    `control_kpos.synthesis.alternation` solves some dozens of programs.
+
+    The paper's section V.A is `method="two-step"`; the default finds gains whenever there are any.
+
+    Examples
+    --------
+    >>> import control as ct, control_kpos as kp, numpy as np
+    >>> plant = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+    >>> d = kp.state_feedback(plant, X=[[0, 1], [1, -2]], rate=1)
+    >>> bool(d), d.decay_rate >= 1, round(d.limit, 3)
+    (True, True, 5.0)
+    >>> d.closed_loop.is_cone_positive()
+    True
+
+    python-control takes it from there, with its own sign convention u = -K x:
+
+    >>> controller, closed = ct.create_statefbk_iosystem(ct.ss(plant.A, plant.B, np.eye(2), 0), d.K)
+    >>> same = ct.ss(plant.A + plant.B @ d.F, plant.B, plant.C, plant.D)
+    >>> np.allclose(same.poles(), d.closed_loop.poles())
+    True
+
+    A demand that no gain meets:
+
+    >>> kp.state_feedback(plant, X=kp.orthant(2)).status.name
+    'REFUTED'
+    """
+    method, limit = choice(method, "method", _METHODS), read_time_limit(time_limit)
+    target = read_rate(rate)
+
+    def design() -> DesignResult:
+        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
+        with Reporter(progress) as report:
+            lp = Programs(solver, report)
+            if constraints is None and objective is None:
+                return _design(plant, target, disturbance, method, lp)
+            if target == "max" or disturbance is not None:
+                raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
+            blocked = _inputs_leave_cone(plant)
+            if blocked is not None:
+                return blocked
+            return design_with_constraints(plant, float(target), constraints, objective, solver, lp)
+
+    return within(limit, design)
+
+
+def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp: Programs) -> DesignResult:
+    blocked = _inputs_leave_cone(plant)
+    if blocked is not None:
+        return blocked
+    if disturbance is not None:
+        require_simplicial(plant.X, "disturbance rejection")
+        if target == "max" or plant.pattern is not None:
+            raise DataError("disturbance goes with a fixed rate, and not with structure.")
+        return reject_disturbance(plant, float(target), disturbance, lp)
+    if method == "two-step":
+        return design_in_two_steps(plant, float(target) if target != "max" else 0.0, lp)
+    exact = plant.X.is_simplicial and column_freedom(plant) is not None
+    if method in ("one-shot", "first") and not exact:
+        require_simplicial(plant.X, "the one-shot program")
+        raise DataError('structure does not follow the blocks of X; use method="alternation".')
+    if method == "first" and target != "max":
+        return first_gain(plant, float(target), lp)
+    if exact and method != "alternation":
+        return design_on_simplicial(plant, target, lp)
+    return design_by_alternation(plant, target, lp)
+
+
+def read_rate(rate: Any) -> float | str:
+    """A nonnegative number, or "max"."""
+    if isinstance(rate, str):
+        return choice(rate, "rate", ("max",))
+    return real_number(rate, "rate", nonnegative=True)
+
+
+def read_time_limit(value: Any) -> float:
+    """A positive number of seconds, or inf."""
+    return seconds(value, "time_limit")
+
+
+def _inputs_leave_cone(plant: Plant) -> DesignResult | None:
+    """B U in X does not depend on F: if it fails, ports=True is impossible."""
+    if not plant.ports:
+        return None
+    eye = np.eye(plant.n)
+    certificate = cone_positivity(eye, plant.B[0], None, None, plant.X, plant.system.U, discrete=plant.discrete)
+    if certificate.status is not Status.REFUTED:
+        return None
+    return DesignResult(
+        Status.REFUTED,
+        certificate=certificate,
+        message="B U is not inside X, and no feedback changes that; choose another X or U, or ports=False.",
+    )

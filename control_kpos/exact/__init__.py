@@ -1,0 +1,1 @@
+"""Exact numbers and proven signs: what every verdict rests on."""

@@ -1,0 +1,360 @@
+"""Linear programs in floating point: fast, convenient and untrusted.
+
+    minimise c'x   subject to   A_ub x <= b_ub,   A_eq x = b_eq,   lower <= x <= upper
+
+solved by HiGHS.  Rows and columns are scaled by powers of two first, because HiGHS drops matrix
+entries below 1e-9 and takes 1e20 for infinity.  Whatever a solver answers is a proposal: the theorem
+modules prove it or throw it away, and "infeasible" is turned into a proof, or not, by
+`control_kpos.rational_programs`.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import threading
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
+
+import highspy
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import ShapeError, SolverError
+from .budget import seconds_left
+
+T = TypeVar("T")
+Outcome: TypeAlias = Literal["optimal", "infeasible", "unbounded", "failed"]
+
+_OUTCOMES: dict[Any, Outcome] = {
+    highspy.HighsModelStatus.kOptimal: "optimal",
+    highspy.HighsModelStatus.kInfeasible: "infeasible",
+    highspy.HighsModelStatus.kUnbounded: "unbounded",
+    highspy.HighsModelStatus.kUnboundedOrInfeasible: "infeasible",
+}
+
+# Of HiGHS's simplex method, on the scaled program; its default is 1e-7, its smallest 1e-10.
+_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a solver answered; a claim, not a fact.
+
+    Attributes
+    ----------
+    outcome : {"optimal", "infeasible", "unbounded", "failed"}
+        "failed" covers errors, time limits and answers that are not finite numbers.
+    x : ndarray, shape (n,)
+        The point found; empty unless the outcome is "optimal".
+    value : float
+        c'x; NaN unless the outcome is "optimal".
+    basic : ndarray of int
+        Basic variables, x first and the rows after them; empty where the method has no basis.
+    message : str
+        Why it failed.
+    """
+
+    outcome: Outcome
+    x: NDArray[np.float64]
+    value: float = np.nan
+    basic: NDArray[np.intp] | None = None
+    message: str = ""
+
+    def __bool__(self) -> bool:
+        return self.outcome == "optimal"
+
+
+def failure(message: str) -> Solution:
+    """A `Solution` without a point."""
+    return Solution("failed", np.empty(0), message=message)
+
+
+def solve(
+    c: ArrayLike,
+    A_ub: Any = None,
+    b_ub: ArrayLike | None = None,
+    A_eq: Any = None,
+    b_eq: ArrayLike | None = None,
+    bounds: tuple[ArrayLike, ArrayLike] = (0.0, np.inf),
+    *,
+    method: Literal["simplex", "ipm"] = "simplex",
+    presolve: bool = True,
+    time_limit: float = np.inf,
+) -> Solution:
+    """Solve a linear program with HiGHS after scaling it by powers of two.
+
+    Parameters
+    ----------
+    c : array_like, shape (n,)
+        Cost.
+    A_ub, A_eq : array_like or sparse, shape (k, n), optional
+        Rows of A_ub x <= b_ub and of A_eq x = b_eq.
+    b_ub, b_eq : array_like, shape (k,), optional
+        Right-hand sides.
+    bounds : pair of array_like, shape (n,) or scalars
+        Lower and upper bounds; infinities mean none.  The default is x >= 0.
+    method : {"simplex", "ipm"}
+        "ipm" is the interior point method without crossover: for large sparse problems whose
+        solution need not be a vertex.
+    presolve : bool
+        False: leave out HiGHS's presolve, half of the time where a few hundred rows hold nothing to be simplified;
+        with presolve after all if the outcome is not "optimal".
+    time_limit : float
+        Seconds after which the outcome is "failed", if the search around it does not end earlier.  Kept also if the
+        solver does not keep it.
+
+    Returns
+    -------
+    Solution
+        Never raises for a solver's sake.
+
+    Raises
+    ------
+    ShapeError
+        If the sizes do not fit.
+
+    Notes
+    -----
+    About a millisecond for a few dozen rows; linear in the number of nonzeros up to the solver's work.
+
+    Examples
+    --------
+    >>> solution = solve([1, 1], A_ub=[[-1, -2]], b_ub=[-2])
+    >>> solution.outcome, solution.value
+    ('optimal', 1.0)
+    """
+    cost = np.asarray(c, dtype=float)
+    n = cost.size
+    kinds = [(A_ub, b_ub, -np.inf), (A_eq, b_eq, None)]
+    given = [(_rows(A, n), np.atleast_1d(np.asarray(b, dtype=float)), low) for A, b, low in kinds if A is not None]
+    for A, b, _ in given:
+        if A.shape[0] != b.size or A.shape[1] != n:
+            raise ShapeError(
+                f"a constraint matrix is {A.shape[0]} x {A.shape[1]}, but there are {n} variables and {b.size} bounds."
+            )
+    parts = [A for A, _, _ in given] or [sp.csr_array((0, n))]
+    matrix = parts[0] if len(parts) == 1 else sp.csr_array(sp.vstack(parts, format="csr"))
+    upper = np.concatenate([b for _, b, _ in given]) if given else np.empty(0)
+    lower = (
+        np.concatenate([b if low is None else np.full(b.size, low) for _, b, low in given]) if given else np.empty(0)
+    )
+    box = [np.broadcast_to(np.asarray(side, dtype=float), n) for side in bounds]
+    if not all(np.isfinite(data).all() for data in (cost, matrix.data)) or np.isnan(upper).any():
+        return failure("the program has entries that are not finite")
+    if any(np.isnan(side).any() for side in box):
+        return failure("the program has bounds that are not numbers")
+    limit = min(time_limit, seconds_left())
+    answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, limit), limit)
+    return vetted(answer, cost)
+
+
+def vetted(answer: Any, cost: NDArray[np.float64]) -> Solution:
+    """What a solver returned as a `Solution`, "failed" unless it is one, or a finite vector of the right length.
+
+    Parameters
+    ----------
+    answer : object
+        A `Solution`, a vector, None for "no point", or a sentence of `guarded`.
+    cost : ndarray, shape (n,)
+    """
+    if isinstance(answer, str):
+        return failure(answer)
+    basic = None
+    if isinstance(answer, Solution):
+        if answer.outcome != "optimal":
+            return answer
+        answer, basic = answer.x, answer.basic
+    if answer is None:
+        return Solution("infeasible", np.empty(0), message="the solver found no point")
+    try:
+        x = np.asarray(answer, dtype=float)
+    except (TypeError, ValueError):
+        return failure("the solver returned something that is not a vector")
+    if x.shape != cost.shape or not np.isfinite(x).all():
+        return failure("the solver returned a vector of the wrong length, or numbers that are not finite")
+    return Solution("optimal", x, float(cost @ x), basic)
+
+
+def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
+    """The result of `call`, or a sentence if it raised or did not return in time.
+
+    With a finite limit the call runs in another thread, which is left behind when the limit passes: solvers do
+    not keep their own limits reliably.
+    """
+    outcome: list[T | str] = []
+    passed_on: list[BaseException] = []
+
+    def run() -> None:
+        try:
+            outcome.append(call())
+        except (KeyboardInterrupt, SolverError) as error:
+            passed_on.append(error)
+        except BaseException as error:  # noqa: BLE001  (a solver may raise anything, MemoryError and SystemExit included)
+            outcome.append(f"the solver raised {type(error).__name__}: {error}")
+
+    with warnings.catch_warnings():  # here, so that a call that hangs does not keep its filter
+        warnings.simplefilter("ignore")
+        if np.isfinite(time_limit):
+            _Worker.run_for(max(time_limit, 0.0) + 0.5, run)
+        else:
+            run()
+    for error in passed_on:
+        raise error
+    return outcome[0] if outcome else f"the solver did not answer within {time_limit:g} s"
+
+
+class _Worker(threading.Thread):
+    """A thread that makes one call after another; one that is late is given up, and ends after its call.
+
+    Kept for the next call because HiGHS sets up memory of its own for every thread, as much work as a small program.
+    """
+
+    idle: ClassVar[list[_Worker]] = []
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self._calls: queue.SimpleQueue[tuple[Callable[[], None], threading.Event] | None] = queue.SimpleQueue()
+        self.start()
+
+    @classmethod
+    def run_for(cls, seconds: float, call: Callable[[], None]) -> None:
+        """Make the call, and return when it does or when the time has passed."""
+        try:
+            worker = cls.idle.pop()
+        except IndexError:
+            worker = cls()
+        done = threading.Event()
+        worker._calls.put((call, done))
+        try:
+            done.wait(min(seconds, threading.TIMEOUT_MAX))
+        finally:
+            if done.is_set():
+                cls.idle.append(worker)
+            else:
+                worker._calls.put(None)
+
+    def run(self) -> None:
+        while (task := self._calls.get()) is not None:
+            call, done = task
+            call()
+            done.set()
+            del task, call, done  # results do not outlive their caller
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_Worker.idle.clear)  # threads do not survive a fork
+
+
+def _rows(A: Any, n: int) -> sp.csr_array:
+    if sp.issparse(A):
+        return sp.csr_array(A, dtype=float)
+    dense = np.asarray(A, dtype=float)
+    if dense.ndim < 2:
+        dense = dense.reshape(-1, n)
+    held = dense != 0  # a third of the time of csr_array(dense), which goes through coordinates
+    indptr = np.concatenate([[0], np.cumsum(held.sum(axis=1))])
+    return sp.csr_array((dense[held], np.flatnonzero(held) % max(dense.shape[1], 1), indptr), shape=dense.shape)
+
+
+def _run_highs(
+    cost: NDArray[np.float64],
+    matrix: sp.csr_array,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    box: list[NDArray[np.float64]],
+    method: str,
+    presolve: bool,
+    time_limit: float,
+) -> Solution:
+    begun = time.monotonic()
+    rows, columns = balance(matrix)
+    right = np.concatenate([np.ldexp(upper, rows), *(np.ldexp(side, -columns) for side in box)])
+    size = -_exponent(right[np.isfinite(right)])
+    objective = np.ldexp(cost, columns)
+    price = -_exponent(objective)
+
+    solver = highspy.Highs()
+    options: dict[str, Any] = {"output_flag": False, "threads": 1, "presolve": "choose" if presolve else "off"}
+    if method == "simplex":
+        options |= {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
+    if method == "ipm":
+        options |= {"solver": "ipm", "run_crossover": "off"}
+    if np.isfinite(time_limit):
+        options["time_limit"] = float(max(time_limit, 1e-3))
+    for name, value in options.items():
+        solver.setOptionValue(name, value)
+    # as arrays: an HighsLp copies its vectors number by number through Python
+    passed = solver.passModel(
+        cost.size,
+        lower.size,
+        matrix.nnz,
+        int(highspy.MatrixFormat.kRowwise),
+        int(highspy.ObjSense.kMinimize),
+        0.0,
+        np.ldexp(objective, price),
+        np.ldexp(box[0], size - columns),
+        np.ldexp(box[1], size - columns),
+        np.ldexp(lower, rows + size),
+        np.ldexp(upper, rows + size),
+        matrix.indptr.astype(np.int32),
+        matrix.indices.astype(np.int32),
+        np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices]),
+        np.zeros(cost.size, dtype=np.int32),
+    )
+    if passed == highspy.HighsStatus.kError:
+        return failure("HiGHS refused the program")
+    if solver.run() == highspy.HighsStatus.kError:
+        # one pool of threads serves the whole process, and another caller of HiGHS has chosen its size
+        solver.setOptionValue("threads", 0)
+        solver.run()
+    if not presolve and solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
+        left = time_limit - (time.monotonic() - begun)
+        return _run_highs(cost, matrix, lower, upper, box, method, True, left)
+    outcome = _OUTCOMES.get(solver.getModelStatus(), "failed")
+    if outcome == "infeasible" and not lower.size:
+        outcome = "unbounded"
+    if outcome != "optimal":
+        return Solution(outcome, np.empty(0), message=f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
+    x = np.ldexp(np.asarray(solver.getSolution().col_value, dtype=float), columns - size)
+    basic = None
+    if method == "simplex":
+        _, index = solver.getBasicVariables()  # type: ignore[attr-defined]
+        index = np.asarray(index, dtype=np.intp)
+        basic = np.where(index >= 0, index, cost.size - 1 - index)
+    return Solution("optimal", x, basic=basic)
+
+
+def _exponent(values: NDArray[np.float64]) -> int:
+    """e with 2**e about the largest magnitude; 0 for zeros."""
+    return int(np.frexp(np.abs(values).max(initial=0.0))[1])
+
+
+def balance(matrix: sp.csr_array, sweeps: int = 4) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Exponents r, c that bring 2**r_i |a_ij| 2**c_j close to 1: geometric means in turns.
+
+    Parameters
+    ----------
+    matrix : csr_array, shape (m, n)
+    sweeps : int
+        Passes over rows and columns.
+
+    Returns
+    -------
+    rows, columns : ndarray of int32, shapes (m,), (n,)
+    """
+    m, n = matrix.shape
+    held = matrix.data != 0
+    row = np.repeat(np.arange(m), np.diff(matrix.indptr))[held]
+    column = matrix.indices[held]
+    size = np.frexp(matrix.data[held])[1].astype(float)
+    r, c = np.zeros(m), np.zeros(n)
+    per_row, per_column = np.maximum(np.bincount(row, minlength=m), 1), np.maximum(np.bincount(column, minlength=n), 1)
+    for _ in range(sweeps):
+        r = -np.bincount(row, size + c[column], minlength=m) / per_row
+        c = -np.bincount(column, size + r[row], minlength=n) / per_column
+    return np.rint(r).astype(np.int32), np.rint(c).astype(np.int32)

@@ -1,0 +1,405 @@
+"""The trusted kernel: proven signs of bilinear forms z_ki = l_k' M r_i.
+
+Every claim of this package comes down to signs of such numbers: h_k'A x_i for invariance, v'A x_i
+for stability.  Three steps, each taken only for what the one before left open:
+
+1. floating point with an a-priori bound: |fl(z) - z| <= g |l|'|M||r| with g = (K eps) / (1 - K eps),
+   eps = 2^-53, K the number of roundings (Higham, Accuracy and Stability of Numerical Algorithms,
+   section 3.1), first with norms, then entrywise;
+2. exactness: if all data are multiples of powers of two so coarse that |l|'|M||r| stays below 2^52
+   units, no rounding happened and fl(z) = z;
+3. integer arithmetic with mantissas at a common exponent.
+
+Comparisons are written so that NaN and infinity count as undecided.  Nothing here calls a solver.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property, reduce
+from itertools import product
+from math import prod
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .matrix import (
+    HALF_ULP,
+    SMALLEST_NORMAL,
+    ExactMatrix,
+    Integers,
+    dense,
+    granularity,
+    integers_of_doubles,
+)
+
+UNKNOWN = 2
+# Multiplications of integers after which exact arithmetic gives up (about a minute).
+EXACT_LIMIT = 3 * 10**8
+_CHUNK = 10**6
+_SMALL = 4096
+_SHORT = 16
+
+
+class BilinearForms:
+    """The numbers z_ki = l_k' M r_i for rows l_k of `left` and rows r_i of `right`.
+
+    Parameters
+    ----------
+    left : ExactMatrix, shape (..., k, a)
+    middle : ExactMatrix, shape (..., a, b), or None for the identity
+    right : ExactMatrix, shape (..., p, b)
+        Dense, or sparse in two dimensions.  Dense operands may be stacks; leading dimensions
+        broadcast.  The result is sparse if every operand is; entries outside its pattern are zero.
+
+    Notes
+    -----
+    Signs cost a few times the products themselves; integer arithmetic runs only on entries whose
+    relative size |z| / (|l|'|M||r|) is below about 1e-15.
+    """
+
+    def __init__(self, left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> None:
+        self.is_sparse = all(m.is_sparse for m in (left, middle, right) if m is not None)
+        if not self.is_sparse:
+            left, right = _dense_if_small(left), _dense_if_small(right)
+            middle = None if middle is None else _dense_if_small(middle)
+        self.left, self.middle, self.right = left, middle, right
+        self._operands = [m for m in (left, middle, right) if m is not None]
+
+    @cached_property
+    def values(self) -> Any:
+        """The forms in floating point: ndarray (..., k, p), or csr_array on `pattern`."""
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            z = self._product(*(m.values for m in self._operands))
+        return self._on_pattern(z) if self.is_sparse else dense(z)
+
+    @cached_property
+    def magnitudes(self) -> Any:
+        """|l_k|' |M| |r_i| in floating point, shaped like `values`."""
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            m = self._product(*(abs(m.values) for m in self._operands))
+        return self._on_pattern(m) if self.is_sparse else dense(m)
+
+    @cached_property
+    def pattern(self) -> sp.csr_array:
+        """Positions of a sparse result where some product of entries is not zero by structure."""
+        out = sp.csr_array(self._product(*(_nonzero(m) for m in self._operands)))
+        out.sort_indices()
+        return out
+
+    def relative(self) -> Any:
+        """z_ki / (|l_k|'|M||r_i|), between -1 and 1 and free of all scales; 0 for 0/0."""
+        z, m = (self.values.data, self.magnitudes.data) if self.is_sparse else (self.values, self.magnitudes)
+        with np.errstate(invalid="ignore", over="ignore"):
+            ratio = np.divide(z, m, out=np.zeros_like(m), where=m > 0)
+        return (
+            sp.csr_array((ratio, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
+            if self.is_sparse
+            else ratio
+        )
+
+    def signs(self, where: NDArray[np.bool_] | None = None, *, integers: bool = True) -> Any:
+        """Proven signs -1, 0, +1, or `UNKNOWN` where exact arithmetic would be out of reach.
+
+        Parameters
+        ----------
+        where : ndarray of bool, shaped like the dense result, optional
+            Entries that matter; the others are reported as `UNKNOWN` unless they come for free.
+        integers : bool
+            False: leave what floating point cannot decide as `UNKNOWN`.
+
+        Returns
+        -------
+        ndarray of int8, shape (..., k, p), or csr_array of int8 on `pattern`
+        """
+        z = self.values.data if self.is_sparse else self.values
+        out = np.full(z.shape, UNKNOWN, dtype=np.int8)
+        if not self.is_sparse:
+            _decide(out, z, self._norm_bound())
+        open_ = out == UNKNOWN
+        if where is not None:
+            open_ &= where
+        if open_.any() and all(_finite(m) for m in self._operands):
+            magnitudes = self.magnitudes.data if self.is_sparse else self.magnitudes
+            _decide(out, z, self._entry_bound())
+            limit = self._exactness_limit()
+            exact = (out == UNKNOWN) & (magnitudes <= limit)
+            out[exact] = np.sign(z[exact]).astype(np.int8)
+            if not self.is_sparse and (open_ & (out == UNKNOWN)).any():
+                out[self._structure() == 0] = 0
+            open_ &= out == UNKNOWN
+            if integers and open_.any():
+                self._decide_by_integers(out, open_)
+        if self.is_sparse:
+            return sp.csr_array((out, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
+        return out
+
+    # -- floating point with a bound
+
+    @staticmethod
+    def _product(*factors: Any) -> Any:
+        *head, right = factors
+        out = head[0] @ head[1] if len(head) == 2 else head[0]
+        return out @ (right.T if sp.issparse(right) else np.swapaxes(right, -1, -2))
+
+    def _on_pattern(self, z: sp.csr_array) -> sp.csr_array:
+        z = sp.csr_array(z)
+        z.sort_indices()
+        if z.nnz != self.pattern.nnz:  # a product underflowed and was dropped
+            rows = np.repeat(np.arange(z.shape[0]), np.diff(self.pattern.indptr))
+            data = np.asarray(z[rows, self.pattern.indices]).ravel()
+        else:
+            data = z.data
+        return sp.csr_array((data, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
+
+    @cached_property
+    def _lengths(self) -> tuple[int, int]:
+        """Bounds on the number of terms in the inner sums over a and over b."""
+        inner = 0 if self.middle is None else min(_row_length(self.left), _column_length(self.middle))
+        return inner, _row_length(self.right)
+
+    def _relative_error(self) -> float:
+        """g for fl(z), with room for the rounding of the magnitudes themselves."""
+        count = (2 * sum(self._lengths) + 16) * HALF_ULP
+        return count / (1 - count) if count < 0.5 else np.inf
+
+    def _norm_bound(self) -> NDArray[np.float64]:
+        """Bound on |fl(z) - z| through Euclidean norms: no matrix product."""
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            nl, dl = _row_norms(self.left)
+            nr, dr = _row_norms(self.right)
+            nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
+            nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
+            inner, outer = self._lengths
+            # the second term covers products that underflow on the way
+            bound = (self._relative_error() * nl * nm + 4 * SMALLEST_NORMAL * (inner + 1) * np.sqrt(outer)) * nr
+            bound = bound + 4 * SMALLEST_NORMAL * (outer + 1)
+            if any(m.radius is not None for m in self._operands):
+                bound = bound + 1.01 * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
+            return bound
+
+    def _entry_bound(self) -> NDArray[np.float64]:
+        """Bound on |fl(z) - z| entry by entry."""
+        inner, outer = self._lengths
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            size = abs(self.right.values).sum(axis=-1)
+            underflow = 4 * SMALLEST_NORMAL * ((inner + 1) * np.asarray(size) + outer + 1)
+            if self.is_sparse:
+                bound = self._relative_error() * self.magnitudes.data + underflow[self.pattern.indices]
+            else:
+                bound = self._relative_error() * self.magnitudes + underflow[..., None, :]
+            done: list[Any] = []
+            for i, m in enumerate(self._operands):
+                if m.radius is not None:
+                    rest = [abs(k.values) for k in self._operands[i + 1 :]]
+                    more = self._product(*done, m.radius, *rest)
+                    bound = bound + 1.01 * (self._on_pattern(more).data if self.is_sparse else dense(more))
+                done.append(abs(m.values) if m.radius is None else abs(m.values) + m.radius)
+            return bound
+
+    def _structure(self) -> NDArray[np.float64]:
+        """Number of products of nonzero entries in each form; 0 proves a zero."""
+        return dense(self._product(*(_nonzero(m) for m in self._operands)))
+
+    def _exactness_limit(self) -> float:
+        """Magnitude up to which the floating point result is exact; negative if that cannot be said."""
+        if not all(m.is_double for m in self._operands):
+            return -1.0
+        units = [granularity(m.values.data if m.is_sparse else m.values) for m in self._operands]
+        unit = sum(units)
+        if min(unit, unit - units[-1]) < -1000 or unit > 900:
+            return -1.0
+        return float(np.ldexp(1.0, unit + 52))
+
+    # -- integers
+
+    def _decide_by_integers(self, out: NDArray[np.int8], open_: NDArray[np.bool_]) -> None:
+        if self.is_sparse:
+            rows = np.repeat(np.arange(self.pattern.shape[0]), np.diff(self.pattern.indptr))
+            index = np.flatnonzero(open_)
+            for k in np.unique(rows[index]):
+                at = (
+                    index[rows[index] == k]
+                    if len(index) < 64
+                    else index[np.searchsorted(rows[index], k) : np.searchsorted(rows[index], k, "right")]
+                )
+                out[at] = self._sparse_row(int(k), self.pattern.indices[at])
+            return
+        if any(m.is_sparse for m in self._operands):
+            for k in np.flatnonzero(open_.any(axis=1)):
+                at = np.flatnonzero(open_[k])
+                out[k, at] = self._sparse_row(int(k), at)
+            return
+        index = np.nonzero(open_)
+        width = self.right.shape[-1]
+        cost = len(index[0]) * width * (self.left.shape[-1] if out.ndim > 2 else 1)
+        if out.ndim == 2 and self.middle is not None:
+            cost += len(np.unique(index[0])) * self.left.shape[-1] * width
+        if cost > EXACT_LIMIT:
+            return
+        out[index] = self._stacked(index) if out.ndim > 2 else self._plane(*index)
+
+    def _plane(self, k: NDArray[np.intp], i: NDArray[np.intp]) -> NDArray[np.int8]:
+        """Exact signs of two-dimensional dense forms at the positions (k, i)."""
+        rows, k = np.unique(k, return_inverse=True)
+        columns, i = np.unique(i, return_inverse=True)
+        left = self.left.rows_as_integers(rows)
+        if self.middle is not None:
+            left = left @ self.middle.as_integers()[0]
+        right = self.right.rows_as_integers(columns)
+        step = max(1, _CHUNK // right.shape[1])
+        parts = [np.sign((left[k[s : s + step]] * right[i[s : s + step]]).sum(axis=1)) for s in range(0, len(k), step)]
+        return np.concatenate(parts).astype(np.int8)
+
+    def _stacked(self, index: tuple[NDArray[np.intp], ...]) -> NDArray[np.int8]:
+        """Exact signs of stacked forms at the positions (batch..., k, i)."""
+        *batch, k, i = index
+        step = max(1, _CHUNK // (self.left.shape[-1] * self.right.shape[-1]))
+        parts = []
+        for s in range(0, len(k), step):
+            at = tuple(b[s : s + step] for b in batch)
+            row = _stack_rows(self.left, at, k[s : s + step])
+            if self.middle is not None:
+                block = self.middle if self.middle.values.ndim == 2 else None
+                ints = self.middle.as_integers()[0] if block else _stack_blocks(self.middle, at)
+                row = (row[:, :, None] * ints).sum(axis=1)
+            parts.append(np.sign((row * _stack_rows(self.right, at, i[s : s + step])).sum(axis=1)))
+        return np.concatenate(parts).astype(np.int8)
+
+    def _sparse_row(self, k: int, columns: NDArray[np.intp]) -> NDArray[np.int8]:
+        """Exact signs of z_ki for one k and the given i, when some operand is sparse."""
+        vector = self.left.rows_as_integers(np.array([k]))[0]
+        right = _csr_integers(self.right, columns)
+        if self.middle is not None:
+            needed = np.unique(right[1])
+            middle = sp.csr_array(self.middle.values)[:, needed].T.tocsr()
+            data = integers_of_doubles(middle.data)[0]
+            vector_b = np.zeros(self.middle.shape[1], dtype=object)
+            vector_b[needed] = _multiply((data, middle.indices, middle.indptr), vector)
+            vector = vector_b
+        return np.sign(_multiply(right, vector)).astype(np.int8)
+
+
+def _dense_if_small(m: ExactMatrix) -> ExactMatrix:
+    """Sparse operands below the size where their overhead pays, as dense ones."""
+    if not m.is_sparse or m.shape[0] * m.shape[1] > _SMALL:
+        return m
+    radius = None if m.radius is None else dense(m.radius)
+    return ExactMatrix(m.values.toarray(), radius, m.numerators, m.denominator, m.integer_rows)
+
+
+def _nonzero(m: ExactMatrix) -> Any:
+    """Ones where the exact entry may be nonzero."""
+    if m.is_sparse:
+        reach = abs(m.values) if m.radius is None else abs(m.values) + m.radius
+        return sp.csr_array((np.ones(reach.nnz), reach.indices, reach.indptr), m.shape)
+    kind = m.values != 0 if m.radius is None else (m.values != 0) | (m.radius != 0)
+    return kind.astype(np.float64)
+
+
+def _finite(m: ExactMatrix) -> bool:
+    return bool(np.isfinite(m.values.data if m.is_sparse else m.values).all())
+
+
+def _decide(out: NDArray[np.int8], z: NDArray[np.float64], bound: NDArray[np.float64]) -> None:
+    with np.errstate(invalid="ignore", over="ignore"):
+        out[z > bound] = 1
+        out[z < -bound] = -1
+        # the bounds hold where nothing overflowed; overflow on the way to z leaves it, and the sum, infinite or NaN
+        if not np.isfinite(z.sum()):
+            out[~np.isfinite(z)] = UNKNOWN
+
+
+def _row_length(m: ExactMatrix) -> int:
+    return int(np.diff(m.values.indptr).max(initial=0)) if sp.issparse(m.values) else m.shape[-1]
+
+
+def _column_length(m: ExactMatrix) -> int:
+    if sp.issparse(m.values):
+        return int(np.bincount(m.values.indices, minlength=1).max(initial=0))
+    return m.shape[-2]
+
+
+def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.float64]:
+    """Bound on the Euclidean norm over trailing axes, at most the root of their size too large."""
+    sizes = values.shape[len(values.shape) - len(axes) :]
+    count = prod(sizes)
+    if 0 < count <= _SHORT:  # numpy reduces short axes slowly
+        entries = (np.abs(values[(..., *index)]) for index in product(*map(range, sizes)))
+        return reduce(np.maximum, entries) * (np.sqrt(count) * (1 + 1e-9)) + SMALLEST_NORMAL
+    top = np.abs(values).max(axis=axes, keepdims=True, initial=0.0)
+    scaled = np.divide(values, top, out=np.zeros_like(values), where=top > 0)
+    total = np.sqrt(np.square(scaled).sum(axis=axes)) * (1 + 1e-9)
+    return total * top.reshape(total.shape) + SMALLEST_NORMAL
+
+
+def _row_norms(m: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Norms of the rows, and of their radii."""
+    sizes = [
+        _sparse_row_norms(part) if sp.issparse(part) else _norm(part, (-1,))
+        for part in (m.values, m.radius)
+        if part is not None
+    ]
+    return sizes[0], sizes[1] if len(sizes) > 1 else np.zeros_like(sizes[0])
+
+
+def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
+    top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
+    return top * np.sqrt(np.diff(rows.indptr)) * (1 + 1e-9) + SMALLEST_NORMAL
+
+
+def _frobenius(m: ExactMatrix) -> tuple[Any, Any]:
+    if sp.issparse(m.values):
+        return _norm(m.values.data, (-1,)), 0.0 if m.radius is None else _norm(m.radius.data, (-1,))
+    shape = m.shape[:-2] + (1, 1)
+    size = _norm(m.values, (-2, -1)).reshape(shape)
+    return size, np.zeros(shape) if m.radius is None else _norm(m.radius, (-2, -1)).reshape(shape)
+
+
+def _stack_rows(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...], row: NDArray[np.intp]) -> Integers:
+    if m.values.ndim == 2:
+        rows, inverse = np.unique(row, return_inverse=True)
+        return m.rows_as_integers(rows)[inverse]
+    if m.numerators is not None:
+        return m.numerators[_aligned(m, batch) + (row,)]
+    return integers_of_doubles(m.values[_aligned(m, batch) + (row,)], by_row=True)[0]
+
+
+def _stack_blocks(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...]) -> Integers:
+    if m.numerators is not None:
+        return m.numerators[_aligned(m, batch)]
+    blocks = m.values[_aligned(m, batch)]
+    flat = integers_of_doubles(blocks.reshape(len(blocks), -1), by_row=True)[0]  # a factor per block is harmless
+    return flat.reshape(blocks.shape)
+
+
+def _aligned(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...]) -> tuple[NDArray[np.intp], ...]:
+    """Batch indices of an operand whose leading dimensions were broadcast."""
+    sizes = m.shape[:-2]
+    own = batch[len(batch) - len(sizes) :]
+    return tuple(np.zeros_like(b) if size == 1 else b for b, size in zip(own, sizes, strict=True))
+
+
+def _csr_integers(m: ExactMatrix, rows: NDArray[np.intp]) -> tuple[Integers, NDArray[Any], NDArray[Any]]:
+    if m.is_sparse and m.integer_rows is None and m.numerators is None:
+        part = sp.csr_array(m.values)[rows]
+        counts = np.diff(part.indptr)
+        padded = np.zeros((len(rows), int(counts.max(initial=1))))
+        slot = np.arange(part.nnz) - np.repeat(part.indptr[:-1], counts)
+        owner = np.repeat(np.arange(len(rows)), counts)
+        padded[owner, slot] = part.data
+        return integers_of_doubles(padded, by_row=True)[0][owner, slot], part.indices, part.indptr
+    ints = m.rows_as_integers(rows)
+    owner, column = np.nonzero(ints)
+    return ints[owner, column], column, np.searchsorted(owner, np.arange(len(rows) + 1))
+
+
+def _multiply(matrix: tuple[Integers, NDArray[Any], NDArray[Any]], vector: Integers) -> Integers:
+    """Product of a CSR matrix of integers and a vector of integers."""
+    data, indices, indptr = matrix
+    out = np.zeros(len(indptr) - 1, dtype=object)
+    filled = np.flatnonzero(np.diff(indptr))
+    if filled.size:
+        out[filled] = np.add.reduceat(data * vector[indices], indptr[:-1][filled])
+    return out

@@ -1,0 +1,231 @@
+"""Proof that a proper polyhedral cone is invariant, from generators alone.
+
+    A R = R P,  P off-diagonal >= 0  (discrete time: P >= 0),
+    w'R > 0                          (the cone is pointed),
+    R Y = I for some Y               (the cone is solid)
+
+prove e^{At} X inside X (A X inside X) for X = cone of the columns of R, without a facet: in dimension
+30 a cone with 45 generators has far too many of them.  The sign conditions are proven in floating
+point with rounding bounds; see `generators.enclosure`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol, runtime_checkable
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..cones import orthant
+from ..errors import DataError
+from ..exact.condition import Condition
+from ..exact.enclosure import Generators
+from ..exact.matrix import (
+    ExactMatrix,
+    as_stack,
+    pick,
+    transposed,
+)
+from ..exact.signs import BilinearForms
+from ..proof.certificate import Certificate
+from ..proof.portable_cones import encode_generators, given_generators
+from ..proof.weights import ProofOmittedError, Prover
+
+
+@runtime_checkable
+class Obstruction(Protocol):
+    """Why no invariant cone exists: a witness that can be checked against the matrices."""
+
+    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """What has to hold for the obstruction to be real; None if the data do not fit."""
+        ...
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ConeCertificate(Certificate):
+    """Proof that one proper polyhedral cone is invariant under every A_s, or that none exists.
+
+    Attributes
+    ----------
+    matrices : ExactMatrix, shape (M, n, n)
+        A_1..A_M.
+    discrete : bool
+        True: A_s X in X; False: e^{A_s t} X in X.
+    rays : ExactMatrix, shape (N, n), or None
+        Generators, one a row: R transposed.
+    multipliers : ExactMatrix, shape (M, N, N), or sparse, shape (N, N)
+        P_s with A_s R = R P_s up to an error that the proof takes up.  Sparse for one matrix and very many
+        generators.
+    pointing : ndarray, shape (n,)
+        w with w'x > 0 for every generator.
+    right_inverse : ndarray, shape (N, n)
+        Y with R Y close to the identity.
+    contains : ExactMatrix, shape (k, n), or None
+        Vectors that lie in the cone, such as the columns of B.
+    shares : ExactMatrix, shape (k, N), or None
+        Each of them (`by_facets`: each row of `within`) as a combination of the generators.
+    within : ExactMatrix, shape (r, n), or None
+        Normals of half-spaces that hold the cone, such as the rows of C.
+    by_facets : bool
+        True: `rays` holds the facet normals of the cone instead, and the proof is about the dual cone
+        and the transposed matrices, which is the same claim.
+    v : ndarray, shape (n,), or None
+        Common Lyapunov vector: v'x > 0, v'A_s x < 0 (discrete: v'A_s x < v'x) on the cone.
+    witness : Obstruction or None
+        Why no such cone exists.
+    """
+
+    claim: ClassVar[str] = "invariant-cone"
+
+    matrices: ExactMatrix
+    discrete: bool = False
+    rays: ExactMatrix | None = None
+    multipliers: ExactMatrix | None = None
+    pointing: NDArray[np.float64] | None = None
+    right_inverse: NDArray[np.float64] | None = None
+    contains: ExactMatrix | None = None
+    shares: ExactMatrix | None = None
+    within: ExactMatrix | None = None
+    by_facets: bool = False
+    v: NDArray[np.float64] | None = None
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+        if self.rays is None or self.multipliers is None or self.pointing is None or self.right_inverse is None:
+            return [Condition("no cone", _forms(ExactMatrix(np.ones((1, 1))), ExactMatrix(np.ones((1, 1)))), "<")]
+        rays = self.rays
+        matrices = transposed(self.matrices) if self.by_facets else self.matrices
+        contains, within = (self.within, self.contains) if self.by_facets else (self.contains, self.within)
+        basis = Generators(rays, self.right_inverse)
+        out: list[Condition] = [
+            Condition("w'x > 0", _forms(_row(self.pointing), rays), ">"),
+            basis.solid(),
+        ]
+        if self.multipliers.is_sparse and self.matrices.shape[0] != 1:
+            raise DataError("sparse multipliers are for one matrix; a family has a stack of dense ones.")
+        size = 0 if self.multipliers.is_sparse else rays.shape[0]
+        off_diagonal = np.ones((size, size), dtype=bool) if self.discrete else ~np.eye(size, dtype=bool)
+        for s in range(self.matrices.shape[0]):
+            image = (pick(matrices, s), rays)
+            if self.multipliers.is_sparse:
+                P = self.multipliers
+                out.append(basis.sparse_combination(f"A{s} R = R P{s}", image, P, diagonal=self.discrete))
+            else:
+                P = pick(self.multipliers, s)
+                out.append(basis.combination(f"A{s} R = R P{s}", [image], P, off_diagonal))
+        if contains is not None:
+            if self.shares is None:
+                raise ValueError("vectors to contain come without their combinations")
+            shares = transposed(self.shares)
+            eye = ExactMatrix(np.eye(rays.shape[1]))
+            everywhere = np.ones(shares.shape, dtype=bool)
+            out.append(basis.combination("b = R q", [(eye, contains)], shares, everywhere))
+        if within is not None:
+            out.append(Condition("c'x >= 0", _forms(within, rays), ">="))
+        if self.v is not None:
+            if self.by_facets:
+                raise DataError("a Lyapunov vector is proven on generators; by_facets has none.")
+            out.append(Condition("v'x > 0", _forms(_row(self.v), rays), ">"))
+            out += [self._decrease(s, self.v, rays) for s in range(self.matrices.shape[0])]
+        return out
+
+    def _decrease(self, s: int, v: NDArray[np.float64], rays: ExactMatrix) -> Condition:
+        A = pick(self.matrices, s)
+        if not self.discrete:
+            return Condition(f"v'A{s} x < 0", BilinearForms(_row(v), A, rays), "<")
+        from_identity = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
+        return Condition(f"v'(A{s} - I) x < 0", BilinearForms(_row(v), from_identity, rays), "<")
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The conditions on the obstruction."""
+        if not isinstance(self.witness, Obstruction):
+            return None
+        return self.witness.conditions(self.matrices, discrete=self.discrete)
+
+    def contents(self) -> dict[str, Any]:
+        """The cone as X, the matrices as A, what it contains and lies in as B and C; dual if `by_facets`."""
+        out = self.data()
+        if self.rays is None or self.pointing is None:
+            return out
+        matrices, inner, outer = self._sides()
+        for name in ("matrices", "rays", "contains", "within"):
+            del out[name]
+        out["A"] = tuple(pick(matrices, s) for s in range(matrices.shape[0]))
+        out["X"] = encode_generators(self.rays, self.pointing)
+        if inner is not None:
+            out.update(B=transposed(inner), U=orthant(inner.shape[0]))
+        if outer is not None:
+            out.update(C=outer, Y=orthant(outer.shape[0]))
+        return out
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> ConeCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        if "X" not in contents:
+            return cls.settle(**contents)
+        rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
+        matrices, inner, outer = as_stack(contents["A"]), contents.get("B"), contents.get("C")
+        inner = None if inner is None else transposed(inner)
+        if rest["by_facets"]:
+            matrices, inner, outer = transposed(matrices), outer, inner
+        rays = given_generators(contents["X"])
+        return cls.settle(matrices=matrices, rays=rays, contains=inner, within=outer, **rest)
+
+    def _sides(self) -> tuple[ExactMatrix, ExactMatrix | None, ExactMatrix | None]:
+        """The matrices, vectors in the cone and normals on it, of the cone that `rays` generates."""
+        if self.by_facets:
+            return transposed(self.matrices), self.within, self.contains
+        return self.matrices, self.contains, self.within
+
+    def evidence(self) -> dict[str, Any]:
+        """The multipliers, and the shares of what the cone contains, without their rounding errors."""
+        if self.rays is None or self.multipliers is None:
+            raise ProofOmittedError("claims that no cone exists are for control_kpos alone")
+        prover, rays, (matrices, inner, _) = Prover(), self.rays, self._sides()
+        each, free = [pick(matrices, s) for s in range(matrices.shape[0])], not self.discrete
+        if self.multipliers.is_sparse and self.right_inverse is not None:
+            support = np.flatnonzero((self.right_inverse != 0).any(axis=1))
+            P = sp.csr_array(self.multipliers.values)
+            out = {"P": [prover.repaired_map(rays, A, P, support, invariance=free) for A in each]}
+        else:
+            images = [A.fractions() @ rays.fractions().T for A in each]
+            guesses = [pick(self.multipliers, s) for s in range(len(each))]
+            out = {"P": [prover.repaired(rays, y, P, invariance=free) for y, P in zip(images, guesses, strict=True)]}
+        if inner is not None and self.shares is not None:
+            out["N"] = prover.repaired(rays, inner.fractions().T, transposed(self.shares))
+        return out
+
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+        if self.witness is not None:
+            return f"No invariant proper polyhedral cone exists: {self.witness}."
+        if not self:
+            return "Undecided: no cone was proven, and none was excluded."
+        kind = "facets" if self.by_facets else "generators"
+        n_rays, n = self.rays.shape if self.rays is not None else (0, 0)
+        family = "A" if self.matrices.shape[0] == 1 else f"each of the {self.matrices.shape[0]} matrices"
+        more = "" if self.contains is None else ", holds the vectors asked for"
+        more += "" if self.within is None else ", lies in the half-spaces asked for"
+        more += "" if self.v is None else "; v'x is a common Lyapunov function on it"
+        return (
+            f"Proved: the cone of {n_rays} {kind} in dimension {n} is pointed, solid and invariant under "
+            f"{family}{more}. "
+            f"Scale-free margin {self.margin:.3g}."
+        )
+
+
+def _forms(left: ExactMatrix, right: ExactMatrix) -> BilinearForms:
+    return BilinearForms(left, None, right)
+
+
+def _row(v: NDArray[np.float64]) -> ExactMatrix:
+    return ExactMatrix(np.asarray(v, dtype=float)[None, :])

@@ -1,0 +1,1 @@
+"""A common invariant cone for several matrices."""

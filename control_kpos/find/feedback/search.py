@@ -1,0 +1,329 @@
+"""Cone and feedback together: place isolated real poles, take their cone, polish the gain.
+
+If (A, B) is controllable, poles can be placed at real distinct numbers, and the simplicial cone of that
+spectrum is invariant; so a cone and a gain always exist.  Existence is cheap, robustness is not: the
+perturbed loops keep a cone only if the dominant pole stays real and well separated.  From pole patterns with an
+isolated dominant pole, from gentle to aggressive, cone and gain are therefore moved together (`joint`) until all
+vertices are served.  At the cone the smallest gain is then found by the linear program of
+`control_kpos.synthesis`, for all vertices at once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from control import StateSpace
+from numpy.typing import NDArray
+
+from ...cones import Cone, PolyhedralCone
+from ...cones.simplicial import simplicial_facets
+from ...design import state_feedback
+from ...design.accept import accept, slack
+from ...design.plant import read_plant
+from ...design.simplicial.program import gain_of
+from ...design.simplicial.search import succeed
+from ...errors import ConeMismatchError, DataError, ShapeError
+from ...exact.budget import (
+    OutOfTimeError,
+    limited_to,
+    require_seconds,
+    seconds_left,
+)
+from ...exact.intake import items, seconds, whole_number
+from ...exact.matrix import ExactMatrix, exact_matrix
+from ...progress import Reporter, Target
+from ...proof.certificate import Certificate, Status
+from ...systems.statespace import ConeStateSpace
+from ..find import square
+from ..one_matrix.explicit import modal_cone
+from ..one_matrix.modes import modes
+from .joint import joint_descent
+from .placement import placed
+
+Array = NDArray[np.float64]
+Pair = tuple[ExactMatrix, ExactMatrix]
+
+# Random pole patterns of the robust search after the ones listed.
+_RANDOM = 1000
+# The facets of 60 generators in integers, where floating point does not do.
+_SECONDS_FOR_SIXTY = 4.0
+# Of a singular value decomposition.
+_SECONDS_PER_STEP = 1.5e-9
+
+
+@dataclass(frozen=True, eq=False)
+class CodesignResult:
+    """A cone, and a gain that makes it invariant and the loop stable.
+
+    `bool(result)` is True only for PROVED.
+
+    Attributes
+    ----------
+    status : Status
+    cone : Cone or None
+        Simplicial.
+    F : ndarray, shape (m, n), or None
+        Gain of u = F x.
+    closed_loop : ConeStateSpace or None
+        From the input added to F x to all states as outputs, or to the system's own.
+    certificate : Certificate or None
+        Of the closed loop on the cone, for all vertices if there are any.
+    poles : ndarray, shape (n,), or None
+        Closed-loop poles of the nominal system.
+    explanation : str
+        What stands in the way, for a design that failed.
+    """
+
+    status: Status
+    cone: Cone | None = None
+    F: Array | None = None
+    closed_loop: Any = None
+    certificate: Certificate | None = None
+    poles: NDArray[np.complex128] | None = None
+    explanation: str = ""
+
+    @property
+    def K(self) -> Array | None:
+        """Gain of python-control's u = -K x."""
+        return None if self.F is None else -self.F
+
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+        if not self:
+            return self.explanation
+        text = self.certificate.explain() if self.certificate is not None else ""
+        size = float(np.abs(self.F).max()) if self.F is not None else 0.0
+        return f"A cone and a gain (largest entry {size:.4g}) were found. {text}"
+
+    def __bool__(self) -> bool:
+        return self.status is Status.PROVED
+
+    def __repr__(self) -> str:
+        return f"<CodesignResult {self.status.name}{'' if self.cone is None else f', {self.cone!r}'}>"
+
+
+def design_cone_and_feedback(
+    sys: Any,
+    vertices: Sequence[Any] | None = None,
+    *,
+    time_limit: float = 60.0,
+    seed: int = 0,
+    progress: Target = None,
+) -> CodesignResult:
+    """Find a proper cone X and a gain F so that A + B F leaves X invariant and is stable.
+
+    Parameters
+    ----------
+    sys : StateSpace or pair (A, B)
+        Continuous or discrete time.  (A, B) controllable.
+    vertices : sequence of StateSpace or (A_s, B_s), optional
+        Plants that the same cone and gain must serve as well, together with their convex hull.
+    time_limit : float
+        Seconds.
+    seed : int
+        Of the random starts of the robust search.
+    progress : callable or bool, optional
+        Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
+        terminal or a notebook; False: never; True: also where nobody seems to watch.
+
+    Returns
+    -------
+    CodesignResult
+        UNDECIDED with an explanation if (A, B) is not controllable, or if no design was found.
+
+    Raises
+    ------
+    ShapeError, DataError, ConeMismatchError
+        Sizes that do not fit; numbers that are not finite and real; a plant without inputs.
+
+    Notes
+    -----
+    Without vertices this succeeds for every controllable pair that is not numerically uncontrollable:
+    milliseconds to a second.  With vertices it is a search.
+
+    Examples
+    --------
+    >>> import control as ct
+    >>> design = design_cone_and_feedback(ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0))
+    >>> design.status.name, design.cone.is_simplicial
+    ('PROVED', True)
+    """
+    begin, limit, seed = time.monotonic(), seconds(time_limit), whole_number(seed, "seed")
+    A, B, dt = _plant(sys, "sys")
+    discrete = dt is not None and (dt is True or dt != 0)
+    pairs = [
+        _plant(item, f"vertices[{k}]")[:2]
+        for k, item in enumerate([] if vertices is None else items(vertices, "vertices"))
+    ]
+    for k, (Ak, Bk) in enumerate(pairs):
+        if Ak.shape != A.shape or Bk.shape != B.shape:
+            raise ShapeError(
+                f"vertices[{k}] has A {Ak.shape[0]} x {Ak.shape[1]} and B {Bk.shape[0]} x {Bk.shape[1]}, "
+                f"but the system has A {A.shape[0]} x {A.shape[1]} and B {B.shape[0]} x {B.shape[1]}."
+            )
+    plant = StateSpace(
+        A.values, B.values, np.eye(A.shape[0]), np.zeros((A.shape[0], B.shape[1])), dt if dt is not None else 0
+    )
+    source = sys if isinstance(sys, StateSpace) else plant
+    with limited_to(limit), suppress(OutOfTimeError), Reporter(progress) as report:
+        rank = _controllable(np.asarray(A.values), np.asarray(B.values))
+        if rank < A.shape[0]:
+            return CodesignResult(
+                Status.UNDECIDED,
+                explanation=(
+                    f"(A, B) is not controllable: only {rank} of {A.shape[0]} directions can be moved by the input. "
+                    "Design for the controllable part, or use state_feedback with a cone of your own."
+                ),
+            )
+        found = _search(source, (A, B), pairs, discrete, seed, report)
+        if found is not None:
+            return found
+    lead = (
+        "The time limit was reached before a cone and a gain were found"
+        if limit - (time.monotonic() - begin) <= 0
+        else "No cone and gain were found within the time limit"
+    )
+    return CodesignResult(
+        Status.UNDECIDED,
+        explanation=(
+            f"{lead}; none was excluded. Smaller vertices, more inputs, "
+            "or more time may help: the dominant pole must stay real and isolated in every vertex."
+        ),
+    )
+
+
+def _search(
+    source: StateSpace, nominal: Pair, pairs: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
+) -> CodesignResult | None:
+    """Poles after poles, until cone and gain are proven."""
+    matrices = np.array([np.asarray(a.values) for a, _ in [nominal, *pairs]])
+    inputs = np.array([np.asarray(b.values) for _, b in [nominal, *pairs]])
+    for k, gain in enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)):
+        if seconds_left() <= 0:
+            return None
+        with suppress(OutOfTimeError):  # other poles may need less
+            F, R = gain, _starting_cone(matrices[0] + inputs[0] @ gain, discrete)
+            if R is not None and pairs:
+                R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
+                report(f"poles {k}: margin {margin:.3g}")
+                R = R if margin > 0 else None
+            found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)
+            if found:
+                return found
+        report(f"poles {k}: no cone and gain")
+    return None
+
+
+def _is_within_reach(R: Array) -> bool:
+    """Whether the facets of the cone can be computed in the time that is left."""
+    seconds = (len(R) / 60) ** 6.5 * _SECONDS_FOR_SIXTY
+    return seconds < seconds_left() or simplicial_facets(ExactMatrix(np.ascontiguousarray(R.T))) is not None
+
+
+def _plant(item: Any, name: str) -> tuple[ExactMatrix, ExactMatrix, Any]:
+    if isinstance(item, StateSpace):
+        A, B, dt = square(item.A, f"{name}.A"), exact_matrix(item.B, f"{name}.B"), item.dt
+    elif isinstance(item, (tuple, list)) and len(item) == 2:
+        A, B, dt = square(item[0], f"{name}: A"), exact_matrix(item[1], f"{name}: B"), None
+    else:
+        raise DataError(f"{name} must be a StateSpace or a pair (A, B), not {type(item).__name__}.")
+    if not B.shape[1]:
+        raise DataError(f"{name} has no inputs; there is nothing to design.")
+    if B.shape[0] != A.shape[0]:
+        raise ConeMismatchError(f"{name}: A is {A.shape[0]} x {A.shape[1]}, but B has {B.shape[0]} rows.")
+    return A, B, dt
+
+
+def _controllable(A: Array, B: Array) -> int:
+    """Rank of the controllability matrix, each power scaled to length one."""
+    blocks, block, (n, m) = [], B / (np.linalg.norm(B) or 1.0), B.shape
+    rank, first = 0, min(n, 2 * n // m + 1)
+    for k in range(1, n + 1):
+        blocks.append(block)
+        if k in (first, n):  # more columns make no singular value smaller
+            require_seconds(n * n * m * k * _SECONDS_PER_STEP)
+            rank = int(np.linalg.matrix_rank(np.column_stack(blocks), tol=1e-12 * n))
+        if rank == n:
+            break
+        block = A @ block
+        block = block / (np.linalg.norm(block) or 1.0)
+    return rank
+
+
+def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
+    """Gains that place real distinct poles, the dominant one isolated."""
+    n, rng = len(A), np.random.default_rng(seed)
+    values = np.linalg.eigvals(A)
+    if discrete:
+        for top, ratio in ((0.8, 0.8), (0.6, 0.6), (0.5, 0.4), (0.9, 0.9), (0.3, 0.5)):
+            yield from _placed(A, B, top * ratio ** np.arange(n))
+        for _ in range(_RANDOM if robust else 0):
+            yield from _placed(A, B, rng.uniform(0.1, 0.95) * np.cumprod(rng.uniform(0.2, 0.95, n)))
+        return
+    size = float(np.median(np.abs(values))) or 1.0
+    size = max(size, 1e-3 * (float(np.abs(values).max()) or 1.0))
+    patterns = [
+        (1.0, 1.6),
+        (1.0, 1.25),
+        (0.5, 2.0),
+        (0.3, 1.3),
+        (2.0, 1.5),
+        (1.0, 1.1),
+        (4.0, 1.3),
+        (8.0, 1.4),
+        (20.0, 1.3),
+    ]
+    if robust:
+        patterns = [(0.3, 2.5), (0.1, 3.0), (1.0, 2.0), (0.3, 4.0), (1.0, 4.0), (3.0, 3.0), (0.5, 1.5), (10.0, 2.0)]
+    # Close to where the poles are: real, at the open-loop distances, a little apart.
+    near = np.sort(np.abs(values)) + 1e-2 * size
+    for k in range(1, n):
+        near[k] = max(near[k], (1.4 if robust else 1.15) * near[k - 1])
+    if not robust:
+        yield from _placed(A, B, -near)
+    elif n > 1:
+        for front, back in ((0.5, 1.0), (0.25, 1.0), (0.5, 1.6), (0.1, 1.0), (0.2, 2.5)):
+            yield from _placed(A, B, -np.concatenate([[front * near[0]], back * near[1:]]))
+    for first, ratio in patterns:
+        if robust:
+            # The dominant pole alone on the right, the others a factor apart further left.
+            poles = -size * first * np.concatenate([[1.0], 3.0 * ratio ** (1 + np.arange(n - 1) / 2)])
+        else:
+            poles = -size * first * ratio ** np.arange(n)
+        yield from _placed(A, B, poles)
+    for _ in range(_RANDOM if robust else 0):
+        poles = -size * 10 ** rng.uniform(-1.5, 1) * np.cumprod(np.append(1.0, rng.uniform(1.2, 4, n - 1)))
+        yield from _placed(A, B, poles)
+
+
+def _placed(A: Array, B: Array, poles: NDArray[np.floating]) -> Iterator[Array]:
+    F = placed(A, B, np.asarray(poles, dtype=float))
+    if F is not None:
+        yield F
+
+
+def _starting_cone(A: Array, discrete: bool) -> Array | None:
+    """The simplicial cone of a closed loop with real poles, generators as columns of length 1."""
+    m = modes(A, discrete=discrete)
+    found = None if m is None else modal_cone(m, discrete=discrete, max_rays=len(A))
+    return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
+
+
+def _polished(source: StateSpace, R: Array, F: Array, pairs: list[Pair]) -> CodesignResult | None:
+    """The smallest gain at this cone, for the system and its vertices, with its proof; F if that is all there is."""
+    cone = PolyhedralCone(np.ascontiguousarray(R.T))
+    system = ConeStateSpace(StateSpace(source.A, source.B, source.C, source.D, source.dt), X=cone)
+    plant = read_plant(system, cone, vertices=pairs or None)
+    given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
+    design = state_feedback(system, X=cone, vertices=pairs or None, time_limit=max(seconds_left(), 1e-3))
+    if not design and given is not None:
+        design = succeed(plant, given, "", gain_of(given.F, plant.rays), float("nan"))
+    if not design:
+        return None
+    poles = np.linalg.eigvals(source.A + source.B @ design.F)
+    return CodesignResult(Status.PROVED, cone, np.asarray(design.F), design.closed_loop, design.certificate, poles)

@@ -1,0 +1,187 @@
+"""Does a matrix leave any proper polyhedral cone invariant?  Read off the spectrum, exactly.
+
+Continuous time: if and only if the spectral abscissa is an eigenvalue and every eigenvalue of that real
+part is that number.  Discrete time: only if the spectral radius r is an eigenvalue and every
+eigenvalue z of that modulus is r times a root of unity (Barker and Turner; Tam).  Where floating
+point leaves no doubt the explicit construction is the proof of existence; here are the proofs of
+non-existence, by exact root counts of the characteristic polynomial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...exact.condition import Condition
+from ...exact.enclosure import Bounds
+from ...exact.matrix import ExactMatrix, pick
+from ...exact.polynomials import (
+    Polynomial,
+    characteristic_polynomial,
+    circle_part,
+    imaginary_axis,
+    moebius,
+    real_roots_above,
+    scale_roots,
+    shift_roots,
+    vanishes,
+    without_roots_of_unity,
+)
+from ...proof.files import register_record
+
+# Characteristic polynomials of larger matrices take too long in exact arithmetic.
+LARGEST = 60
+_BISECTIONS = 200
+
+
+@dataclass(frozen=True, eq=False)
+class SpectralObstruction:
+    """An eigenvalue that no K-positive matrix can have.
+
+    Attributes
+    ----------
+    matrix : int
+        Which matrix of the family.
+    kind : {"ahead", "beside"}
+        "ahead": some eigenvalue lies beyond `bound` (to the right of it; discrete time: outside the
+        circle of that radius), but no real one does.  "beside": no real eigenvalue lies beyond
+        `bound`, and one that is not real lies exactly on the line (discrete time: on the circle, and
+        is not `bound` times a root of unity).
+    bound : Fraction
+    real, imag : float
+        The eigenvalue in the way, in floating point.
+    discrete : bool
+    """
+
+    matrix: int
+    kind: str
+    bound: Fraction
+    real: float
+    imag: float
+    discrete: bool
+
+    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The exact root counts behind the obstruction."""
+        if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
+            return None
+        holds = excludes_cones(spectrum_polynomial(pick(matrices, self.matrix)), self)
+        return [fact(f"the eigenvalue {self.kind} of {float(self.bound):.6g} is in the way", holds)]
+
+    def __str__(self) -> str:
+        where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
+        real = self.real + 0.0  # no minus zero
+        value = f"{real:.6g} ± {abs(self.imag):.6g}i" if self.imag else f"{real:.6g}"
+        if self.discrete:
+            if self.kind == "ahead":
+                return (
+                    f"the eigenvalue {value} {where}has the largest modulus, and no nonnegative eigenvalue reaches it "
+                    f"(none beyond {float(self.bound):.6g})"
+                )
+            return f"the eigenvalue {value} {where}on the circle of the spectral radius is no root of unity times it"
+        if self.kind == "ahead":
+            return (
+                f"the rightmost eigenvalues {value} {where}are not real, and no real eigenvalue lies to the right of "
+                f"{float(self.bound):.6g}"
+            )
+        return (
+            f"the eigenvalues {value} {where}are not real and lie on the same vertical line as the rightmost real one; "
+            "only a cone that is not polyhedral could be invariant"
+        )
+
+
+register_record(SpectralObstruction)
+
+
+def spectrum_polynomial(A: ExactMatrix) -> Polynomial:
+    """Integer polynomial whose roots are the eigenvalues of A."""
+    return scale_roots(*characteristic_polynomial(A))
+
+
+def spectral_obstruction(A: ExactMatrix, *, matrix: int = 0, discrete: bool = False) -> SpectralObstruction | None:
+    """A proven reason why no proper polyhedral cone is invariant under A, or None.
+
+    None means that a cone exists, or that this test cannot tell.  Costs exact arithmetic on the
+    characteristic polynomial: 1 s at n = 30.
+    """
+    if A.shape[0] > LARGEST:
+        return None
+    values = np.linalg.eigvals(A.values).astype(complex)
+    p = spectrum_polynomial(A)
+    for kind, bound, value in _guesses(values, p, discrete):
+        found = SpectralObstruction(matrix, kind, bound, float(value.real), float(value.imag), discrete)
+        if excludes_cones(p, found):
+            return found
+    return None
+
+
+def _guesses(values: NDArray[np.complex128], p: Polynomial, discrete: bool) -> list[tuple[str, Fraction, complex]]:
+    """Bounds at which the obstruction may be proven, the most likely first."""
+    size = np.abs(values) if discrete else values.real
+    good = (values.imag == 0) & ((values.real >= 0) | (not discrete))
+    bad = complex(values[~good][np.argmax(size[~good])]) if (~good).any() else 0j
+    ahead = float(size[~good].max(initial=-np.inf))
+    real = float(size[good].max(initial=0.0 if discrete else -np.inf))
+    scale = float(np.abs(values).max(initial=0.0)) or 1.0
+    if not np.isfinite(ahead):
+        return []
+    low = max(real, ahead - scale) if np.isfinite(real) else ahead - scale
+    guesses = []
+    if ahead > low:
+        guesses.append(("ahead", Fraction((ahead + low) / 2), bad))
+    if np.isfinite(real) and abs(ahead - real) <= 1e-6 * scale:
+        for digits in (1, 10, 1000, 10**6):
+            simple = Fraction(real).limit_denominator(digits)
+            if vanishes(p, simple):
+                guesses.append(("beside", simple, bad))
+                break
+        low, high = Fraction(min(ahead, real) - 1e-5 * scale), Fraction(max(ahead, real) + 1e-5 * scale)
+        guesses += [("ahead", bound, bad) for bound in _bisect(p, low, high, discrete)]
+    return guesses
+
+
+def _bisect(p: Polynomial, low: Fraction, high: Fraction, discrete: bool) -> list[Fraction]:
+    """A bound with eigenvalues beyond it, none of them real, if one lies between low and high."""
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        beyond, _ = imaginary_axis(_centred(p, middle, discrete))
+        real = real_roots_above(p, middle)
+        if beyond < 0:  # a root exactly there; look beside it
+            low, high = low, high + (high - low) / 7
+        elif beyond == 0:
+            high = middle
+        elif real == 0:
+            return [middle]
+        elif beyond == 1:
+            return []
+        else:
+            low = middle
+    return []
+
+
+def _centred(p: Polynomial, bound: Fraction, discrete: bool) -> Polynomial:
+    """Polynomial whose roots right of the imaginary axis are p's eigenvalues beyond `bound`."""
+    return moebius(p, bound) if discrete else shift_roots(p, bound)
+
+
+def excludes_cones(p: Polynomial, w: SpectralObstruction) -> bool:
+    """True if the obstruction holds for this characteristic polynomial."""
+    if (w.discrete and w.bound <= 0) or real_roots_above(p, w.bound):
+        return False
+    if w.kind == "ahead":
+        beyond = imaginary_axis(_centred(p, w.bound, w.discrete))[0]
+        return beyond > 0
+    if w.kind != "beside":
+        return False
+    if not w.discrete:
+        return imaginary_axis(shift_roots(p, w.bound))[1]
+    rest, _ = without_roots_of_unity(circle_part(scale_roots(p, 1 / w.bound)))
+    return len(rest) > 1 and imaginary_axis(moebius(rest, Fraction(1)))[1]
+
+
+def fact(name: str, holds: bool) -> Condition:
+    """A condition that was decided in exact arithmetic."""
+    return Bounds.of(name, np.array([1.0 if holds else -1.0]), np.ones(1))

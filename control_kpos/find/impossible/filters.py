@@ -1,0 +1,171 @@
+"""Cheap proofs that a family has no common cone.
+
+An invariant cone holds the dominant direction e_s of every A_s (with the right sign), and its dual the
+dominant functional l_s; hence (l_i'e_j)(l_j'e_k)..(l_p'e_i) >= 0 around every cycle.  If a cycle is negative,
+the product of resolvents (s_i I - A_i)^-1 along it (discrete time: of powers of A_i), which maps any such
+cone into itself, has a negative dominant eigenvalue, and that is proven exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import combinations
+
+import numpy as np
+
+from ...exact.budget import require_seconds
+from ...exact.condition import Condition
+from ...exact.matrix import ExactMatrix, pick
+from ...exact.polynomials import real_roots_above
+from ...proof.files import register_record
+from ..one_matrix.modes import Modes
+from .existence import (
+    SpectralObstruction,
+    excludes_cones,
+    fact,
+    spectral_obstruction,
+    spectrum_polynomial,
+)
+from .port_obstruction import resolvent
+
+_LARGEST = 16
+_POWER = 24
+
+
+@dataclass(frozen=True, eq=False)
+class PerronObstruction:
+    """Dominant directions and functionals of a family that contradict each other.
+
+    Attributes
+    ----------
+    cycle : tuple of int
+        Matrices i, j, .. with (l_i'e_j)(l_j'e_k).. < 0.
+    shifts : tuple of Fraction
+        s_i of the resolvents; discrete time: the powers.
+    bound : Fraction
+        The product of the resolvents has an eigenvalue of modulus above `bound`, but no real one.
+    value : float
+        The product around the cycle, in floating point.
+    """
+
+    cycle: tuple[int, ...]
+    shifts: tuple[Fraction, ...]
+    bound: Fraction
+    value: float
+
+    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The exact root count of the product."""
+        if len(self.cycle) != len(self.shifts) or not all(0 <= i < matrices.shape[0] for i in self.cycle):
+            return None
+        product = _product(matrices, self.cycle, self.shifts, discrete)
+        if product is None:
+            return None
+        spectral = SpectralObstruction(0, "ahead", self.bound, 0.0, 0.0, True)
+        return [
+            fact(
+                "a product of resolvents has a negative dominant eigenvalue",
+                excludes_cones(spectrum_polynomial(product), spectral),
+            )
+        ]
+
+    def __str__(self) -> str:
+        names = ", ".join(map(str, self.cycle))
+        return (
+            f"the dominant directions e and functionals l of the matrices {names} contradict each other: the product "
+            f"of l_i'e_j around this cycle is {self.value:.3g} < 0, whatever their signs"
+        )
+
+
+register_record(PerronObstruction)
+
+
+def family_obstruction(
+    matrices: ExactMatrix, modes: list[Modes | None], *, discrete: bool
+) -> SpectralObstruction | PerronObstruction | None:
+    """A proven reason why the family has no common cone, or None."""
+    for s, m in enumerate(modes):
+        if m is None:
+            found = spectral_obstruction(pick(matrices, s), matrix=s, discrete=discrete)
+            if found is not None:
+                return found
+    if matrices.shape[-1] > _LARGEST or any(m is None for m in modes):
+        return None
+    known = [m for m in modes if m is not None]
+    left = np.array([m.left / np.linalg.norm(m.left) for m in known])
+    right = np.array([m.right for m in known])
+    cross = left @ right.T
+    pairs = np.where(np.tri(len(known), dtype=bool), np.inf, cross * cross.T)
+    cycles: list[tuple[float, tuple[int, ...]]] = [
+        (float(pairs.flat[k]), divmod(k, len(known))) for k in np.argsort(pairs, axis=None)[:4].tolist()
+    ]
+    if len(known) <= 24:
+        for i, j, k in combinations(range(len(known)), 3):
+            cycles += [(cross[a, b] * cross[b, c] * cross[c, a], (a, b, c)) for a, b, c in ((i, j, k), (i, k, j))]
+    for value, cycle in sorted(cycles)[:4]:
+        if value < -1e-9:
+            found = _prove(matrices, known, cycle, float(value), discrete)
+            if found is not None:
+                return found
+    return None
+
+
+def _prove(
+    matrices: ExactMatrix, known: list[Modes], cycle: tuple[int, ...], value: float, discrete: bool
+) -> PerronObstruction | None:
+    for closeness in (1e-2, 1e-3, 1e-5):
+        shifts = []
+        for i in cycle:
+            m = known[i]
+            gap = float((m.dominant - (np.abs(m.others) if discrete else m.others.real)).min(initial=1.0))
+            if discrete:
+                power = min(_POWER, int(np.ceil(np.log(closeness) / np.log(max(1 - gap / m.dominant, 1e-3)))))
+                shifts.append(Fraction(max(power, 1)))
+            else:
+                shifts.append(Fraction(m.dominant + closeness * gap))
+        product = _product(matrices, cycle, tuple(shifts), discrete)
+        if product is None:
+            continue
+        size = np.sort(np.abs(np.linalg.eigvals(product.values)))
+        if not np.isfinite(size).all():
+            continue
+        bound = Fraction(float(size[-1] + (size[-2] if len(size) > 1 else 0.0)) / 2)
+        found = PerronObstruction(cycle, tuple(shifts), bound, value)
+        conditions = found.conditions(matrices, discrete=discrete)
+        if conditions is not None and all(c.verdict() for c in conditions):
+            return found
+    return None
+
+
+def _product(
+    matrices: ExactMatrix, cycle: tuple[int, ...], shifts: tuple[Fraction, ...], discrete: bool
+) -> ExactMatrix | None:
+    """The product of resolvents (or powers) up to a positive factor; None where one is not invariant."""
+    out = None
+    for i, s in zip(cycle, shifts, strict=True):
+        require_seconds()
+        A = pick(matrices, i)
+        if discrete:
+            if s.denominator != 1 or not 1 <= s <= _POWER:
+                return None
+            factor = A.as_integers()[0]
+            M = factor
+            for _ in range(int(s) - 1):
+                M = M @ factor
+        else:
+            if real_roots_above(spectrum_polynomial(A), s):
+                return None
+            adjugate, determinant = resolvent(A, s)
+            if determinant == 0:
+                return None
+            M = adjugate if determinant > 0 else -adjugate
+        out = M if out is None else out @ M
+    if out is None:
+        return None
+    # Doubles for the user's eyes; the proof runs on the integers.
+    size = max(abs(int(x)) for x in out.ravel()) or 1
+    return ExactMatrix.from_fractions(np.array([[Fraction(int(x), size) for x in row] for row in out], dtype=object))
+
+
+__all__ = ["PerronObstruction", "family_obstruction"]

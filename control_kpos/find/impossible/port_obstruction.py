@@ -1,0 +1,236 @@
+"""Why no invariant cone fits between given vectors b and half-spaces c'x >= 0.
+
+A cone X that is invariant, holds b and lies in c'x >= 0 makes every one of these numbers nonnegative:
+
+    c'(s I - A)^(-k) b   for real s beyond the largest real eigenvalue, k = 1, 2, ..   (continuous time)
+    c'A^k b              for k = 0, 1, 2, ..                                           (discrete time)
+
+because (s I - A)^(-1), an integral of e^((A - sI)t), maps X into X.  One negative number is a proof.
+For k = 1 that is the transfer function: a simple real zero beyond the dominant eigenvalue changes its
+sign.  As k grows with s = k / t, it approaches the impulse response at time t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import scipy.linalg as sl
+from numpy.typing import NDArray
+
+from ...exact.budget import require_seconds
+from ...exact.condition import Condition
+from ...exact.matrix import ExactMatrix, pick
+from ...exact.polynomials import real_roots_above
+from ...proof.files import register_record
+from .existence import fact, spectrum_polynomial
+
+_LARGEST = 40
+_MOST = 400
+
+
+@dataclass(frozen=True, eq=False)
+class PortObstruction:
+    """A product of a half-space, the dynamics and a vector that is negative where it must not be.
+
+    Attributes
+    ----------
+    normal : ExactMatrix, shape (1, n)
+        c, a half-space that the cone was to lie in.
+    vector : ExactMatrix, shape (1, n)
+        b, a vector that the cone was to hold.
+    power : int
+        k.
+    shift : Fraction or None
+        s; None in discrete time.
+    value : float
+        The product, in floating point (its sign is proven).
+    time : float
+        About when the impulse response c'e^(At) b (c'A^k b) is negative; inf if s is real and k = 1.
+    zero : float or None
+        A real transmission zero beyond the dominant eigenvalue, if there is one.
+    """
+
+    normal: ExactMatrix
+    vector: ExactMatrix
+    power: int
+    shift: Fraction | None
+    value: float
+    time: float
+    zero: float | None = None
+
+    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The exact sign of the product."""
+        n = matrices.shape[-1]
+        sizes = self.normal.shape == (1, n) and self.vector.shape == (1, n)
+        if not sizes or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
+            return None
+        return [fact("c'(s I - A)^-k b < 0", _negative(pick(matrices, 0), self))]
+
+    def __str__(self) -> str:
+        if self.shift is None:
+            return f"the impulse response c'A^k b is {self.value:.3g} < 0 at k = {self.power}"
+        if self.zero is not None:
+            return (
+                f"the real transmission zero {self.zero:.6g} is not to the left of the dominant eigenvalue: the "
+                f"transfer function is {self.value:.3g} at s = {float(self.shift):.6g}, where that of a cone-positive "
+                "system is positive"
+            )
+        if self.power == 1:
+            return (
+                f"the transfer function c'(sI - A)^-1 b is {self.value:.3g} <= 0 at s = {float(self.shift):.6g}, "
+                "beyond the dominant eigenvalue"
+            )
+        return (
+            f"the impulse response c'e^(At) b is negative near t = {self.time:.3g}: c'(sI - A)^-{self.power} b = "
+            f"{self.value:.3g} at s = {float(self.shift):.6g}"
+        )
+
+
+register_record(PortObstruction)
+
+
+def port_obstruction(
+    A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, *, discrete: bool = False
+) -> PortObstruction | None:
+    """A proven reason why no invariant cone holds the vectors and lies in the half-spaces, or None."""
+    if A.shape[0] > _LARGEST:
+        return None
+    for j in range(vectors.shape[0]):
+        for i in range(normals.shape[0]):
+            require_seconds()
+            b, c = pick(vectors, [j]), pick(normals, [i])
+            for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
+                found = PortObstruction(c, b, k, s, value, time, zero)
+                if _negative(A, found):
+                    return found
+    return None
+
+
+def transmission_zeros(
+    A: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """Finite zeros of c'(sI - A)^-1 b, from a generalised eigenvalue problem."""
+    n = len(A)
+    left = np.block([[A, b[:, None]], [c[None], np.zeros((1, 1))]])
+    right = np.zeros((n + 1, n + 1))
+    right[:n, :n] = np.eye(n)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = sl.eigvals(left, right)
+    return values[np.isfinite(values) & (np.abs(values) < 1e8 * (1 + np.abs(A).max()))]
+
+
+def _suspects(
+    A: ExactMatrix, b: NDArray[np.float64], c: NDArray[np.float64], discrete: bool
+) -> Iterator[tuple[int, Fraction | None, float, float, float | None]]:
+    """Where the product may be negative: power, shift, value, time, zero."""
+    M = np.asarray(A.values)
+    values = np.linalg.eigvals(M)
+    scale = float(np.abs(values).max(initial=0.0)) or 1.0
+    if discrete:
+        x, worst = b.copy(), []
+        for k in range(_MOST):
+            worst.append((float(c @ x) / (np.linalg.norm(x) or 1.0), k, float(c @ x)))
+            x = M @ x
+            if not np.isfinite(x).all():
+                break
+        for _, k, value in sorted(worst)[:3]:
+            if value < 0:
+                yield k, None, value, float(k), None
+        return
+    top = float(values.real.max())
+    reals = values[np.abs(values.imag) < 1e-9 * scale].real
+    edge = float(reals.max()) if reals.size else top
+    eye = np.eye(len(M))
+    zeros = [
+        float(z.real)
+        for z in transmission_zeros(M, b, c)
+        if abs(z.imag) < 1e-7 * scale and z.real > edge - 1e-12 * scale
+    ]
+    spread = scale * np.array([1e-6, 1e-4, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
+    grid = {edge + d for d in spread} | {
+        z + f * (z - edge) for z in zeros for f in (-0.5, -0.1, -1e-3, 0.0, 1e-3, 0.1, 1.0)
+    }
+    grid |= {float(Fraction(z).limit_denominator(1000)) for z in zeros}
+    for s in sorted(grid, key=lambda s: abs(s - edge - 0.3 * scale)):
+        if s > edge:
+            value = float(c @ np.linalg.solve(s * eye - M, b))
+            if value <= 1e-9 * np.linalg.norm(c) * np.linalg.norm(b):
+                zero = min(zeros, key=lambda z: abs(z - s)) if zeros else None
+                yield 1, Fraction(s), value, np.inf, zero
+    found = []
+    for t in np.geomspace(
+        0.01 / scale,
+        60 / max(1e-6 * scale, float(np.abs(top - values.real)[np.abs(top - values.real) > 0].min(initial=scale))),
+        80,
+    ):
+        with np.errstate(over="ignore", invalid="ignore"):
+            response = float(c @ sl.expm((M - top * eye) * min(t, 1e6)) @ b)
+        if np.isfinite(response):
+            found.append((response, float(t)))
+    for response, t in sorted(found)[:2]:
+        for k in (2, 4, 8, 16, 32):
+            s = k / t + max(edge, 0.0) if k / t <= edge else k / t
+            if response < 0 and s > edge:
+                x = b.copy()
+                solver = np.linalg.inv(s * eye - M) * (s - edge)
+                for _ in range(k):
+                    x = solver @ x
+                if float(c @ x) < -1e-9 * np.linalg.norm(c) * np.linalg.norm(x):
+                    yield k, Fraction(s).limit_denominator(10**6), float(c @ x), t, None
+                    break
+
+
+def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
+    """The claim in exact arithmetic: negative, or zero for a transfer function that is not zero."""
+    b, c = w.vector.as_integers()[0][0], w.normal.as_integers()[0][0]
+    if w.shift is None:
+        M = A.as_integers()[0]
+        x = b
+        for _ in range(w.power):
+            require_seconds()
+            x = M @ x
+        return bool(c @ x < 0)
+    if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift) or _is_root(A, w.shift):
+        return False
+    adjugate, determinant = resolvent(A, w.shift)
+    x = b
+    for _ in range(w.power):
+        require_seconds()
+        x = adjugate @ x
+    value = (c @ x) * (1 if determinant > 0 or w.power % 2 == 0 else -1)
+    if value < 0:
+        return True
+    return w.power == 1 and value == 0 and _is_not_identically_zero(A, b, c)
+
+
+def _is_root(A: ExactMatrix, s: Fraction) -> bool:
+    return resolvent(A, s)[1] == 0
+
+
+def _is_not_identically_zero(A: ExactMatrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
+    M, x = A.as_integers()[0], b
+    for _ in range(len(b)):
+        if c @ x != 0:
+            return True
+        x = M @ x
+    return False
+
+
+def resolvent(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
+    """Integer matrix and number: (s I - A)^-1 = adjugate / determinant up to a positive factor."""
+    M, factor = A.as_integers()
+    ratio = s / Fraction(factor)
+    n = M.shape[0]
+    eye = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
+    T = eye * ratio.numerator - M * ratio.denominator
+    # Faddeev and LeVerrier: T^-1 = -(last power) / (last coefficient)
+    coefficient, power, before = 1, eye * 0, eye
+    for k in range(1, n + 1):
+        require_seconds()
+        before = power + eye * coefficient
+        power = T @ before
+        coefficient = -sum(power[i, i] for i in range(n)) // k
+    return -before, coefficient

@@ -1,0 +1,1 @@
+"""An invariant cone for one matrix."""

@@ -1,0 +1,139 @@
+"""Cones for matrices whose dominant eigenvalue is repeated and irrational, in rational arithmetic.
+
+Continuous time.  A = S + N with S semisimple, N nilpotent, both rational polynomials in A (Jordan and Chevalley),
+although no eigenvalue is.  Let p be the product of (s - z) over all eigenvalues z as often repeated as the
+dominant one.  On G = ker p(S), chains v, N v, .., N^(k-1) v and their images under S span blocks
+
+    span {w, S w, .., S^(d-1) w},   w = N^j v,   d = deg p,
+
+on each of which S acts as the companion matrix of p, whose dominant eigenvalue is simple, and N moves one block
+to the next without changing coordinates.  One cone of the companion matrix, put into every block, is
+invariant under S + N; the last block takes the other eigenvalues along.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...exact.matrix import ExactMatrix
+from ...exact.polynomials import (
+    Polynomial,
+    derivative,
+    multiply,
+    square_free_factors,
+)
+from ...exact.rationals import (
+    Rationals,
+    identity,
+    jordan_chains,
+    nullspace,
+    solve_columns,
+)
+from ...proof.multipliers import pointing_functional
+from ..impossible.existence import spectrum_polynomial
+from ..ports.search import find_with_ports
+from .search import find_single
+
+_LARGEST = 16
+# Roots that coincide are known to about half the digits, or a third of them.
+_NEAR = 1e-3
+
+
+def repeated_cones(A: ExactMatrix) -> Iterator[tuple[ExactMatrix, NDArray[np.float64]]]:
+    """Exact generators and a functional that is positive on them.
+
+    Yields
+    ------
+    rays : ExactMatrix, shape (N, n)
+    pointing : ndarray, shape (n,)
+    """
+    n = A.shape[0]
+    if n > _LARGEST:
+        return
+    factors = square_free_factors(spectrum_polynomial(A))
+    top = float(np.linalg.eigvals(A.values).real.max())
+    scale = float(np.abs(A.values).max()) or 1.0
+    near = [k for k, f in enumerate(factors) if np.abs(_roots(f) - top).min(initial=np.inf) < _NEAR * scale]
+    if len(near) != 1 or near[0] == 0:
+        return
+    M = A.fractions()
+    S = _semisimple(M, factors)
+    p, others = factors[near[0]], _product([f for k, f in enumerate(factors) if k != near[0]])
+    d = len(p) - 1
+    chains = jordan_chains(M - S, nullspace(_at(p, S)), lambda w: _cyclic(S, w, d))
+    if chains is None:
+        return
+    rays = _generators(M, S, chains, nullspace(_at(others, S)), d)
+    if rays is not None:
+        yield rays, pointing_functional(np.asarray(rays.values))
+
+
+def _roots(p: Polynomial) -> NDArray[np.complex128]:
+    size = max(map(abs, p))
+    return np.roots([float(Fraction(c, size)) for c in p]).astype(np.complex128)
+
+
+def _product(factors: list[Polynomial]) -> Polynomial:
+    return reduce(multiply, factors, [1])
+
+
+def _at(p: Polynomial, M: Rationals) -> Rationals:
+    """p(M), by Horner's rule."""
+    out = 0 * M
+    for c in p:
+        out = out @ M + c * identity(len(M))
+    return out
+
+
+def _semisimple(M: Rationals, factors: list[Polynomial]) -> Rationals:
+    """The semisimple part, by Newton's method on the product of the factors."""
+    p = _product(factors)
+    slope = derivative(p)
+    lead = p[0] * (len(p) - 1)
+    S = M
+    for _ in range(len(M).bit_length() + 1):
+        value = _at(p, S)
+        if not value.any():
+            break
+        # `derivative` is known up to a positive factor only
+        S = S - solve_columns(_at(slope, S) * (lead // slope[0]), value)
+    return S
+
+
+def _cyclic(S: Rationals, w: Rationals, d: int) -> list[Rationals]:
+    """w, S w, .., S^(d-1) w."""
+    out = [w]
+    for _ in range(d - 1):
+        out.append(S @ out[-1])
+    return out
+
+
+def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Rationals, d: int) -> ExactMatrix | None:
+    """The cone of the companion matrix in every block, and the cone of the last block with the rest."""
+    last = np.array(_cyclic(S, chains[0][-1], d), dtype=object).T
+    companion = ExactMatrix.from_fractions(solve_columns(last, S @ last))
+    found, _, _ = find_single(companion, discrete=False, max_rays=None)
+    if not found or found.rays is None:
+        return None
+    inner = found.rays.fractions()
+    blocks = [w for k, chain in enumerate(chains) for w in (chain[:-1] if k == 0 else chain)]
+    rows = [inner @ np.array(_cyclic(S, w, d), dtype=object) for w in blocks]
+    if not W.shape[1]:
+        return ExactMatrix.from_fractions(np.concatenate([*rows, inner @ last.T]))
+    basis = np.concatenate([last, W], axis=1)
+    joined = ExactMatrix.from_fractions(solve_columns(basis, M @ basis))
+    if len(chains[0]) > 1:  # N moves the cone of the block before into the last one
+        zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
+        held = ExactMatrix.from_fractions(np.concatenate([inner, zeros], axis=1))
+        nothing = ExactMatrix(np.zeros((0, basis.shape[1])))
+        outer, _, _ = find_with_ports(joined, held, nothing, discrete=False, max_rays=None, report=lambda _: None)
+    else:
+        outer, _, _ = find_single(joined, discrete=False, max_rays=None)
+    if not outer or outer.rays is None:
+        return None
+    return ExactMatrix.from_fractions(np.concatenate([*rows, outer.rays.fractions() @ basis.T]))

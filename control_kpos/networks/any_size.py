@@ -1,0 +1,330 @@
+"""Certificates for any number of nodes on any graph with bounded weights.
+
+Let a node be dissipative with storage v'x and supply r'u + q'y, and q'y <= -w r'K y for a link K that maps Y
+into U.  Then copies of it under any coupling with W Y inside U and
+
+    sum_j r'W_jk y <= w r'K y        for every node k and generator y of Y
+
+satisfy (III') with sigma = 1, whatever their number.  With one input, one output and K = 1 these are the graphs
+with sum_j w_jk <= w.  A single node with the self-loop w K is such a network, so the bound is sharp: there
+is such a v if and only if A + w B K C is stable.  For copies of one node with one input and one output it is the
+largest eigenvalue of the weights that counts, so a bound on sum_k w_jk does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike
+
+from ..errors import ConeMismatchError, DataError, ShapeError
+from ..exact.condition import Condition, all_hold
+from ..exact.intake import real_number
+from ..exact.matrix import (
+    ExactMatrix,
+    concatenate,
+    exact_matrix,
+    require_shape,
+    vector,
+)
+from ..exact.signs import BilinearForms
+from ..proof.certificate import Certificate, Status
+from ..proof.weights import exact_vector
+from ..systems.statespace import ConeStateSpace
+from ..theorems.stability import LyapunovCertificate, transpose
+from . import conditions as on
+from .blocks import Floats, Index
+from .certificate import NetworkCertificate, flat, per_node
+from .certify import certify
+from .coupling import is_graph, read_coupling
+from .given_rates import certify_rates
+from .model import NetworkModel, NodeStack, gather
+from .network import ConeNetwork
+from .spectrum.port_solves import PortSystem
+from .witnesses import exact_vectors, with_exact
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OutWeightCertificate(Certificate):
+    """Proof that every network of these node types with out-weights at most `weight` is stable.
+
+    Attributes
+    ----------
+    local : NetworkCertificate
+        Of one node of each type with a self-loop of this weight.
+    weight : float
+        Bound on sum_j w_jk, the weights of all links that leave a node; for one type with one input and one
+        output, on those that enter it instead if these are smaller.
+    link : ndarray, shape (m, q)
+        A link of weight 1: the K in sum_j r'W_jk y <= weight r'K y.
+    witness : object or None
+        What breaks the self-loops, themselves networks with these out-weights.
+    """
+
+    claim: ClassVar[str] = "out-weight"
+
+    local: NetworkCertificate
+    weight: float
+    link: Floats
+
+    def parts(self) -> Sequence[Certificate]:
+        return (self.local,)
+
+    def conditions(self) -> Sequence[Condition]:
+        model = self.local.model
+        if not np.array_equal(model.W.toarray(), np.kron(np.eye(model.n_nodes), self.weight * self.link)):
+            raise DataError("the local certificate is not about self-loops of this weight.")
+        r = flat(self.local.r, model, 1) if self.local.r is not None else np.zeros(0)
+        if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
+            raise DataError("the node types must have one r > 0 in common.")
+        return ()
+
+    def refutation(self) -> Sequence[Condition] | None:
+        return self.local._own_conditions if self.local.status is Status.REFUTED else None
+
+    @property
+    def decay_rate(self) -> float:
+        """Proven for every such network, per unit of time."""
+        return self.local.decay_rate
+
+    @property
+    def margin(self) -> float:  # type: ignore[override]
+        """The margin of the local certificate."""
+        return self.local.margin
+
+    def explain(self) -> str:
+        kinds = self.local.model.n_nodes
+        what = "copies of this node" if kinds == 1 else f"nodes of these {kinds} types"
+        if self:
+            entering = " (or the sum over those that enter a node)" if kinds == 1 and self.link.shape == (1, 1) else ""
+            return (
+                f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links "
+                f"that leave a node{entering} is at most {self.weight:.6g}, is positive and stable with decay rate at "
+                f"least {self.decay_rate:.4g}."
+            )
+        return (
+            f"Not certified: already a node with a self-loop of weight {self.weight:.6g} fails. {self.local.explain()} "
+            "Ask for a smaller weight, or raise the local gain."
+        )
+
+    def covers(self, coupling: Any, types: Sequence[int] | None = None) -> bool:
+        """True if every link maps Y into U and the weights are bounded as the certificate asks for, exactly.
+
+        Parameters
+        ----------
+        coupling : as for `feedback_interconnect`
+        types : sequence of int, optional
+            Type of every node; the first type if not given.
+        """
+        if not self:
+            return False
+        model, kinds = self._network(coupling, types)
+        if not all_hold(on.coupling(model)):
+            return False
+        _, r, q = self._spread(kinds)
+        if on.balance(model, q, r, None).verdict() is True:
+            return True
+        return self.local.model.totals[1:] == (1, 1) and self._bounds_rows(model)
+
+    def _bounds_rows(self, model: NetworkModel) -> bool:
+        """Weights of the links that enter a node sum to at most `weight`."""
+        n = model.n_nodes
+        table = concatenate([transpose(model.coupling), ExactMatrix(np.full((1, n), -self.weight))], -2)
+        forms = BilinearForms(ExactMatrix(np.ones((1, n + 1))), table, ExactMatrix(sp.eye_array(n, format="csr")))
+        return Condition("sum of in-weights <= weight", forms, "<=").verdict() is True
+
+    def interconnect(self, coupling: Any, types: Sequence[int] | None = None, name: str | None = None) -> ConeNetwork:
+        """The network of such nodes under a coupling, certified without a solve.
+
+        Parameters
+        ----------
+        coupling : array_like, sparse matrix or networkx graph, shape (N, N)
+        types : sequence of int, optional
+            Type of every node; the first type if not given.
+        name : str, optional
+
+        Returns
+        -------
+        ConeNetwork
+            Its certificate holds copies of the local v, r, q, proven for this coupling; if they do not
+            cover it, it is found anew when first asked for.
+        """
+        model, kinds = self._network(coupling, types)
+        return ConeNetwork(model, name=name, certificate=self._carry(model, kinds))
+
+    def _network(self, coupling: Any, types: Sequence[int] | None) -> tuple[NetworkModel, Index]:
+        """The network of such nodes, and the type of every node."""
+        local = self.local.model
+        kinds = np.zeros(_size(coupling) // local.stacks[0].sizes[1], dtype=np.intp) if types is None else _kinds(types)
+        if kinds.size and not (kinds.min() >= 0 and kinds.max() < local.n_nodes):
+            raise ShapeError(f"types must name one of the {local.n_nodes} node types, 0 to {local.n_nodes - 1}.")
+        stacks, members = [], []
+        for s, index in zip(local.stacks, local.members, strict=True):
+            place = np.full(local.n_nodes, -1)
+            place[index] = np.arange(len(index))
+            chosen = np.flatnonzero(place[kinds] >= 0)
+            if chosen.size:
+                plain = NodeStack(s.A, s.B, s.C, s.D, s.X, s.U, s.Y, s.dt)
+                stacks.append(plain.take(place[kinds[chosen]]))
+                members.append(chosen)
+        empty = NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array((0, 0))), local.dt)
+        return empty.with_coupling(read_coupling(coupling, empty)), kinds
+
+    def _spread(self, kinds: Index) -> list[Any]:
+        """v, r and q of every node, doubles or fractions."""
+        local = self.local
+        vectors = [flat(x, local.model, kind) for kind, x in enumerate((local.v, local.r, local.q))]
+        exact = exact_vectors(vectors, local.exact)
+        return [self._repeat(x, kind, kinds) for kind, x in enumerate(exact)]
+
+    def _repeat(self, vector: Any, kind: int, kinds: Index) -> Any:
+        own = np.split(np.asarray(vector), self.local.model.offsets[kind][1:-1])
+        return (
+            np.concatenate([own[t] for t in kinds]) if len({len(o) for o in own}) > 1 else np.stack(own)[kinds].ravel()
+        )
+
+    def _carry(self, model: NetworkModel, kinds: Index) -> NetworkCertificate | None:
+        """The local data at every node, if they prove this network."""
+        if not self:
+            return None
+        loop = self.local.loop_weights if model.has_feedthrough else None
+        if loop is not None:
+            p, t = (self._repeat(part, kind, kinds) for kind, part in zip((2, 1), loop, strict=True))
+            loop = (tuple(p), tuple(t)) if isinstance(loop[0], tuple) else (p, t)
+        vectors, exact = self._spread(kinds), None
+        if self.local.exact is not None:
+            vectors, exact = with_exact(vectors)
+        v, r, q = (per_node(x, model, kind) for kind, x in enumerate(vectors))
+        sigma, rate = np.ones(model.n_nodes), self.local.decay_rate
+        draft = NetworkCertificate.settle(
+            model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop, exact=exact
+        )
+        return draft if draft.status is Status.PROVED else None
+
+
+def _size(coupling: Any) -> int:
+    if is_graph(coupling):
+        return len(coupling.nodes)
+    return exact_matrix(coupling, "coupling").shape[0]
+
+
+def _kinds(types: Any) -> Index:
+    kinds = np.asarray(vector(types, "types"))
+    if not ((kinds == np.round(kinds)) & (np.abs(kinds) < 2**31)).all():
+        raise DataError("types holds numbers that are not whole; give the number of the type of every node.")
+    return kinds.astype(np.intp)
+
+
+def scale_free_certificate(
+    nodes: ConeStateSpace | NodeStack | Iterable[ConeStateSpace],
+    weight: float | None = None,
+    *,
+    link: ArrayLike | None = None,
+) -> OutWeightCertificate:
+    """Certify every network of copies of some node types, of any size, by the sum of the weights that leave a node.
+
+    Parameters
+    ----------
+    nodes : ConeStateSpace, or sequence of them, or NodeStack
+        Node types with one input and one output each, on the nonnegative axis; or one node of any kind.
+    weight : float, optional
+        Bound on the out-weights.  Default: just below the largest that works, 1 / max G_t(0) (continuous time) or
+        1 / max G_t(1) (discrete time); with several inputs or outputs 1 / rho(K G(0)).
+    link : array_like, shape (m, q), optional
+        What weights are measured by, for a node with several inputs or outputs: the K in
+        sum_j r'W_jk y <= weight r'K y, with the r found.  Default: the identity, if U contains Y.
+
+    Returns
+    -------
+    OutWeightCertificate
+        PROVED, or REFUTED with what breaks a node with a self-loop of this weight.
+
+    Raises
+    ------
+    ConeMismatchError
+        Several node types of which one has several inputs or outputs: r would have to be one for all.  A node with
+        several inputs or outputs for which a link has to be given.
+    DataError
+        A weight that is not a nonnegative number.
+
+    Notes
+    -----
+    Costs one small solve per type, whatever the networks.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> node = kp.ConeStateSpace([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    >>> certificate = kp.scale_free_certificate(node, weight=21)
+    >>> certificate.status.name, certificate.covers([[0, 20], [21, 0]]), certificate.covers([[2, 20], [20, 0]])
+    ('PROVED', True, False)
+    """
+    stacks, members, dt = gather(nodes, "nodes")
+    count = sum(len(s) for s in stacks)
+    shape = _link(stacks, count, link)
+    bare = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+    if weight is None:
+        gains = PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G
+        loops = [
+            np.abs(np.linalg.eigvals(shape @ g)).max() if np.isfinite(g).all() else np.inf for G in gains for g in G
+        ]
+        top = float(max(loops))
+        weight = (1 - 1e-9) / top if np.isfinite(top) and top > 0 else 1.0
+    weight = real_number(weight, "weight", nonnegative=True)
+    model = bare.with_coupling(ExactMatrix(sp.csr_array(np.kron(np.eye(count), weight * shape))))
+    if count == 1:
+        local = certify(model)
+    else:
+        local = certify_rates(model, np.full(count, -weight), np.ones(count))
+        if not local and weight > 0:
+            whole = certify(model)
+            local = whole if whole.status is Status.REFUTED else local
+    return OutWeightCertificate.settle(local=local, weight=weight, link=shape, witness=local.witness)
+
+
+def out_weight_certificate(node: ConeStateSpace, weight: float, proof: LyapunovCertificate) -> OutWeightCertificate:
+    """The certificate for copies of a node with one input, one output and D = 0, from a proof for A + weight B C.
+
+    Parameters
+    ----------
+    node : ConeStateSpace
+    weight : float
+    proof : LyapunovCertificate
+        Of A + weight * B C; its v and decay rate become those of the networks.
+    """
+    stacks, members, dt = gather(node, "node")
+    model = NetworkModel(stacks, members, ExactMatrix(sp.csr_array([[weight]])), 0 if dt is None else dt)
+    v = exact_vector(proof.v, proof.v_exact)
+    r = v @ stacks[0].B.fractions()[0]
+    vectors, exact = with_exact((v, r, -Fraction(weight) * r))
+    v_, r_, q_ = (per_node(x, model, kind) for kind, x in enumerate(vectors))
+    rates = {"sigma": np.ones(1), "decay_rate": proof.decay_rate}
+    local = NetworkCertificate.settle(model=model, v=v_, r=r_, q=q_, exact=exact, **rates)
+    return OutWeightCertificate.settle(local=local, weight=weight, link=np.ones((1, 1)))
+
+
+def _link(stacks: Sequence[NodeStack], count: int, link: ArrayLike | None) -> Floats:
+    """The link of weight 1, or what is missing to say what that is."""
+    s = stacks[0]
+    _, m, q = s.sizes
+    if all(t.sizes[1:] == (1, 1) and t.U.rays[0, 0] > 0 and t.Y.rays[0, 0] > 0 for t in stacks) and link is None:
+        return np.ones((1, 1))
+    if count > 1:
+        raise ConeMismatchError(
+            "scale-free certificates for several node types are for nodes with one nonnegative input and one "
+            f"nonnegative output, so that one supply rate r serves all; here a node has {m} inputs and {q} outputs. "
+            "Certify one type at a time."
+        )
+    if link is not None:
+        return np.asarray(require_shape(exact_matrix(link, "link"), "link", (m, q), "inputs by outputs").values)
+    if m != q or not s.U.contains(s.Y):
+        raise ConeMismatchError(
+            f"the node has {m} inputs and {q} outputs, and there is no telling what a link of weight 1 makes of the "
+            f"outputs; give link, a {m} x {q} matrix that maps Y into U."
+        )
+    return np.eye(m)

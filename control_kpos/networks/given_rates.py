@@ -1,0 +1,207 @@
+"""The modular test: given local supply rates, find weights sigma for condition (III')."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from typing import Any, TypeAlias
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import ShapeError
+from ..exact.intake import items
+from ..exact.matrix import ExactMatrix, vector
+from ..exact.programs import solve
+from ..exact.rational_programs import exact_feasibility, primitive_fractions
+from ..proof.certificate import Status
+from ..theorems.dissipativity import DissipativityCertificate, dissipativity_of
+from . import conditions as on
+from .blocks import Floats, inverse
+from .certificate import NetworkCertificate, per_node
+from .certify import (
+    certify,
+    loop_weights,
+    provable_rate,
+    violation,
+)
+from .model import NetworkModel
+from .witnesses import NodeNotDissipative, NoWeights, node_positivity
+
+SupplyRates: TypeAlias = Sequence[Any]
+# sigma, or outputs y that exclude every sigma
+Proposal: TypeAlias = tuple[Floats | None, Floats | None]
+
+# Entries of (III') up to which its weights are sought in rational arithmetic.
+_EXACT_ENTRIES = 2000
+
+
+def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Floats, Floats]:
+    """Supply rates as two vectors q and r over all outputs and inputs.
+
+    Raises
+    ------
+    ShapeError
+        Not one pair (q_j, r_j) per node, or vectors of the wrong length.
+    """
+    given = items(rates, "supply_rates")
+    if len(given) != model.n_nodes:
+        raise ShapeError(f"supply_rates has {len(given)} entries; {model.n_nodes} nodes need one pair (q_j, r_j) each.")
+    m, n_out = np.diff(model.offsets[1]), np.diff(model.offsets[2])
+    qs, rs = [], []
+    for j, item in enumerate(given):
+        pair: Any = (item.q, item.r) if isinstance(item, DissipativityCertificate) else item
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise ShapeError(f"supply_rates[{j}] must be a pair (q, r).")
+        q, r = pair
+        qs.append(vector(q, f"q in supply_rates[{j}]", int(n_out[j])))
+        rs.append(vector(r, f"r in supply_rates[{j}]", int(m[j])))
+    return np.concatenate(qs), np.concatenate(rs)
+
+
+def certify_rates(model: NetworkModel, q: Floats, r: Floats) -> NetworkCertificate:
+    """Theorem 4 with given supply rates.
+
+    Parameters
+    ----------
+    model : NetworkModel
+    q, r : ndarray, shapes (sum q_k,), (sum m_j,)
+
+    Returns
+    -------
+    NetworkCertificate
+        REFUTED means that these rates prove nothing: a node does not satisfy its own, or no sigma fits;
+        the network may still be stable with others.
+    """
+    early = violation(model, None)
+    if early is not None:
+        return early
+    loop = loop_weights(model)
+    if model.has_feedthrough and loop is None:
+        return certify(model)
+    v, witness = storages(model, q, r)
+    rates = {"q": per_node(q, model, 2), "r": per_node(r, model, 1)}
+    if witness is not None or v is None:
+        return NetworkCertificate.settle(model=model, witness=witness, loop_weights=loop, **rates)
+    rate = max(provable_rate(model, v, q, discrete=model.discrete), 0.0)
+    common = {"model": model, "loop_weights": loop, **rates}
+    weighted = {"v": per_node(v, model, 0), "decay_rate": rate}
+    gains = balance_matrix(model, q, r)
+    found = NetworkCertificate.settle(**common)
+    for sigma, y in itertools.chain(weights(gains), obstructions(model, gains), exact_weights(model, q, r)):
+        if y is not None:
+            found = NetworkCertificate.settle(**common, witness=NoWeights(y))
+        elif sigma is not None:
+            found = NetworkCertificate.settle(**common, **weighted, sigma=sigma)
+        if found.status is not Status.UNDECIDED:
+            return found
+    return found
+
+
+def storages(model: NetworkModel, q: Floats, r: Floats) -> tuple[Floats | None, NodeNotDissipative | None]:
+    """v_j for every node, or the first node that has none.
+
+    For -q in Y* the least storage is v = (mu - A)^{-T} C'(-q); a share of (mu - A)^{-T} c that the slack of
+    the inputs leaves room for makes it strict.  Other supply rates go through the linear program of
+    Theorem 3, node by node.
+    """
+    least = 1.0 if model.discrete else 0.0
+    parts: list[Floats] = []
+    for g, s in enumerate(model.stacks):
+        q_g, r_g = model.split(q, 2)[g], model.split(r, 1)[g]
+        K = inverse(least * np.eye(s.sizes[0]) - s.A.values)
+        c = np.asarray(s.X.dual.interior_point)
+        with np.errstate(all="ignore"):
+            low = np.einsum("jkn,jk->jn", K, -np.einsum("jqn,jq->jn", s.C.values, q_g))
+            extra = np.einsum("jkn,k->jn", K, c)
+            U, X = s.U.rays, s.X.rays
+            room = (r_g + np.einsum("jqm,jq->jm", s.D.values, q_g) - np.einsum("jn,jnm->jm", low, s.B.values)) @ U.T
+            used = np.einsum("jn,jnm->jm", extra, s.B.values) @ U.T
+            ratio = np.where(used > 0, room / used, np.where(room >= 0, np.inf, -1.0))
+            share = 0.5 * np.minimum(ratio.min(axis=1, initial=np.inf), 2.0 * (1.0 + np.abs(low).max(axis=1)))
+            v = low + share[:, None] * extra
+            good = (share > 0) & (v @ X.T > 0).all(axis=1) & (-q_g @ s.Y.rays.T >= 0).all(axis=1)
+        for place in np.flatnonzero(~good).tolist():
+            node = int(model.members[g][place])
+            found = dissipativity_of(node_positivity(model, node), q=q_g[place], r=r_g[place])
+            if found.status is Status.REFUTED:
+                return None, NodeNotDissipative(node, q_g[place], r_g[place], found.witness)
+            if found.v is None:
+                return None, None
+            v[place] = found.v
+        parts.append(v)
+    return model.join(parts, 0), None
+
+
+def balance_matrix(model: NetworkModel, q: Floats, r: Floats) -> sp.csr_array:
+    """Coefficients of sigma in (III'): one row per generator of an output cone, one column per node."""
+    Q, M, N = model.totals[2], model.totals[1], model.n_nodes
+    own = sp.csr_array((q, (np.arange(Q), model.owners(2))), shape=(Q, N))
+    given = sp.csr_array((r, (np.arange(M), model.owners(1))), shape=(M, N))
+    return sp.csr_array(on.output_generators(model).values @ (own + model.WT @ given))
+
+
+def weights(gains: sp.csr_array) -> Iterator[Proposal]:
+    """Candidates for sigma: ones, then with slack in all rows, then with slack in every row that can have it."""
+    height, count = gains.shape
+    yield np.ones(count), None
+    size = np.maximum(np.asarray(abs(gains).sum(axis=1)).ravel(), 1e-300)
+    scaled = sp.csr_array(sp.diags_array(1 / size) @ gains)
+    for slack, most in _slacks(height):
+        rows = sp.hstack([scaled, slack], format="csr")
+        cost = np.concatenate([np.zeros(count), -np.ones(slack.shape[1])])
+        for top in (1e4, 1e9):
+            lower = np.concatenate([np.ones(count), np.zeros(slack.shape[1])])
+            upper = np.concatenate([np.full(count, top), np.full(slack.shape[1], most)])
+            method = "simplex" if count < 2000 else "ipm"
+            found = solve(cost, rows, np.zeros(height), bounds=(lower, upper), method=method)
+            if found and found.x[count:].any() and (found.x[:count] > 0).all():
+                yield found.x[:count], None
+
+
+def obstructions(model: NetworkModel, gains: sp.csr_array) -> Iterator[Proposal]:
+    """Candidates for y in Y whose supply is positive at every node, then at every node where it can be."""
+    count, nodes = gains.shape
+    generators = on.output_generators(model).values
+    for slack, most in _slacks(nodes):
+        rows = sp.hstack([-gains.T, slack], format="csr")
+        cost = np.concatenate([np.zeros(count), -np.ones(slack.shape[1])])
+        upper = np.concatenate([np.ones(count), np.full(slack.shape[1], most)])
+        found = solve(cost, rows, np.zeros(nodes), bounds=(0.0, upper))
+        if found:
+            yield None, generators.T @ np.maximum(found.x[:count], 0.0)
+
+
+def _slacks(height: int) -> Iterator[tuple[sp.csr_array, float]]:
+    """One slack for all rows, then one for each, with the most that is rewarded."""
+    yield sp.csr_array(np.ones((height, 1))), 1.0
+    yield sp.eye_array(height, format="csr"), 1e-3
+
+
+def exact_weights(model: NetworkModel, q: Floats, r: Floats) -> Iterator[Proposal]:
+    """sigma, or y in Y that excludes it, as whole numbers from a rational program; nothing if that is too long.
+
+    By Tucker's theorem some sigma >= 1 satisfies (III') unless a y in Y has a supply that is negative at no node and
+    positive at one.
+    """
+    height = sum(len(s) * s.Y.n_rays for s in model.stacks)
+    if height * model.n_nodes > _EXACT_ENTRIES:
+        return
+    generators = _fractions(on.output_generators(model))
+    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(ExactMatrix(q))[:, None], 0)
+    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(ExactMatrix(r))[:, None], 0)
+    gains = generators @ (own + _fractions(model.coupling).T @ given)
+    unit = np.array([[Fraction(int(i == j)) for j in range(height)] for i in range(height)], dtype=object)
+    x, y = exact_feasibility(np.concatenate([gains, unit], axis=1), -gains.sum(axis=1))
+    yield (None if x is None else _whole(x[: model.n_nodes] + 1)), (None if y is None else _whole(y @ generators))
+
+
+def _fractions(m: ExactMatrix) -> Any:
+    return (ExactMatrix(m.values.toarray()) if m.is_sparse else m).fractions()
+
+
+def _whole(x: Any) -> Floats | None:
+    """A positive multiple of x in whole numbers that are doubles, or None."""
+    whole = primitive_fractions(x)
+    return whole.astype(float) if all(abs(v) <= 2**53 for v in whole) else None

@@ -1,0 +1,166 @@
+"""A bracket of the spectral abscissa with both sides proven.
+
+lambda <= mu if some v_j in int X_j*, r, q satisfy (v'A - mu v' - q'C)x <= 0, v'B - r' - q'D <= 0 on U and
+q'y + r'W y <= 0 on Y; lambda >= mu if some x in X, x != 0, has A_cl x - mu x in X.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ...errors import DataError
+from ...exact.condition import Condition, all_hold
+from ...proof.certificate import Certificate, Status
+from .. import conditions as on
+from ..blocks import Floats
+from ..certificate import (
+    PerNode,
+    dissipation,
+    flat,
+    per_node,
+)
+from ..certify import (
+    growth_witness,
+    loop_weights,
+    provable_rate,
+    supply_rates,
+)
+from ..model import NetworkModel
+from ..witnesses import (
+    Exact,
+    LoopWeights,
+    NetworkInstability,
+    below_abscissa,
+    exact_vectors,
+    positive_parts,
+)
+from .descent import Progress, descend, slow_state
+from .leading_nodes import localised_peak
+from .rational import bracket_exactly
+from .strong_parts import strong_parts
+
+# Widths by which the lower side gives way where rounding leaves its proof no room.
+_RETREATS = (0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class AbscissaCertificate(Certificate):
+    """Proof that the spectral abscissa (discrete time: radius) of a positive network lies in [lower, upper].
+
+    Attributes
+    ----------
+    model : NetworkModel
+    lower, upper : float
+    v, r, q : ndarray or tuple of ndarray, per node
+        Prove the upper side.
+    below : NetworkInstability
+        x, u, y prove the lower side.
+    loop_weights : tuple of two ndarrays, or None
+    exact : tuple of three tuples of Fraction, or None
+        Both as in `NetworkCertificate`.
+    """
+
+    claim: ClassVar[str] = "network abscissa"
+
+    model: NetworkModel
+    lower: float = -np.inf
+    upper: float = np.inf
+    v: PerNode | None = None
+    r: PerNode | None = None
+    q: PerNode | None = None
+    below: NetworkInstability | None = None
+    loop_weights: LoopWeights = None
+    exact: Exact = None
+
+    def conditions(self) -> Sequence[Condition]:
+        if self.v is None or self.r is None or self.q is None or self.below is None:
+            raise DataError("one side of the bracket is missing.")
+        if self.below.rate != self.lower or not np.any(self.below.x):
+            raise DataError("below does not belong to the lower end.")
+        model = self.model
+        v, r, q = exact_vectors([flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))], self.exact)
+        lower = below_abscissa(model, self.below, self.loop_weights)
+        if lower is None:
+            raise DataError("loop_weights are missing although some D is not zero.")
+        upper = dissipation(model, v, r, q, -self.upper, discrete=False)
+        return [*lower, *upper, on.balance(model, q, r, None)]
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and (self.v is None or self.below is None):
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
+
+    def refutation(self) -> Sequence[Condition] | None:
+        return None
+
+    def explain(self) -> str:
+        what = "radius" if self.model.discrete else "abscissa"
+        if self:
+            return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
+        return (
+            f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
+            "certificate says what breaks it; otherwise rounding leaves too little room, and a larger width may "
+            "help."
+        )
+
+
+def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | None = None) -> AbscissaCertificate:
+    """Find and prove a bracket of the spectral abscissa; see `ConeNetwork.spectral_abscissa`."""
+    loop = loop_weights(model)
+    if model.has_feedthrough and loop is None:
+        return AbscissaCertificate.settle(model=model)
+    found = _proven(model, relative, progress, loop)
+    if found and found.upper - found.lower <= 2 * relative * abs(found.upper):
+        return found
+    exact = bracket_exactly(model, relative, loop) if all_hold(positive_parts(model)) else None
+    return found if exact is None else AbscissaCertificate.settle(model=model, **exact)
+
+
+def _proven(model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights) -> AbscissaCertificate:
+    """What the descent finds, the lower side lowered until rounding leaves room for its proof."""
+    with np.errstate(all="ignore"):  # candidates that overflow are not proven
+        sides = _both_sides(model, relative, progress)
+    found = AbscissaCertificate.settle(model=model)
+    if sides is None:
+        return found
+    (v, r, q), x, rate = sides
+    upper = -provable_rate(model, v, q, discrete=False)
+    for retreat in _RETREATS:
+        lower = rate - retreat * relative * abs(rate)
+        found = AbscissaCertificate.settle(
+            model=model,
+            lower=lower,
+            upper=upper,
+            v=per_node(v, model, 0),
+            r=per_node(r, model, 1),
+            q=per_node(q, model, 2),
+            below=growth_witness(model, x, lower),
+            loop_weights=loop,
+        )
+        if found:
+            break
+    return found
+
+
+def _both_sides(
+    model: NetworkModel, relative: float, progress: Progress | None
+) -> tuple[tuple[Floats, Floats, Floats], Floats, float] | None:
+    """Supply rates for the upper side; a state and its rate for the lower side."""
+    start = 1.0 if model.discrete else 0.0
+    parts = strong_parts(model)
+    inner = model if parts is None else parts.inner
+    peak = localised_peak(inner, start, relative, progress) if parts is None else None
+    if peak is not None:
+        return supply_rates(model, peak.v), peak.x, peak.rate
+    found = descend(inner, start, relative=relative, progress=progress)
+    if found is None:
+        return None
+    slow = slow_state(model, found, relative) if parts is None else parts.slow_state(found, relative)
+    if slow is None:
+        return None
+    v = found.v if parts is None else parts.joined(found.v, found.c)
+    return None if v is None else (supply_rates(model, v), *slow)

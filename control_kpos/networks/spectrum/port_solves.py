@@ -1,0 +1,327 @@
+"""Linear solves with mu I - A_cl, reduced to the ports; untrusted, and checked by whoever calls.
+
+With K_j = (mu I - A_j)^{-1} and the transfer matrix G = D + C K B of all nodes (block-diagonal),
+
+    (mu I - A_cl)' v = c   <=>   r = (W G)' r + B'K'c,   v = K'(c + C'W'r),
+    (mu I - A_cl) x  = d   <=>   u = (W G) u + W C K d,  x = K (B u + d).
+
+K-positive nodes make T = W G a nonnegative operator whose powers sum up iff mu exceeds the spectral
+abscissa.  Far from it a few sweeps r <- T'r + b do.  Near it, graphs of small bandwidth (rings, chains,
+ladders) are factored; the others (random graphs, where a factorisation fills in without bound) have
+few isolated eigenvalues next to 1 and are left to BiCGSTAB and GMRES.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+
+from ..blocks import (
+    Floats,
+    Index,
+    apply,
+    inverse,
+    multiply,
+)
+from ..model import NetworkModel
+
+# A factorisation in a banded order may take this many entries for each unknown, or this many in all.
+_ENVELOPE_PER_UNKNOWN = 40
+_ENVELOPE_TOTAL = 2 * 10**6
+_SWEEPS = 60
+_ITERATIONS = 400
+
+
+class Loop:
+    """The equations r = T r + b and r = T'r + b with T = W G, for block-diagonal G.
+
+    Parameters
+    ----------
+    model : NetworkModel
+    G : list of ndarray, shapes (N, q, m)
+        One stack of blocks per node stack.
+    """
+
+    def __init__(self, model: NetworkModel, G: list[Floats]) -> None:
+        self.model, self.G = model, G
+        self.iterations = 0
+        self.iteration_limit = _ITERATIONS
+        self.sweeps_only = False
+
+    @cached_property
+    def T(self) -> sp.csr_array:
+        """W G, inputs to inputs."""
+        W = self.model.W
+        if self._is_scalar:
+            return sp.csr_array((W.data * self.G[0].ravel()[W.indices], W.indices, W.indptr), shape=W.shape)
+        return sp.csr_array(W @ self.model.blocks(self.G, 2, 1))
+
+    @cached_property
+    def TT(self) -> sp.csr_array:
+        """T'."""
+        W = self.model.WT
+        if self._is_scalar:  # transposing a large sparse matrix costs more than several products with it
+            scales = np.repeat(self.G[0].ravel(), np.diff(W.indptr))
+            return sp.csr_array((W.data * scales, W.indices, W.indptr), shape=W.shape)
+        return sp.csr_array(self.T.T)
+
+    @property
+    def _is_scalar(self) -> bool:
+        """True if every G_j is a number and the nodes stand in their order."""
+        return len(self.G) == 1 and self.G[0].shape[1:] == (1, 1) and self.model.is_ordered
+
+    def solve(
+        self, b: Floats, transposed: bool, tolerance: float = 1e-9, guess: Floats | None = None, near: bool = False
+    ) -> Floats:
+        """Solve r = T r + b, or r = T'r + b; whatever comes out is checked by the caller."""
+        T = self.TT if transposed else self.T
+        if not T.nnz or not np.any(b):
+            return b.copy()
+        with np.errstate(all="ignore"):
+            if not near:
+                r, converged, grows = _sweep(T, b, tolerance)
+                if converged:
+                    return r
+                if self.sweeps_only:
+                    return np.full_like(b, np.nan)
+                if grows:
+                    self.iteration_limit = min(self.iteration_limit, _ITERATIONS // 8)
+            if self.factors is not None:
+                return self._direct(T, b, transposed)
+            return self._krylov(T, b, b if guess is None else guess, tolerance)
+
+    @cached_property
+    def factors(self) -> Any:
+        """LU factors of I - T in a banded order, or None if the graph has none."""
+        order = banded_order(self.model)
+        if order is None or not np.isfinite(self.T.data).all():
+            return None
+        size = self.T.shape[0]
+        matrix = sp.csc_array(sp.eye_array(size, format="csr") - self.T)[order][:, order].tocsc()
+        for threshold in (0.0, 1.0):  # M-matrices need no pivoting; anything else may
+            try:
+                return spla.splu(
+                    matrix,
+                    permc_spec="NATURAL",
+                    diag_pivot_thresh=threshold,
+                    options={"SymmetricMode": threshold == 0.0},
+                ), order
+            except (RuntimeError, ValueError):  # exactly singular
+                continue
+        return None
+
+    def _direct(self, T: sp.csr_array, b: Floats, transposed: bool) -> Floats:
+        lu, order = self.factors
+        r = np.empty_like(b)
+        r[order] = lu.solve(b[order], "T" if transposed else "N")
+        correction = np.empty_like(b)
+        correction[order] = lu.solve((b - (r - T @ r))[order], "T" if transposed else "N")
+        better = r + correction
+        return better if np.isfinite(better).all() else r
+
+    def _krylov(self, T: sp.csr_array, b: Floats, start: Floats, tolerance: float) -> Floats:
+        """BiCGSTAB, restarted from its best iterate when rounding has spoilt the recursion."""
+        size = _norm(b)
+        goal = tolerance * size
+        best, error = start, _norm(b - (start - T @ start))
+        if not error <= size:
+            best, error = np.zeros_like(b), size
+        while error > goal and self.iterations < self.iteration_limit:
+            trial, count = _bicgstab(T, b, best, goal, self.iteration_limit - self.iterations)
+            self.iterations += count
+            now = _norm(b - (trial - T @ trial))
+            if not now < 0.5 * error:
+                break
+            best, error = trial, now
+        return best
+
+
+def _bicgstab(T: sp.csr_array, b: Floats, x: Floats, goal: float, limit: int) -> tuple[Floats, int]:
+    """BiCGSTAB (van der Vorst, 1992) on x - T x = b; the iterate and the number of steps.
+
+    Dot products avoid the threaded BLAS, which stalls on a busy machine at these sizes.
+    """
+    x = x.copy()
+    r = b - (x - T @ x)
+    shadow, p, rho = r.copy(), r.copy(), _dot(r, r)
+    for count in range(1, limit + 1):
+        ahead = p - T @ p
+        alpha = rho / _dot(shadow, ahead)
+        r -= alpha * ahead
+        second = r - T @ r
+        omega = _dot(second, r) / _dot(second, second)
+        x += alpha * p
+        x += omega * r
+        r -= omega * second
+        size = _norm(r)
+        if not size > goal:
+            return x, count
+        rho, before = _dot(shadow, r), rho
+        if not np.isfinite(size) or rho == 0 or omega == 0:
+            return x, count
+        p -= omega * ahead
+        p *= (rho / before) * (alpha / omega)
+        p += r
+    return x, limit
+
+
+def _dot(a: Floats, b: Floats) -> np.float64:
+    return np.float64(np.einsum("i,i->", a, b))
+
+
+def _norm(a: Floats) -> float:
+    return float(np.sqrt(_dot(a, a)))
+
+
+class PortSystem:
+    """The matrix mu I - A_cl of a network, ready to be solved with.
+
+    Parameters
+    ----------
+    model : NetworkModel
+    shift : float
+        mu; 0 for stability in continuous time, 1 in discrete time.
+    """
+
+    def __init__(self, model: NetworkModel, shift: float) -> None:
+        self.model, self.shift = model, float(shift)
+        self.K = [inverse(self.shift * np.eye(s.sizes[0]) - s.A.values) for s in model.stacks]
+
+    @cached_property
+    def KB(self) -> list[Floats]:
+        return [multiply(k, s.B.values) for k, s in zip(self.K, self.model.stacks, strict=True)]
+
+    @cached_property
+    def CK(self) -> list[Floats]:
+        return [multiply(s.C.values, k) for k, s in zip(self.K, self.model.stacks, strict=True)]
+
+    @cached_property
+    def loop(self) -> Loop:
+        """The port equations, with the transfer matrices G = D + C K B."""
+        G = [s.D.values + multiply(s.C.values, kb) for kb, s in zip(self.KB, self.model.stacks, strict=True)]
+        return Loop(self.model, G)
+
+    @cached_property
+    def is_finite(self) -> bool:
+        """False if mu is an eigenvalue of a node."""
+        return all(np.isfinite(k).all() for k in self.K)
+
+    def dual(
+        self, c: Floats, tolerance: float = 1e-9, *, guess: Floats | None = None, near: bool = False
+    ) -> tuple[Floats, Floats, Floats]:
+        """v and r for a row vector c, from a guess of v; `near`: mu is close to the abscissa.
+
+        Returns
+        -------
+        v, r, c : ndarray
+            The third is (mu I - A_cl)' v, which differs from the c asked for by the error of the solve.
+        """
+        with np.errstate(all="ignore"):
+            return self._dual(c, tolerance, guess, near)
+
+    def _dual(self, c: Floats, tolerance: float, guess: Floats | None, near: bool) -> tuple[Floats, Floats, Floats]:
+        model = self.model
+        parts = model.split(c, 0)
+        b = model.join([apply(kb, c_j, transposed=True) for kb, c_j in zip(self.KB, parts, strict=True)], 1)
+        r = self.loop.solve(b, True, tolerance, None if guess is None else self._prices(guess), near)
+        heard = model.split(model.WT @ r, 2)
+        v = [
+            apply(k, c_j, transposed=True) + apply(ck, h, transposed=True)
+            for k, ck, c_j, h in zip(self.K, self.CK, parts, heard, strict=True)
+        ]
+        missed = model.split(model.WT @ (r - (self.loop.TT @ r + b)), 2)
+        reached = [
+            c_j + apply(s.C.values, e, transposed=True) for c_j, e, s in zip(parts, missed, model.stacks, strict=True)
+        ]
+        return model.join(v, 0), r, model.join(reached, 0)
+
+    def primal(
+        self, d: Floats, tolerance: float = 1e-9, *, guess: Floats | None = None, near: bool = False
+    ) -> tuple[Floats, Floats]:
+        """x and u for a column vector d, from a guess of x; `near`: mu is close to the abscissa."""
+        with np.errstate(all="ignore"):
+            return self._primal(d, tolerance, guess, near)
+
+    def _primal(self, d: Floats, tolerance: float, guess: Floats | None, near: bool) -> tuple[Floats, Floats]:
+        model = self.model
+        parts = model.split(d, 0)
+        sent = model.join([apply(ck, d_j) for ck, d_j in zip(self.CK, parts, strict=True)], 2)
+        first = None
+        if guess is not None:
+            first = model.W @ model.join(
+                [apply(s.C.values, g) for s, g in zip(model.stacks, model.split(guess, 0), strict=True)], 2
+            )
+        u = self.loop.solve(model.W @ sent, False, tolerance, first, near)
+        x = [
+            apply(k, d_j) + apply(kb, u_j)
+            for k, kb, d_j, u_j in zip(self.K, self.KB, parts, model.split(u, 1), strict=True)
+        ]
+        return model.join(x, 0), u
+
+    def _prices(self, v: Floats) -> Floats:
+        """B'v, the r that belongs to v where there is no feedthrough."""
+        model = self.model
+        parts = [apply(s.B.values, p, transposed=True) for s, p in zip(model.stacks, model.split(v, 0), strict=True)]
+        return model.join(parts, 1)
+
+
+def direct_loop(model: NetworkModel) -> Loop:
+    """The algebraic loop u = W D u + b of the feedthrough terms."""
+    if "_direct_loop" not in model.__dict__:
+        model.__dict__["_direct_loop"] = Loop(model, [s.D.values for s in model.stacks])
+    return model.__dict__["_direct_loop"]
+
+
+def banded_order(model: NetworkModel) -> Index | None:
+    """An order of the inputs in which I - W G has a small envelope, or None; found once for a model.
+
+    Costs one breadth-first search over the coupling.
+    """
+    if "_banded_order" not in model.__dict__:
+        model.__dict__["_banded_order"] = _find_banded_order(model)
+    return model.__dict__["_banded_order"]
+
+
+def _find_banded_order(model: NetworkModel) -> Index | None:
+    size = model.totals[1]
+    if model.is_ordered and model.stacks[0].sizes[1:] == (1, 1):
+        pattern = model.W
+    else:
+        feeds = model.blocks([np.ones((len(s), s.sizes[2], s.sizes[1])) for s in model.stacks], 2, 1)
+        pattern = sp.csr_array(abs(model.W) @ feeds)
+    count, component = connected_components(pattern, directed=True, connection="strong")
+    if count == size:  # no loops: any topological order is triangular
+        return np.argsort(component, kind="stable")
+    if pattern.nnz > 12 * size + 1000:
+        return None
+    both = sp.csr_array(pattern + pattern.T)
+    order = np.asarray(reverse_cuthill_mckee(both, symmetric_mode=True), dtype=np.intp)
+    rank = np.empty(size, dtype=np.intp)
+    rank[order] = np.arange(size)
+    filled = np.flatnonzero(np.diff(both.indptr))
+    if not filled.size:
+        return order
+    first = np.minimum.reduceat(rank[both.indices], both.indptr[:-1][filled])
+    envelope = float(np.maximum(rank[filled] - first, 0).sum())
+    return order if envelope <= max(_ENVELOPE_PER_UNKNOWN * size, _ENVELOPE_TOTAL) else None
+
+
+def _sweep(T: sp.csr_array, b: Floats, tolerance: float) -> tuple[Floats, bool, bool]:
+    """r <- T r + b from r = b while it contracts well: the sum of T^k b, whether it converged, whether it grows."""
+    r, term = b.copy(), b
+    size = before = float(np.abs(b).max())
+    for k in range(_SWEEPS):
+        term = T @ term
+        r += term
+        now = float(np.abs(term).max())
+        if now <= 0.1 * tolerance * size:
+            return r, True, False
+        if not np.isfinite(now) or (k >= 5 and now > 0.75 * before):
+            return r, False, not now < 1.02 * before
+        before = now
+    return r, False, False

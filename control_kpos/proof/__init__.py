@@ -1,0 +1,1 @@
+"""What a verdict is: certificates, the evidence in them, and their files."""

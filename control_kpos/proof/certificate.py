@@ -1,0 +1,248 @@
+"""Verdicts: conditions that are recomputed from data, never remembered.
+
+A certificate holds data (matrices, cones, vectors).  Its status follows from conditions, sets of
+inequalities whose signs the kernel in `exact` proves.  PROVED: every condition of the claim holds.
+REFUTED: a witness is present and every condition on the witness holds.  UNDECIDED: neither.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
+from functools import cached_property
+from os import PathLike
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..cards import card
+from ..exact.condition import Condition, all_hold
+from .files import register_claim, save_certificate
+from .weights import ProofOmittedError
+
+# Stored and recomputed residuals may differ by the rounding of another machine's matrix product.
+_SAME_RESIDUAL = 1e-11
+
+
+class Status(Enum):
+    """Outcome of a question: what is claimed, and whether it has been proven."""
+
+    PROVED = "proved: the inequalities hold for the exact data"
+    REFUTED = "refuted: the witness shows that the claim is false"
+    UNDECIDED = "undecided: neither a proof nor a counterexample was found"
+
+    def __bool__(self) -> bool:
+        return self is Status.PROVED
+
+
+def _protect(record: Any) -> None:
+    """Make the arrays of a dataclass read-only, so that what has been proven stays what is stored."""
+    for field in fields(record) if is_dataclass(record) else ():
+        value = getattr(record, field.name)
+        if isinstance(value, np.ndarray):
+            object.__setattr__(record, field.name, _read_only(value))
+        elif isinstance(value, tuple) and any(isinstance(item, np.ndarray) for item in value):
+            kept = tuple(_read_only(item) if isinstance(item, np.ndarray) else item for item in value)
+            object.__setattr__(record, field.name, kept)
+
+
+def _read_only(array: NDArray[Any]) -> NDArray[Any]:
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+C = TypeVar("C", bound="Certificate")
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Certificate(ABC):
+    """A verdict with the data that prove it.
+
+    `bool(certificate)` is True only for PROVED.
+
+    Attributes
+    ----------
+    status : Status
+        PROVED, REFUTED or UNDECIDED, about the exact value of the data.
+    witness : object or None
+        For REFUTED: what breaks the claim; itself checkable.
+    residuals : mapping of str to ndarray
+        The numbers whose signs matter, in floating point, by the name of their condition.
+    """
+
+    status: Status = Status.UNDECIDED
+    witness: Any = None
+    residuals: Mapping[str, NDArray[np.float64]] | None = None
+
+    claim: ClassVar[str]
+    # conditions that may hold with equality however robust the claim is
+    no_margin: ClassVar[frozenset[str]] = frozenset()
+
+    def __post_init__(self) -> None:
+        for part in (self, self.witness):
+            _protect(part)
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        if "claim" in cls.__dict__:
+            register_claim(cls.claim, cls.restore)
+
+    @classmethod
+    def settle(cls: type[C], **data: Any) -> C:
+        """The certificate for these data, with the status that follows from them.
+
+        Parameters
+        ----------
+        **data
+            Every field of the certificate but `status` and `residuals`.
+        """
+        draft = cls(**data)
+        status, conditions = draft._evaluate()
+        residuals = {condition.name: condition.residual for condition in conditions}
+        settled = cls(**data, status=status, residuals=residuals)
+        vars(settled)["_own_conditions"] = conditions  # spares a second evaluation
+        return settled
+
+    @abstractmethod
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+
+    @abstractmethod
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities that prove the witness, or None if the witness is not valid."""
+
+    @abstractmethod
+    def explain(self) -> str:
+        """A few sentences a person can act on."""
+
+    def is_consistent(self) -> bool:
+        """True if the numbers it states, such as a decay rate, are those that its data prove."""
+        return True
+
+    def parts(self) -> Sequence[Certificate]:
+        """Certificates that this one rests on."""
+        return ()
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is not None:
+            conditions = self.refutation()
+            refuted = conditions is not None and all_hold(conditions)
+            return (Status.REFUTED if refuted else Status.UNDECIDED), conditions or ()
+        if not all(part.status is Status.PROVED for part in self.parts()):
+            return Status.UNDECIDED, ()
+        conditions = self.conditions()
+        return (Status.PROVED if all_hold(conditions) else Status.UNDECIDED), conditions
+
+    @cached_property
+    def _own_conditions(self) -> Sequence[Condition]:
+        return self._evaluate()[1]
+
+    @cached_property
+    def margin(self) -> float:
+        """Scale-free distance to the boundary, at most 1; 0 on it, negative beyond it.
+
+        The smallest |z| / (|l|'|M||r|) of the inequalities of the claim, or of the witness with a
+        minus sign.
+        """
+        counted = [c for c in self._own_conditions if c.name not in self.no_margin]
+        if self.witness is not None:
+            broken = (c.margin for c in counted if c.relation != "==")
+            return 0.0 - abs(min(broken, default=0.0))
+        return min((c.margin for c in counted), default=0.0)
+
+    def check(self) -> bool:
+        """Recompute the verdict from the data, without any solver.
+
+        Returns
+        -------
+        bool
+            True if the stated status, witness and residuals are those of the data.
+        """
+        try:
+            if not all(part.check() for part in self.parts()):
+                return False
+            if not self.is_consistent():
+                return False
+            status, conditions = self._evaluate()
+            return status is self.status and _agree(conditions, self.residuals)
+        except (ValueError, TypeError, IndexError, AttributeError, ArithmeticError):
+            return False  # data that do not even fit together prove nothing
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the certificate (format ``kpos-certificate/1``); see `load_certificate`.
+
+        Parameters
+        ----------
+        path : path-like
+            Written whole or not at all.  JSON with what an independent checker needs; with the suffix
+            ``.npz`` an archive of arrays, for large networks.
+        """
+        save_certificate(self, path)
+
+    def proof(self) -> dict[str, Any]:
+        """What a checker without this package needs besides the data, as JSON data.
+
+        Returns
+        -------
+        dict
+            Empty if the data suffice; {"omitted": reason} if the claim cannot be checked without the package.
+        """
+        try:
+            return self.evidence()
+        except ProofOmittedError as reason:
+            return {"omitted": str(reason)}
+
+    def evidence(self) -> dict[str, Any]:
+        """The content of `proof`; raises `ProofOmittedError` where it would be too long."""
+        raise ProofOmittedError(f"claims of the kind {self.claim!r} are for control_kpos alone")
+
+    def __bool__(self) -> bool:
+        return self.status is Status.PROVED
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} {self.status.name}, margin {self.margin:.3g}>"
+
+    def _repr_html_(self) -> str:
+        rows = [("scale-free margin", f"{self.margin:.3g}")]
+        rate = getattr(self, "decay_rate", np.nan)
+        if self and np.isfinite(rate):
+            rows.append(("decay rate", f"{rate:.6g}"))
+        return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
+
+    def data(self) -> dict[str, Any]:
+        """The fields that determine the verdict, by name."""
+        derived = ("status", "residuals")
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in derived}
+
+    def contents(self) -> dict[str, Any]:
+        """What determines the verdict, by the names it has in files; `restore` is the inverse."""
+        return self.data()
+
+    @classmethod
+    def restore(cls: type[C], contents: dict[str, Any]) -> C:
+        """The certificate for the contents of a file, with the status that follows from them.
+
+        Parameters
+        ----------
+        contents : dict
+            What `contents` returned.
+        """
+        return cls.settle(**contents)
+
+
+def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.float64]] | None) -> bool:
+    if residuals is None or set(residuals) != {condition.name for condition in conditions}:
+        return False
+    for condition in conditions:
+        stored, fresh = np.asarray(residuals[condition.name]), condition.residual
+        if stored.shape != fresh.shape:
+            return False
+        with np.errstate(invalid="ignore", over="ignore"):
+            apart = np.abs(stored - fresh) > _SAME_RESIDUAL * condition.scale
+        if (apart & (stored != fresh)).any():
+            return False
+    return True

@@ -1,0 +1,312 @@
+"""Numbers, matrices, cones and records as JSON data, without rounding: the vocabulary of certificate files.
+
+A number is a JSON integer, or text: a double in hexadecimal ("0x1.8p+1"), a decimal or a fraction as the
+user gave it ("-21.3", "1/3"), or a fraction of long integers in hexadecimal ("0x1f/0x3").  No JSON number
+with a decimal point occurs, so no reader can round.  The page certificate_format in docs has it all.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, fields, is_dataclass
+from fractions import Fraction
+from typing import Any, TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from ..cones import Cone
+from ..errors import CertificateFileError
+from ..exact.matrix import ExactMatrix
+
+_FREE_DIMENSION = 20_000
+_LONG = 10**18
+_SHORT_DECIMAL = 10**15
+_TEXT = re.compile(r"-?(\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
+_DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,9})\.?([0-9a-f]{0,30})p([+-]\d{1,4})")
+
+_records: dict[str, type] = {}
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Written:
+    """Something that is JSON data already.
+
+    Attributes
+    ----------
+    content : dict
+    """
+
+    content: dict[str, Any]
+
+
+def register_record(cls: type[T]) -> type[T]:
+    """Class decorator: dataclasses of this kind may stand in certificate files."""
+    _records[cls.__name__] = cls
+    return cls
+
+
+# -- writing
+
+
+class Encoder:
+    """Writes the fields of certificates as JSON data.
+
+    Parameters
+    ----------
+    encode_claim : callable
+        Writes the certificates among them.
+    encode_cone : callable
+        Writes cones.
+    compact : bool
+        Leave arrays of doubles as arrays, for an archive.
+    """
+
+    def __init__(
+        self,
+        encode_claim: Callable[[Any, Encoder], dict[str, Any]],
+        encode_cone: Callable[[Cone], Any],
+        *,
+        compact: bool = False,
+    ) -> None:
+        self.encode_claim, self.encode_cone, self.compact = encode_claim, encode_cone, compact
+
+    def value(self, value: Any) -> Any:
+        """Any field."""
+        if value is None or isinstance(value, (bool, str)):
+            return value
+        if isinstance(value, (int, np.integer)):
+            return int(value)
+        if isinstance(value, (float, np.floating)):
+            return {"double": float(value).hex()}
+        if isinstance(value, Fraction):
+            return {"fraction": number_text(value)}
+        if isinstance(value, np.ndarray):
+            return {"array": self.nested(value)}
+        if isinstance(value, ExactMatrix):
+            return self.matrix(value)
+        if isinstance(value, Cone):
+            return {"cone": self.encode_cone(value)}
+        if isinstance(value, Written):
+            return value.content
+        if isinstance(value, tuple) and value and all(isinstance(item, Fraction) for item in value):
+            return {"fractions": [number_text(item) for item in value]}
+        if isinstance(value, (tuple, list)):
+            return {"tuple": [self.value(item) for item in value]}
+        if hasattr(value, "claim"):
+            return {"certificate": self.encode_claim(value, self)}
+        if is_dataclass(value) and type(value).__name__ in _records:
+            content = {f.name: self.value(getattr(value, f.name)) for f in fields(value)}
+            return {"record": type(value).__name__, "fields": content}
+        raise TypeError(f"a certificate cannot hold {type(value).__name__}")
+
+    def matrix(self, m: ExactMatrix) -> dict[str, Any]:
+        """A matrix, or a stack of them, with its exact entries."""
+        shape = [int(side) for side in m.shape]
+        if m.is_sparse:
+            coo = sp.csr_array(m.values).sorted_indices().tocoo()  # one matrix, one text
+            if self.compact:
+                rows, columns = (index.astype(np.int64) for index in coo.coords)
+                return {"sparse": {"rows": rows, "columns": columns, "values": coo.data}, "shape": shape}
+            entries = zip(*coo.coords, coo.data.tolist(), strict=True)
+            return encode_triplets(list(entries), m.shape)
+        return {"matrix": self.nested(np.asarray(m.values if m.is_double else m.fractions()))}
+
+    def nested(self, values: NDArray[Any]) -> Any:
+        """Entries as lists of rows."""
+        if self.compact and values.dtype != object:
+            return np.ascontiguousarray(values)
+        return nested_text(values.tolist())
+
+
+def nested_text(values: Any) -> Any:
+    """Nested lists of numbers as text."""
+    return [nested_text(item) for item in values] if isinstance(values, list) else number_text(values)
+
+
+def number_text(x: Any) -> str | int:
+    """A number without loss: int, float or Fraction."""
+    if isinstance(x, float):
+        return int(x) if x.is_integer() and abs(x) < 2**53 and not (x == 0 and str(x)[0] == "-") else x.hex()
+    x = Fraction(x)
+    p, q = x.numerator, x.denominator
+    if q == 1 and abs(p) < _LONG:
+        return p
+    if max(abs(p), q) >= _LONG:
+        return hex(p) if q == 1 else f"{p:#x}/{q:#x}"
+    digits = next((k for k in range(1, 16) if 10**k % q == 0), None) if q < _SHORT_DECIMAL else None
+    if digits is None:
+        return f"{p}/{q}"
+    whole = str(abs(p) * (10**digits // q)).rjust(digits + 1, "0")
+    return f"{'-' if p < 0 else ''}{whole[:-digits]}.{whole[-digits:]}"
+
+
+def encode_triplets(entries: list[tuple[int, int, Any]], shape: tuple[int, ...]) -> dict[str, Any]:
+    """A sparse matrix from its nonzero entries (row, column, number)."""
+    return {"sparse": [[int(i), int(j), number_text(x)] for i, j, x in entries], "shape": [int(side) for side in shape]}
+
+
+# -- reading
+
+
+class Decoder:
+    """The inverse of `Encoder` for one file.
+
+    Parameters
+    ----------
+    size : int
+        Size of the file in bytes: no dimension in it may be larger by more than 20000, so that a few bytes
+        cannot ask for gigabytes.
+    decode_claim, decode_cone : callable
+        Read the certificates and cones in it.
+    """
+
+    def __init__(
+        self, size: int, decode_claim: Callable[[Any, Decoder], Any], decode_cone: Callable[[Any, int], Cone]
+    ) -> None:
+        self.limit = size + _FREE_DIMENSION
+        self.decode_claim, self.decode_cone = decode_claim, decode_cone
+
+    def value(self, value: Any) -> Any:
+        """Any field."""
+        if not isinstance(value, dict):
+            if isinstance(value, list):
+                raise CertificateFileError("a bare list has no meaning here.")
+            return value
+        if "double" in value:
+            return _special_double(value["double"])
+        if "fraction" in value:
+            return number(value["fraction"])
+        if "fractions" in value:
+            return tuple(map(number, value["fractions"]))
+        if "array" in value:
+            return self._array(value["array"])
+        if "tuple" in value:
+            return tuple(self.value(item) for item in value["tuple"])
+        if "matrix" in value or "sparse" in value:
+            return self.matrix(value)
+        if "cone" in value:
+            return self.decode_cone(value["cone"], self.limit)
+        if "certificate" in value:
+            return self.decode_claim(value["certificate"], self)
+        if "record" in value:
+            content = {key: self.value(item) for key, item in value["fields"].items()}
+            return _records[value["record"]](**content)
+        raise CertificateFileError(f"an object with the keys {sorted(value)} has no meaning here.")
+
+    def _array(self, entries: Any) -> NDArray[np.float64]:
+        if isinstance(entries, np.ndarray):
+            return entries.astype(float)
+        shape = nested_shape(entries)
+        return np.array([_special_double(x) for x in flat_entries(entries, shape)], dtype=float).reshape(shape)
+
+    def _is_size(self, side: Any) -> bool:
+        return type(side) is int and 0 <= side <= self.limit
+
+    def matrix(self, value: dict[str, Any]) -> ExactMatrix:
+        """Dense or sparse, or a stack of dense ones."""
+        if "sparse" in value:
+            shape = value["shape"]
+            if not isinstance(shape, list) or len(shape) != 2 or not all(map(self._is_size, shape)):
+                raise CertificateFileError(f"{str(shape)[:60]} is not a shape that this file can hold.")
+            return self._sparse(value["sparse"], (shape[0], shape[1]))
+        if isinstance(value["matrix"], np.ndarray):
+            return ExactMatrix(_finite(value["matrix"]))
+        return exact_rows(value["matrix"])
+
+    def _sparse(self, entries: Any, shape: tuple[int, ...]) -> ExactMatrix:
+        if isinstance(entries, dict):  # index arrays of an archive
+            i, j, data = (np.asarray(entries[key]) for key in ("rows", "columns", "values"))
+            data = _finite(data)
+        else:
+            if any(not isinstance(e, list) or len(e) != 3 or not all(map(self._is_size, e[:2])) for e in entries):
+                raise CertificateFileError("a sparse matrix has an entry that is not [row, column, number].")
+            i, j = (np.array([e[k] for e in entries], dtype=np.int64) for k in (0, 1))
+            data = np.array([_double(e[2]) for e in entries], dtype=float)
+        if not (i.ndim == 1 and i.shape == j.shape == data.shape):
+            raise CertificateFileError("the arrays of a sparse matrix differ in length.")
+        if i.size and (min(i.min(), j.min()) < 0 or i.max() >= shape[0] or j.max() >= shape[1]):
+            raise CertificateFileError("a sparse matrix has an entry outside its shape.")
+        out = sp.csr_array((data, (i, j)), shape=shape)
+        if out.nnz != len(data):
+            raise CertificateFileError("a sparse matrix has an entry twice.")
+        return ExactMatrix(out)
+
+
+def exact_rows(rows: Any) -> ExactMatrix:
+    """Nested lists of numbers as exact data."""
+    shape = nested_shape(rows)
+    if len(shape) < 2:
+        raise CertificateFileError("a matrix must be a list of rows.")
+    flat = np.empty(int(np.prod(shape)), dtype=object)
+    flat[:] = [number(x) for x in flat_entries(rows, shape)]
+    return ExactMatrix.from_fractions(flat.reshape(shape))
+
+
+def nested_shape(entries: Any) -> tuple[int, ...]:
+    """Shape of nested lists, at most three deep."""
+    shape: list[int] = []
+    while isinstance(entries, list) and len(shape) < 3:
+        shape.append(len(entries))
+        if not entries:
+            break
+        entries = entries[0]
+    if not shape or (isinstance(entries, list) and entries):
+        raise CertificateFileError("numbers must be nested one to three lists deep.")
+    return tuple(shape)
+
+
+def flat_entries(entries: list[Any], shape: tuple[int, ...]) -> list[Any]:
+    """The numbers in nested lists of a given shape."""
+    for side in shape[1:]:
+        if any(not isinstance(part, list) or len(part) != side for part in entries):
+            raise CertificateFileError("nested lists of numbers are ragged.")
+        entries = [x for part in entries for x in part]
+    return entries
+
+
+def number(x: Any) -> Fraction:
+    """A number as text or a JSON integer."""
+    if type(x) is int:
+        return Fraction(x)
+    if not isinstance(x, str):
+        raise CertificateFileError(f"{str(x)[:60]!r} is not a number.")
+    double = _DOUBLE.fullmatch(x)
+    if double:
+        return int(double[1] + double[2], 16) * Fraction(2) ** (int(double[3]) - 4 * len(double[2]))
+    if not _TEXT.fullmatch(x):
+        raise CertificateFileError(f"{x[:60]!r} is not a number, or has too many digits.")
+    if "x" in x:
+        top, _, bottom = x.partition("/")
+        return Fraction(int(top, 16), int(bottom or "1", 16))
+    return Fraction(x)
+
+
+def _double(x: Any) -> float:
+    exact = number(x)
+    value = exact.numerator / exact.denominator
+    if Fraction(value) != exact:
+        raise CertificateFileError(f"{str(x)[:60]!r} is not a double.")
+    return value
+
+
+def _special_double(x: Any) -> float:
+    """A double, or what stands for none: inf and nan."""
+    if type(x) is int and -_SHORT_DECIMAL < x < _SHORT_DECIMAL:
+        return float(x)
+    return float(x) if isinstance(x, str) and x.lstrip("-") in ("inf", "nan") else _signed(x)
+
+
+def _signed(x: Any) -> float:
+    return -0.0 if isinstance(x, str) and x.startswith("-0x0.0p") else _double(x)
+
+
+def _finite(values: NDArray[Any]) -> NDArray[np.float64]:
+    values = values.astype(float)
+    if not np.isfinite(values).all():
+        raise CertificateFileError("a matrix has entries that are not finite.")
+    return values

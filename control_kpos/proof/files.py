@@ -1,0 +1,261 @@
+"""Certificates as files: JSON with numbers as exact text, or an archive of arrays; written whole or not at all.
+
+Format ``kpos-certificate/1``, described for other readers on the page certificate_format in docs.  A file
+holds the data of a certificate and, where that is affordable, what a checker without this package needs
+to prove it again.  The status is written for people; every reader recomputes it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import json
+import math
+import os
+import secrets
+import sys
+from collections.abc import Callable
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from ..cones.hull import ALLOWANCE, Allowance
+from ..errors import (
+    CertificateFileError,
+    FalseClaimError,
+    KposError,
+    TooLargeError,
+)
+from ..exact.intake import file_path, flag
+from ..exact.matrix import ExactMatrix
+from .archive import (
+    expand,
+    is_archive,
+    read_archive,
+    write_archive,
+)
+from .encoding import Decoder, Encoder
+from .encoding import register_record as register_record
+from .portable_cones import decode_cone, encode_cone
+
+FORMAT = "kpos-certificate/1"
+MAX_FILE_BYTES = 2 * 10**9
+# Work that cones in files of unknown origin may ask for: half a second, and a microsecond or so for each byte.
+_FREE_WORK = 4 * 10**6
+_WORK_PER_BYTE = 20
+_KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
+
+# Rooms imported on demand; they register their claims when they are.
+_ROOMS_WITH_CLAIMS = tuple(f"control_kpos.{room}" for room in ("networks", "synthesis", "conefinding", "nonlinear"))
+
+_restorers: dict[str, Callable[[dict[str, Any]], Any]] = {}
+
+
+def register_claim(claim: str, restore: Callable[[dict[str, Any]], Any]) -> None:
+    """Let `restore` rebuild certificates of a claim from the data in their file."""
+    _restorers[claim] = restore
+
+
+def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
+    """Write a certificate; an interrupted write leaves the old file, or none."""
+    target = file_path(path)
+    compact = target.suffix == ".npz"
+    content = _describe(certificate, compact=compact)
+    # named before it exists, so that an interruption at any moment finds what to remove
+    temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
+    try:
+        with open(temporary, "xb") as stream:
+            if compact:
+                write_archive(stream, content)
+            else:
+                stream.write(_compact_text(content).encode())
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def load_certificate(path: str | PathLike[str], *, trusted: bool = False) -> Any:
+    """Read a certificate and recompute its verdict from the data in the file.
+
+    Parameters
+    ----------
+    path : path-like
+        A file written by `Certificate.save`.
+    trusted : bool
+        True: the cones in the file may ask for any amount of work.  Otherwise for about a second, more in a
+        long file, so that a short file cannot keep the reader busy for hours.
+
+    Returns
+    -------
+    Certificate
+        Of the same kind as was saved.  Its status is what the data prove, whatever the file says.
+
+    Raises
+    ------
+    CertificateFileError
+        The file is damaged, of another format, or states a status that its data do not prove.
+    OSError
+        The file cannot be opened.
+
+    Notes
+    -----
+    Nothing in the file is executed.  Sizes are checked before anything is allocated.
+
+    Examples
+    --------
+    >>> import control_kpos as kp, tempfile, pathlib
+    >>> cert = kp.linear_lyapunov([[-2, 1], [1, -2]], kp.orthant(2))
+    >>> file = pathlib.Path(tempfile.mkdtemp()) / "stable.json"
+    >>> cert.save(file)
+    >>> kp.load_certificate(file).status.name
+    'PROVED'
+    """
+    path, trusted = file_path(path), flag(trusted, "trusted")
+    try:
+        content = read_content(path)
+        size = os.path.getsize(path)
+        allowed = ALLOWANCE.set(Allowance(math.inf if trusted else _FREE_WORK + _WORK_PER_BYTE * size))
+        try:
+            return _decode_claim(content, Decoder(size, _decode_claim, decode_cone))
+        finally:
+            ALLOWANCE.reset(allowed)
+    except CertificateFileError as error:
+        if str(path) in str(error):
+            raise
+        raise type(error)(f"{path}: {error}") from None
+    except TooLargeError as error:
+        raise CertificateFileError(f"{path} is too much work: {error} If you trust it, say trusted=True.") from None
+    except (
+        KposError,
+        ValueError,
+        TypeError,
+        KeyError,
+        IndexError,
+        AttributeError,
+        ArithmeticError,
+        RecursionError,
+        MemoryError,
+    ) as error:
+        raise CertificateFileError(f"{path} holds data that do not fit together: {error}") from None
+
+
+def read_content(path: str | PathLike[str], *, as_text: bool = False) -> dict[str, Any]:
+    """The JSON data of a file, after the checks of its frame: format, keys, digest.
+
+    Parameters
+    ----------
+    path : path-like
+    as_text : bool
+        Also turn the arrays of an archive into text, so that the data look as in a JSON file.
+    """
+    if os.path.getsize(path) > MAX_FILE_BYTES:
+        raise CertificateFileError(f"{path} is larger than {MAX_FILE_BYTES} bytes.")
+    if is_archive(path):
+        content = read_archive(path, _parse)
+        content = expand(content) if as_text else content
+    else:
+        try:
+            content = _parse(Path(path).read_text(encoding="utf-8"))
+        except (UnicodeDecodeError, CertificateFileError) as error:
+            raise CertificateFileError(f"{path} is not a certificate file: {error}") from None
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise CertificateFileError(f"{path} is not in the format {FORMAT!r}.")
+    if set(content) - _KEYS:
+        raise CertificateFileError(f"{path} has the unknown keys {sorted(set(content) - _KEYS)}.")
+    return content
+
+
+def _parse(text: str) -> Any:
+    try:
+        return json.loads(
+            text, parse_float=_refuse, parse_constant=_refuse, parse_int=_short_integer, object_pairs_hook=_unique
+        )
+    except CertificateFileError:
+        raise
+    except (json.JSONDecodeError, RecursionError, ValueError, MemoryError) as error:
+        raise CertificateFileError(str(error) or "nested too deeply") from None
+
+
+def _refuse(text: str) -> Any:
+    raise CertificateFileError(f"the bare number {text[:60]} may have been rounded; numbers must be integers or text.")
+
+
+def _short_integer(text: str) -> int:
+    if len(text) > 20:
+        raise CertificateFileError(f"the integer {text[:20]}... is too long for JSON; write it as text.")
+    return int(text)
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    out = dict(pairs)
+    if len(out) != len(pairs):
+        raise CertificateFileError("a key occurs twice.")
+    return out
+
+
+# -- writing
+
+
+def _describe(certificate: Any, *, compact: bool) -> dict[str, Any]:
+    content = _encode_claim(certificate, Encoder(_encode_claim, encode_cone, compact=compact))
+    package = sys.modules.get(__name__.partition(".")[0])
+    return {
+        "format": FORMAT,
+        "producer": f"control_kpos {getattr(package, '__version__', '')}".strip(),
+        "semantics": "binary" if all_doubles(certificate.contents()) else "decimal",
+        **({} if compact else {"digest": digest(content["data"])}),  # archives have checksums of their own
+        **content,
+    }
+
+
+def _encode_claim(certificate: Any, encoder: Encoder) -> dict[str, Any]:
+    data = {key: encoder.value(value) for key, value in certificate.contents().items()}
+    return {
+        "claim": certificate.claim,
+        "status": certificate.status.name,
+        "data": data,
+        "proof": certificate.proof(),
+    }
+
+
+def digest(data: dict[str, Any]) -> str:
+    """SHA-256 of the data as compact JSON with sorted keys."""
+    return "sha256:" + hashlib.sha256(_compact_text(data, sort_keys=True).encode()).hexdigest()
+
+
+def _compact_text(content: Any, *, sort_keys: bool = False) -> str:
+    return json.dumps(content, separators=(",", ":"), sort_keys=sort_keys)
+
+
+def all_doubles(value: Any) -> bool:
+    """True if every matrix among the data is known as doubles."""
+    if isinstance(value, ExactMatrix):
+        return value.is_double
+    if isinstance(value, dict):
+        return all(map(all_doubles, value.values()))
+    if isinstance(value, (tuple, list)):
+        return all(map(all_doubles, value))
+    return all_doubles(value.contents()) if hasattr(value, "claim") else True
+
+
+# -- reading
+
+
+def _decode_claim(content: Any, decoder: Decoder) -> Any:
+    claim, data = content["claim"], content["data"]
+    if "digest" in content and content["digest"] != digest(data):
+        raise CertificateFileError("the data do not have the digest that the file states.")
+    if claim not in _restorers:
+        for room in _ROOMS_WITH_CLAIMS:
+            importlib.import_module(room)
+    if claim not in _restorers:
+        raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
+    certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
+    if certificate.status.name != content["status"]:
+        raise FalseClaimError(
+            f"the file says {str(content['status'])[:60]}, but its data give {certificate.status.name} for {claim!r}."
+        )
+    return certificate

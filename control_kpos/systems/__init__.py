@@ -1,0 +1,1 @@
+"""Cone systems as python-control systems: how they are read, kept and connected."""

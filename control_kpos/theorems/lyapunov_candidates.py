@@ -1,0 +1,298 @@
+"""Candidates for Lyapunov vectors, dominant directions and directions of growth.
+
+Nothing here is trusted: what these computations propose counts only after the kernel has proven the
+inequalities.  Units are removed first: states are scaled by powers of two until the generators of the
+cone have entries of similar size, and A by a power of two, both without rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from ..cones import Cone
+from ..cones.polyhedral import has_open_facets
+from ..errors import TooLargeError
+from ..exact.matrix import ExactMatrix, dense
+from ..exact.rational_programs import exact_feasibility
+
+Vector = NDArray[np.float64]
+_NODA_STEPS = 60
+# How far from the bound the shift stays, relative to the size of A, so that the matrix is not singular.
+_NODA_GAP = 2.0**-50
+# Above this many rows rational arithmetic would take minutes.
+_RATIONAL_ROWS = 80
+
+
+class SingularMatrixError(ArithmeticError):
+    """The matrix is singular to working precision."""
+
+
+class ScaledProblem:
+    """S = A (A - I in discrete time) on X, in units where generators and S have size about one.
+
+    Parameters
+    ----------
+    A : ExactMatrix, shape (n, n)
+    X : Cone
+    discrete : bool
+    balanced : bool
+        Also balance the rows and columns of S against each other.
+    """
+
+    def __init__(self, A: ExactMatrix, X: Cone, discrete: bool, *, balanced: bool = False) -> None:
+        self.A, self.X, self.discrete = A, X, discrete
+        self.n = A.shape[0]
+        self.rays = _dense_if_small(X.exact_rays.values)
+        units = _column_units(self.rays)
+        if balanced:
+            units = units * _balancing_units(A, units)
+        with np.errstate(all="ignore"):
+            if A.is_sparse:
+                S = A.values - sp.eye_array(self.n) if discrete else A.values
+                S = sp.csc_array(sp.diags_array(1 / units) @ S @ sp.diags_array(units))
+                top = np.abs(S.data).max(initial=0.0)
+            else:
+                S = np.asarray(A.values) - np.eye(self.n) if discrete else np.asarray(A.values)
+                S = S / units[:, None] * units
+                top = np.abs(S).max(initial=0.0)
+        self.scale = float(2.0 ** np.floor(np.log2(top))) if 0 < top < np.inf else 1.0
+        self.S: Any = S / self.scale
+        self.units = units
+
+    @cached_property
+    def facets(self) -> Any:
+        """Facet normals, in the units of the user."""
+        return _dense_if_small(self.X.exact_facets.values)
+
+    @cached_property
+    def interior(self) -> Vector:
+        """A vector in int X: the sum of the normalised generators, in scaled units."""
+        return _row_sum(self.rays, 1 / self.units)
+
+    @cached_property
+    def dual_interior(self) -> Vector:
+        """A vector in int X*, in scaled units: the sum of the normalised facets, if these can be listed."""
+        if has_open_facets(self.X):
+            return self.X.dual.interior_point * self.units
+        return _row_sum(self.facets, self.units)
+
+    def _solver(self, shift: float) -> Callable[[Vector, bool], Vector]:
+        """Solves with S - shift I, or its transpose."""
+        if sp.issparse(self.S):
+            M = sp.csc_array(self.S - shift * sp.eye_array(self.n))
+            try:
+                lu = spla.splu(M)
+            except (RuntimeError, ValueError):
+                raise SingularMatrixError from None
+            solve = lambda b, transposed: lu.solve(b, "T" if transposed else "N")  # noqa: E731
+        else:
+            M = self.S - shift * np.eye(self.n) if shift else self.S
+            if not np.isfinite(M).all():
+                raise SingularMatrixError
+            factors, pivots, info = lapack.dgetrf(M)
+            if info:
+                raise SingularMatrixError
+            solve = lambda b, transposed: lapack.dgetrs(factors, pivots, b, trans=int(transposed))[0]  # noqa: E731
+
+        def refined(b: Vector, transposed: bool) -> Vector:
+            try:
+                with np.errstate(all="ignore"):
+                    x = solve(b, transposed)
+                    x = x + solve(b - (M.T if transposed else M) @ x, transposed)
+            except (RuntimeError, ValueError):
+                raise SingularMatrixError from None
+            if not np.isfinite(x).all():
+                raise SingularMatrixError
+            return x
+
+        return refined
+
+    def left_vector(self, shift: float) -> Vector:
+        """v = (shift I - S')^{-1} c for c in int X*, in the units of the user.
+
+        Raises
+        ------
+        SingularMatrixError
+            If the matrix is singular.
+        """
+        return self._unscaled_left(-self._solver(shift)(self.dual_interior, True))
+
+    def _unscaled_left(self, v: Vector) -> Vector:
+        return _normalised(v) / self.units
+
+    def _unscaled_right(self, x: Vector) -> Vector:
+        return _normalised(x) * self.units
+
+    @cached_property
+    def _noda(self) -> list[tuple[float, Vector, Vector]]:
+        """Shifts falling to the dominant eigenvalue, with vectors rising to its left and right eigenvectors.
+
+        If v'S x_i <= s v'x_i on all generators, with v in int X*, then s bounds the spectrum from the
+        right, and v <- (s I - S')^{-1} v stays in int X* and lowers the bound: Noda's inverse iteration
+        (Numerische Mathematik 17, 1971), quadratically convergent for irreducible nonnegative matrices.
+        """
+        rays = self.rays * self._columns if not sp.issparse(self.rays) else self.rays @ self._columns
+        v, x = self.dual_interior, self.interior
+        found: list[tuple[float, Vector, Vector]] = []
+        shift = np.inf
+        for _ in range(_NODA_STEPS):
+            with np.errstate(all="ignore"):
+                value = rays @ v
+                bound = float(np.max((rays @ (self.S.T @ v)) / value)) if (value > 0).all() else np.nan
+            if not bound < shift:
+                break
+            shift = bound
+            found.append((shift, v, x))
+            try:
+                solve = self._solver(shift + _NODA_GAP * max(1.0, abs(shift)))
+                v, x = _normalised(-solve(v, True)), _normalised(-solve(x, False))
+            except SingularMatrixError:
+                break
+        return found
+
+    @property
+    def _columns(self) -> Any:
+        """Right factor that turns generators in the units of the user into scaled ones."""
+        return sp.diags_array(1 / self.units) if sp.issparse(self.rays) else 1 / self.units
+
+    def left_perron_vectors(self) -> Iterator[Vector]:
+        """Vectors in int X*, at first close to the left dominant eigenvector."""
+        for _, v, _ in reversed(self._noda):
+            yield self._unscaled_left(v)
+
+    def right_perron_vectors(self) -> Iterator[NDArray[Any]]:
+        """Vectors in X, at first close to the dominant eigenvector; doubles or Fractions."""
+        for _, _, x in reversed(self._noda):
+            yield self._unscaled_right(x)
+        if not self._noda:
+            return
+        shift, _, x = self._noda[-1]
+        try:
+            x = _normalised(-self._solver(shift + _NODA_GAP * max(1.0, abs(shift)))(x, False))
+        except SingularMatrixError:
+            pass
+        else:
+            yield self._unscaled_right(x)
+        if self.n <= _RATIONAL_ROWS and not has_open_facets(self.X):
+            yield from self._on_face(x)
+
+    def growing_directions(self) -> Iterator[NDArray[Any]]:
+        """Candidates x in X with S x in X, doubles or Fractions, when S is not stable."""
+        if self._noda and self._noda[-1][0] >= -1e-6:
+            yield from self.right_perron_vectors()
+
+    def _on_face(self, x: Vector) -> Iterator[NDArray[Any]]:
+        """x as an exact nonnegative combination of the generators of its smallest face."""
+        scaled_facets, scaled_rays = dense(self.facets) * self.units, dense(self.rays) / self.units
+        height = scaled_facets @ x / np.abs(scaled_facets).max(axis=1)
+        tight = height <= 1e-7 * np.abs(x).max()
+        rays = np.flatnonzero(self.X.incidence[tight].all(axis=0))
+        if not rays.size:
+            return
+        rows = scaled_rays[rays] / np.abs(scaled_rays[rays]).max(axis=1, keepdims=True)
+        weights, *_ = np.linalg.lstsq(rows.T, x, rcond=None)
+        # an interior point of the face close to x needs no small or negative weight
+        weights = np.maximum(weights, 0) + 1e-3 * np.abs(weights).max()
+        exact = self.X.exact_rays.rows_as_integers(rays)
+        size = np.array([max(abs(int(t)) for t in row) for row in exact], dtype=object)
+        shares = np.array([Fraction(float(w)) for w in weights], dtype=object)
+        shares = np.array([w / int(s) for w, s in zip(shares, size, strict=True)], dtype=object)
+        units = np.array([Fraction(float(u)) for u in self.units[np.abs(rows).argmax(axis=1)]], dtype=object)
+        yield (exact * (shares * units)[:, None]).sum(axis=0)
+
+
+def decide_exactly(A: ExactMatrix, X: Cone, discrete: bool) -> tuple[bool, NDArray[np.object_]] | None:
+    """Settle stability of a K-positive A in rational arithmetic.
+
+    Returns
+    -------
+    stable : bool
+    vector : ndarray of Fraction, shape (n,)
+        v with v'x_i >= 0 and v'S x_i < 0 if stable, else x in X, x != 0, with S x in X.
+    None instead of both for problems too large for rational arithmetic.
+    """
+    n, p = A.shape[0], X.n_rays
+    if n > _RATIONAL_ROWS:
+        return None
+    rays = X.exact_rays.rows_as_integers(np.arange(p)).T
+    dense_A = ExactMatrix(dense(A.values), A.radius, A.numerators, A.denominator)
+    S = dense_A.fractions()
+    if discrete:
+        S = S - np.eye(n, dtype=int).astype(object)
+    M = np.zeros((n + 1, 2 * p), dtype=object)
+    M[:n, :p], M[:n, p:], M[n, :p] = S @ rays, -rays, 1
+    try:
+        combination, farkas = exact_feasibility(M, [0] * n + [1])
+    except TooLargeError:
+        return None
+    if combination is not None:
+        return False, _halved(rays @ combination[:p])
+    if farkas is None:
+        return None
+    return True, _halved(-farkas[:n])
+
+
+def _halved(x: NDArray[np.object_]) -> NDArray[np.object_]:
+    """A rational vector divided by a power of two, so that its doubles neither overflow nor vanish."""
+    top = max(abs(Fraction(t)) for t in x)
+    power = top.numerator.bit_length() - top.denominator.bit_length()
+    return np.array([Fraction(t) / Fraction(2) ** power for t in x], dtype=object)
+
+
+def _dense_if_small(m: Any) -> Any:
+    return m.toarray() if sp.issparse(m) and m.shape[0] * m.shape[1] <= 4096 else m
+
+
+def _normalised(x: Vector) -> Vector:
+    top = np.abs(x).max(initial=0.0)
+    return x / 2.0 ** np.floor(np.log2(top)) if 0 < top < np.inf else x
+
+
+def _powers_of_two(sizes: Vector) -> Vector:
+    with np.errstate(divide="ignore"):
+        exponent = np.where(sizes > 0, np.round(np.log2(np.where(sizes > 0, sizes, 1.0))), 0.0)
+    return np.ldexp(1.0, np.clip(exponent, -1000, 1000).astype(int))
+
+
+def _balancing_units(A: ExactMatrix, units: Vector) -> Vector:
+    """Powers of two that balance the matrix; ones for sparse matrices."""
+    scaled = dense(A.values) / units[:, None] * units if not A.is_sparse else np.array([[np.inf]])
+    if not np.isfinite(scaled).all():
+        return np.ones_like(units)
+    return np.asarray(lapack.dgebal(scaled, scale=1, permute=0)[3])
+
+
+def _column_units(rays: Any) -> Vector:
+    """Powers of two u such that the generators divided by u have columns and rows of similar size."""
+    size = abs(rays)
+    units = np.ones(size.shape[1])
+    for _ in range(2):
+        scaled = size @ sp.diags_array(1 / units) if sp.issparse(size) else size / units
+        rows = _maximum(scaled, 1)
+        scaled = sp.diags_array(1 / rows) @ size if sp.issparse(size) else size / rows[:, None]
+        units = _powers_of_two(_maximum(scaled, 0))
+    return units
+
+
+def _maximum(m: Any, axis: int) -> Vector:
+    out = m.max(axis=axis)
+    out = out.toarray().ravel() if sp.issparse(out) else np.asarray(out)
+    return np.where(out > 0, out, 1.0)
+
+
+def _row_sum(rows: Any, units: Vector) -> Vector:
+    """Sum of the rows in scaled units, each divided by its largest entry."""
+    if sp.issparse(rows):
+        scaled = rows @ sp.diags_array(units)
+        return np.asarray(scaled.T @ (1 / _maximum(abs(scaled), 1)))
+    scaled = rows * units
+    return (scaled / _maximum(np.abs(scaled), 1)[:, None]).sum(axis=0)

@@ -1,0 +1,381 @@
+"""Exponential stability of a K-positive system by a linear Lyapunov vector.
+
+Theorem 2 (Kawano and Forni, Theorem `cone_s`).  Let e^{At} X stay inside X for t >= 0.  Then A is Hurwitz
+if and only if some v satisfies, for every generator x_i of X,
+
+    v'x_i > 0    and    v'A x_i < 0.
+
+One linear solve decides it: for any c in int X*, v = -A^{-T} c lies in int X* exactly when A is Hurwitz.
+In discrete time A - I takes the place of A.  A "no" has a witness too: some x in X, x != 0, with A x in X
+(A x - x in X).  Exactly one of v and x exists.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ..cones import Cone
+from ..errors import DataError
+from ..exact.condition import Condition, all_hold
+from ..exact.intake import choice
+from ..exact.matrix import ExactMatrix, pick, transposed
+from ..exact.signs import BilinearForms
+from ..proof.certificate import Status
+from ..proof.generators import NO_MARGIN, own_generators
+from ..proof.weights import (
+    Prover,
+    drift,
+    exact_vector,
+    numbers,
+)
+from .growing_direction import InstabilityCombination as InstabilityCombination
+from .growing_direction import InstabilityDirection as InstabilityDirection
+from .growing_direction import (
+    combination_conditions,
+    direction,
+    drift_forms,
+    growing_combination,
+    instability_conditions,
+    transposed_drift,
+)
+from .growing_direction import exact_row as exact_row
+from .growing_direction import transpose as transpose
+from .lyapunov_candidates import ScaledProblem, SingularMatrixError, decide_exactly
+from .positivity import (
+    ClaimOnPositivity,
+    PositivityCertificate,
+    PositivityViolation,
+    state_positivity,
+)
+
+_POSITIVE, _DECREASING, _RATE = "v'x > 0", "v'A x < 0", "v'A x + rate v'x <= 0"
+_SLOW, _SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
+_SMALL = 64
+# Relative reductions tried until a decay rate is proven.
+_BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LyapunovCertificate(ClaimOnPositivity):
+    """Proof that X is invariant and x' = A x exponentially stable, or proof that one of them fails.
+
+    Attributes
+    ----------
+    positivity : PositivityCertificate
+        Invariance of X, with the data A and X.
+    v : ndarray, shape (n,), or None
+        V(x) = v'x is positive on X without 0 and decreases along trajectories.
+    decay_rate : float
+        Proven: V(x(t)) <= exp(-decay_rate * t) V(x(0)), per unit of time of A; in discrete time
+        V(x[k]) <= (1 - decay_rate)^k V(x[0]).  NaN if there is no v.
+    v_exact : tuple of Fraction, or None
+        The exact v where doubles do not suffice; v is its rounding.
+    slow_direction : ndarray, shape (n,), or None
+        With `rate="max"`: x in X with A x + decay_rate_bound x in X.
+    decay_rate_bound : float
+        Proven with `slow_direction`: no decay rate above this one is possible.  inf without it.
+    slow_direction_exact : tuple of Fraction, or None
+        The exact slow direction where doubles do not suffice.
+    witness : PositivityViolation, InstabilityDirection or None
+        Why not: a facet and a generator where invariance breaks, or some x in X, x != 0, with A x in X.
+    """
+
+    claim: ClassVar[str] = "stable"
+    no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _SLOW, _SLOW_IN}
+
+    v: NDArray[np.float64] | None = None
+    decay_rate: float = float("nan")
+    v_exact: tuple[Fraction, ...] | None = None
+    slow_direction: NDArray[np.float64] | None = None
+    decay_rate_bound: float = float("inf")
+    slow_direction_exact: tuple[Fraction, ...] | None = None
+
+    @property
+    def A(self) -> ExactMatrix:
+        """The matrix the verdict is about."""
+        return self.positivity.A
+
+    @property
+    def X(self) -> Cone:
+        """The cone the verdict is about."""
+        return self.positivity.X
+
+    @property
+    def discrete(self) -> bool:
+        """True for x[k+1] = A x[k]."""
+        return self.positivity.discrete
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities on v, and on the slow direction if there is one."""
+        if self.v is None:
+            raise DataError("v is missing.")
+        v = exact_row(self.v, self.v_exact)
+        rays = self.X.exact_rays
+        out = [
+            Condition(_POSITIVE, BilinearForms(v, None, rays), ">"),
+            Condition(_DECREASING, drift_forms(v, self.A, rays, self.discrete), "<"),
+            Condition(_RATE, drift_forms(v, self.A, rays, self.discrete, self.decay_rate), "<="),
+        ]
+        if self.slow_direction is not None:
+            x = exact_row(self.slow_direction, self.slow_direction_exact)
+            out += _slow_conditions(self.A, self.X, self.discrete, x, self.decay_rate_bound)
+        return out
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and self.v is None:
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
+
+    def is_consistent(self) -> bool:
+        """True if both rates are exactly those that v and the slow direction prove."""
+        if self.v is None:
+            return True
+        rate = proven_rate(exact_row(self.v, self.v_exact), self.A, self.X.exact_rays, self.discrete)
+        bound: float | None = float("inf")
+        if self.slow_direction is not None:
+            x = exact_row(self.slow_direction, self.slow_direction_exact)
+            bound = _proven_bound(self.A, self.X, self.discrete, x)
+        return self.decay_rate == rate and self.decay_rate_bound == bound
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities on the witness."""
+        w = self.witness
+        if isinstance(w, PositivityViolation):
+            return replace(self.positivity, witness=w).refutation()
+        if not isinstance(w, InstabilityDirection) or self.positivity.status is not Status.PROVED or not np.any(w.x):
+            return None
+        return _growth_conditions(self.positivity, w)
+
+    def evidence(self) -> dict[str, Any]:
+        """Evidence of positivity, and of a witness x the weights of x and A x in X."""
+        w, out, prover = self.witness, self.positivity.evidence(), Prover()
+        if not isinstance(w, InstabilityDirection):
+            return out
+        x = exact_vector(w.x, w.exact)
+        moved = drift(self.A, x, self.discrete)
+        if isinstance(w, InstabilityCombination) and w.weights is not None:
+            rays = own_generators(self.X)
+            shares = (transposed(pick(w.weights, np.array([k]))) for k in range(2))
+            found = [prover.repaired(rays, y[:, None], q) for y, q in zip((x, moved), shares, strict=True)]
+        else:
+            found = [prover.vector(self.X, y) for y in (x, moved)]
+        weights = dict(zip(("wx", "wz"), found, strict=True))
+        return {**out, "shows": "motion", "x": numbers(x), "rate": int(self.discrete), **weights}
+
+    def explain(self) -> str:
+        """What has been proven, and at what rate."""
+        if isinstance(self.witness, PositivityViolation):
+            return f"Refuted: X is not invariant. {self.positivity.explain()}"
+        if self.witness is not None:
+            ahead = "A x - x" if self.discrete else "A x"
+            return (
+                f"Refuted: X is invariant, but not exponentially stable: {self.witness}; {ahead} lies in X again, "
+                "so the "
+                f"{'spectral radius is at least 1' if self.discrete else 'rightmost eigenvalue is not negative'}."
+            )
+        if self:
+            law = f"(1 - {self.decay_rate:.6g})^k" if self.discrete else f"exp(-{self.decay_rate:.6g} t)"
+            bound = (
+                f" No rate above {self.decay_rate_bound:.6g} is possible." if np.isfinite(self.decay_rate_bound) else ""
+            )
+            return (
+                f"Proved exponentially stable on the invariant cone X: V(x) = v'x decreases at least as {law}.{bound} "
+                f"Scale-free margin {self.margin:.3g}; invariance has margin {self.positivity.margin:.3g}. "
+                "Stability on X implies stability in all of R^n, because X has interior."
+            )
+        if not self.positivity:
+            return f"Undecided, because invariance is: {self.positivity.explain()}"
+        return (
+            "Undecided: X is invariant, but the system is so close to the stability boundary that neither a Lyapunov "
+            "vector nor a direction of growth could be proven at this size."
+        )
+
+
+def linear_lyapunov(
+    A: ArrayLike | ExactMatrix | Any,
+    X: Cone | ArrayLike,
+    *,
+    discrete: bool = False,
+    rate: Literal["max"] | None = None,
+) -> LyapunovCertificate:
+    """Decide whether x' = A x is K-positive and exponentially stable on X: Theorem 2.
+
+    Parameters
+    ----------
+    A : array_like or sparse matrix, shape (n, n)
+        Doubles, integers, fractions or decimal strings.
+    X : Cone, or array_like of its generators, shape (p, n)
+        Polyhedral proper cone in R^n; may be a product of any number of cones.
+    discrete : bool
+        True for x[k+1] = A x[k].
+    rate : "max" or None
+        "max": the v of (nearly) the largest provable decay rate, with a proven bound from above (not on
+        cones whose facets are too many to list).
+        None: v = -A^{-T} c for the sum c of the normalised facets, or for another c in int X*.
+
+    Returns
+    -------
+    LyapunovCertificate
+        PROVED with v and its decay rate, or REFUTED with the violated facet and generator, or with x
+        in X, x != 0, such that A x is in X.
+
+    Raises
+    ------
+    ShapeError, DataError, NotProperConeError
+        A is not square of the size of X, or not finite and real; X is not proper; `rate` is unknown.
+
+    Notes
+    -----
+    Costs the invariance check, one factorisation of A (sparse if A is), and for "max" an eigenvalue and
+    a few more factorisations.  Near the boundary small problems are settled in rational arithmetic.
+
+    Examples
+    --------
+    >>> import control_kpos as kp
+    >>> X = kp.PolyhedralCone([[0, 1], [1, -2]])
+    >>> cert = kp.linear_lyapunov([[0, 1], [-22, -13]], X, rate="max")
+    >>> cert.status.name, round(cert.decay_rate, 6)
+    ('PROVED', 2.0)
+    >>> kp.linear_lyapunov([[1, 0], [0, -1]], kp.orthant(2)).status.name
+    'REFUTED'
+    """
+    rate = choice(rate, "rate", ("max", None))
+    return lyapunov_on(state_positivity(A, X, discrete=discrete), rate=rate)
+
+
+def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -> LyapunovCertificate:
+    """Decide stability once invariance has been decided; see `linear_lyapunov`."""
+    if positivity.witness is not None:
+        return LyapunovCertificate.settle(positivity=positivity, witness=positivity.witness)
+    if not positivity:
+        return LyapunovCertificate.settle(positivity=positivity)
+    A, X, discrete = positivity.A, positivity.X, positivity.discrete
+    for balanced in (False, True):
+        problem = ScaledProblem(A, X, discrete, balanced=balanced)
+        if rate == "max":
+            found = _fastest(positivity, problem)
+            if found is not None:
+                return found
+        try:
+            v = problem.left_vector(0.0)
+        except SingularMatrixError:
+            v = None
+        if v is not None and _is_lyapunov(exact_row(v), A, X, discrete):
+            return _proved(positivity, v)
+        for x in problem.growing_directions():
+            witness = _growing(positivity, x)
+            if witness is not None:
+                return LyapunovCertificate.settle(positivity=positivity, witness=witness)
+    decided = decide_exactly(A, X, discrete)
+    if decided is None:
+        return LyapunovCertificate.settle(positivity=positivity)
+    stable, vector = decided
+    if stable:
+        return _proved(positivity, np.array([float(t) for t in vector]), tuple(vector))
+    return LyapunovCertificate.settle(positivity=positivity, witness=_growing(positivity, vector))
+
+
+def _growing(positivity: PositivityCertificate, x: NDArray[Any]) -> InstabilityDirection | None:
+    """The proven direction of growth along x, or None."""
+    A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
+    witness: InstabilityDirection | None = direction(x)
+    if proof is not None:
+        witness = growing_combination(A, X, discrete, witness, proof)
+    return witness if witness is not None and all_hold(_growth_conditions(positivity, witness) or ()) else None
+
+
+def _growth_conditions(positivity: PositivityCertificate, w: InstabilityDirection) -> list[Condition] | None:
+    """The inequalities on a direction of growth; None if weights come without generators."""
+    A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
+    if not isinstance(w, InstabilityCombination):
+        return instability_conditions(A, X, discrete, w)
+    return None if proof is None else combination_conditions(A, X, discrete, w, proof)
+
+
+def _proved(
+    positivity: PositivityCertificate, v: NDArray[np.float64], v_exact: tuple[Fraction, ...] | None = None, **more: Any
+) -> LyapunovCertificate:
+    if v_exact is not None and all(Fraction(a) == b for a, b in zip(v.tolist(), v_exact, strict=True)):
+        v_exact = None
+    rate = proven_rate(exact_row(v, v_exact), positivity.A, positivity.X.exact_rays, positivity.discrete)
+    return LyapunovCertificate.settle(positivity=positivity, v=v, v_exact=v_exact, decay_rate=rate, **more)
+
+
+def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> LyapunovCertificate | None:
+    """The Perron vectors of a stable A, moved inwards just enough to be proven; None if A is not stable."""
+    A, X, discrete = positivity.A, positivity.X, positivity.discrete
+    best: tuple[float, NDArray[np.float64]] | None = None
+    slow: tuple[float, InstabilityDirection] | None = None
+    for v in problem.left_perron_vectors():
+        row = exact_row(v)
+        if _is_lyapunov(row, A, X, discrete):
+            rate = proven_rate(row, A, X.exact_rays, discrete)
+            if best is None or rate > best[0]:
+                best = rate, v
+    if best is None:
+        return None
+    for candidate in problem.right_perron_vectors() if positivity.generator_proof is None else ():
+        x = direction(candidate)
+        bound = _proven_bound(A, X, discrete, exact_row(x.x, x.exact))
+        if bound is not None and (slow is None or bound < slow[0]):
+            slow = bound, x
+        if slow is not None and slow[0] <= best[0] + 1e-9 * abs(best[0]):
+            break
+    if slow is None:
+        return _proved(positivity, best[1])
+    bound, x = slow
+    return _proved(positivity, best[1], decay_rate_bound=bound, slow_direction=x.x, slow_direction_exact=x.exact)
+
+
+# -- inequalities
+
+
+def proven_rate(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: bool) -> float:
+    """The largest decay rate in floating point that v proves, min_i -(v'A x_i) / (v'x_i) rounded down."""
+    with np.errstate(all="ignore"):
+        drift, value = drift_forms(v, A, rays, discrete).values, BilinearForms(v, None, rays).values
+        quotient = float(np.min(-drift / value))
+    if np.isfinite(quotient) and quotient > 0:
+        for step in _BACKOFF:
+            rate = quotient * (1 - step)
+            # on large problems rate is rounded down until floating point proves it
+            signs = drift_forms(v, A, rays, discrete, rate).signs(integers=A.shape[0] <= _SMALL)
+            if np.isin(signs, (-1, 0)).all():
+                return rate
+    return 0.0
+
+
+def _is_lyapunov(v: ExactMatrix, A: ExactMatrix, X: Cone, discrete: bool) -> bool:
+    return all_hold(
+        [
+            Condition(_POSITIVE, BilinearForms(v, None, X.exact_rays), ">"),
+            Condition(_DECREASING, drift_forms(v, A, X.exact_rays, discrete), "<"),
+        ]
+    )
+
+
+def _slow_conditions(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix, bound: float) -> list[Condition]:
+    return [
+        Condition(_SLOW_IN, BilinearForms(row, None, X.exact_facets), ">="),
+        Condition(_SLOW, transposed_drift(row, A, X, discrete, bound), ">="),
+    ]
+
+
+def _proven_bound(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix) -> float | None:
+    """The smallest bound on decay rates that x proves, rounded up; None if x proves nothing."""
+    with np.errstate(all="ignore"):
+        inside = BilinearForms(row, None, X.exact_facets).values
+        drift = transposed_drift(row, A, X, discrete).values
+        quotient = float(np.max(np.where(inside > 0, -drift / inside, -np.inf)))
+    if np.isfinite(quotient):
+        for step in _BACKOFF:
+            bound = quotient + step * abs(quotient)
+            if np.any(row.values) and all_hold(_slow_conditions(A, X, discrete, row, bound)):
+                return bound
+    return None

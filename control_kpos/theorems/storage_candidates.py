@@ -1,0 +1,178 @@
+"""Candidates for storage functions and supply rates, and the rational alternative.
+
+Nothing here is trusted: `control_kpos.dissipativity` proves what is proposed, or throws it away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from fractions import Fraction
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import TooLargeError
+from ..exact.matrix import ExactMatrix, dense
+from ..exact.programs import solve
+from ..exact.rational_programs import exact_feasibility
+from .lyapunov_candidates import ScaledProblem, SingularMatrixError
+from .positivity import System
+
+Vector = NDArray[np.float64]
+Rationals = NDArray[np.object_]
+# How far the storage is moved into int X*, relative to the storage itself.  A little where the least
+# supply is asked for, as far as a given supply allows for the sake of the decay rate.
+_LEAST = (1e-6, 1e-9, 1e-3, 1e-12, 1e-1)
+_GIVEN = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 1e-12)
+_RATIONAL_ROWS = 60
+
+
+def storage_candidates(
+    p: System, q: Vector, r: Vector | None, *, free_q: bool
+) -> Iterator[tuple[Vector, Vector, Vector | None, tuple[Fraction, ...] | None]]:
+    """Pairs of storage and supply worth proving, most useful first: (v, q, r or None, exact v or None)."""
+    least = _LeastStorage.of(p)
+    if free_q and r is not None:
+        if least is not None:
+            for inwards in _LEAST:
+                v0, v1 = least.storage(q), least.inside
+                share = _largest_share(p, v0 + inwards * _ratio(v0, v1) * v1, q, r)
+                for back in (0.0, 1e-12, 1e-6):
+                    g = share * (1 - back)
+                    if 0 < g < np.inf:
+                        v = g * (v0 + inwards * _ratio(v0, v1) * v1)
+                        yield v, g * q, r, None
+        program = _program(p, q, r, free_q=True)
+        if program is not None:
+            yield program[0], program[1], r, None
+        return
+    if least is not None:
+        v0, v1 = least.storage(q), least.inside
+        for inwards in _LEAST if r is None else _GIVEN:
+            yield v0 + inwards * _ratio(v0, v1) * v1, q, r, None
+    program = _program(p, q, r, free_q=False)
+    if program is not None:
+        yield program[0], q, r, None
+
+
+class _LeastStorage:
+    """v = S^{-T}(C'q - a little of int X*) for a stable S = A (A - I in discrete time)."""
+
+    def __init__(self, p: System, inside: Vector) -> None:
+        self.p, self.inside = p, inside
+        S = dense(p.A.values)
+        self.S = S - np.eye(len(S)) if p.discrete else S
+
+    @classmethod
+    def of(cls, p: System) -> _LeastStorage | None:
+        try:
+            inside = ScaledProblem(p.A, p.X, p.discrete).left_vector(0.0)
+        except SingularMatrixError:
+            return None
+        return cls(p, inside) if (p.X.exact_rays.values @ inside > 0).all() else None
+
+    def storage(self, q: Vector) -> Vector:
+        with np.errstate(all="ignore"):
+            try:
+                return np.linalg.solve(self.S.T, np.asarray(self.p.C.values.T @ q))
+            except np.linalg.LinAlgError:
+                return np.full(len(self.S), np.nan)
+
+
+def _ratio(v: Vector, inside: Vector) -> float:
+    size, unit = np.abs(v).max(initial=0.0), np.abs(inside).max(initial=0.0)
+    return float(size / unit) if size > 0 and unit > 0 and np.isfinite(size) else 1.0
+
+
+def _largest_share(p: System, v: Vector, q: Vector, r: Vector) -> float:
+    """The largest g with g (v'B - q'D) u_j <= r'u_j for all generators u_j."""
+    rays = dense(p.U.exact_rays.values)
+    need = rays @ (v @ dense(p.B.values) - q @ dense(p.D.values))
+    have = rays @ r
+    with np.errstate(all="ignore"):
+        shares = np.where(need > 0, have / need, np.where(have >= 0, np.inf, -np.inf))
+    share = float(shares.min())
+    return 1.0 if share == np.inf else share
+
+
+def _program(p: System, q: Vector, r: Vector | None, *, free_q: bool) -> tuple[Vector, Vector] | None:
+    """The storage of largest common margin by a linear program; with `free_q` also q = -g f, q = f given.
+
+    Unknowns: v, the margin t, and r or g where they are free.
+    """
+    A, B, C, D = (dense(m.values) for m in (p.A, p.B, p.C, p.D))
+    S = A - np.eye(len(A)) if p.discrete else A
+    X, U = dense(p.X.exact_rays.values), dense(p.U.exact_rays.values)
+    n = len(A)
+    with np.errstate(all="ignore"):
+        X = X / np.abs(X).max(axis=1, keepdims=True)
+        U = U / np.abs(U).max(axis=1, keepdims=True)
+        drift, push = X @ S.T, U @ B.T
+    nx, nu = len(X), len(U)
+    column_c, column_d = X @ (C.T @ q), U @ (D.T @ q)
+    one = np.ones((nx, 1))
+    if free_q:  # v, t, g
+        rows = [
+            np.hstack([-X, one, 0 * one]),
+            np.hstack([drift, one, -column_c[:, None]]),
+            np.hstack([push, np.zeros((nu, 1)), -column_d[:, None]]),
+        ]
+        right = np.concatenate([np.zeros(2 * nx), U @ r])
+        cost = np.concatenate([np.zeros(n), [-1e-3, -1.0]])
+        low, high = np.concatenate([np.full(n, -np.inf), [0, -np.inf]]), np.concatenate([np.full(n, np.inf), [1, 1e6]])
+    elif r is not None:  # v, t
+        rows = [np.hstack([-X, one]), np.hstack([drift, one]), np.hstack([push, np.zeros((nu, 1))])]
+        right = np.concatenate([np.zeros(nx), column_c, U @ r + column_d])
+        cost = np.concatenate([np.zeros(n), [-1.0]])
+        low, high = np.concatenate([np.full(n, -np.inf), [0]]), np.concatenate([np.full(n, np.inf), [1]])
+    else:  # v: least supply on the generators of U, margin as small as for the solves
+        t = 1e-6
+        rows, right = [-X, drift], np.concatenate([np.full(nx, -t), column_c - t])
+        cost = push.sum(axis=0)
+        low, high = np.full(n, -np.inf), np.full(n, np.inf)
+    answer = solve(cost, A_ub=np.vstack(rows), b_ub=right, bounds=(low, high))
+    if not answer:
+        return None
+    return answer.x[:n], q * (answer.x[n + 1] if free_q else 1.0)
+
+
+def supply_witness(p: System, q: Vector, r: Vector | None) -> tuple[Rationals | None, Rationals, Rationals] | None:
+    """Settle dissipativity for given q and r in rational arithmetic.
+
+    Motzkin's theorem of the alternative: either some storage v satisfies the inequalities of the theorem,
+    or X a = S X b + B U c for some a, b, c >= 0 with supply q'C X b + (r' + q'D) U c <= 0 and not all of
+    a, b and the supply zero.  With r free the input is left out.
+
+    Returns
+    -------
+    (v, ., .) or (None, x, u) with x = X b and u = U c, or None where the problem is too large.
+    """
+    A, B, C, D = (
+        ExactMatrix(dense(m.values), m.radius, m.numerators, m.denominator).fractions() for m in (p.A, p.B, p.C, p.D)
+    )
+    n, m = B.shape
+    if n > _RATIONAL_ROWS:
+        return None
+    S = A - np.eye(n, dtype=int).astype(object) if p.discrete else A
+    X = p.X.exact_rays.rows_as_integers(np.arange(p.X.n_rays)).T
+    U = p.U.exact_rays.rows_as_integers(np.arange(p.U.n_rays)).T
+    k = 0 if r is None else U.shape[1]
+    U = U[:, :k]
+    exact_q = np.array([Fraction(float(t)) for t in q], dtype=object)
+    exact_r = np.array([Fraction(float(t)) for t in (np.zeros(m) if r is None else r)], dtype=object)
+    a, b = X.shape[1], X.shape[1]
+    M = np.zeros((n + 2, a + b + k + 1), dtype=object)
+    M[:n, :a], M[:n, a : a + b], M[:n, a + b : a + b + k] = X, -(S @ X), -(B @ U)
+    M[n, a : a + b], M[n, a + b : a + b + k], M[n, -1] = exact_q @ (C @ X), (exact_r + exact_q @ D) @ U, 1
+    M[n + 1, : a + b], M[n + 1, -1] = 1, 1
+    try:
+        combination, farkas = exact_feasibility(M, [0] * (n + 1) + [1])
+    except TooLargeError:
+        return None
+    if farkas is not None:
+        return farkas[:n] / farkas[n], np.empty(0, dtype=object), np.empty(0, dtype=object)
+    if combination is None:
+        return None
+    x = X @ combination[a : a + b]
+    u = U @ combination[a + b : a + b + k] if k else np.array([Fraction(0)] * m, dtype=object)
+    return None, x, u
