@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .cones import PolyhedralCone, orthant
 from .errors import DataError
-from .exact.intake import real_number, whole_number
-from .exact.matrix import exact_matrix, require_shape
+from .exact.intake import exact_matrix, real_number, require_shape, whole_number
 from .systems.statespace import ConeStateSpace
 
 # More nodes would fill the memory.

@@ -22,7 +22,7 @@ import control_kpos as kp
 from control_kpos import checker
 from control_kpos.design.accept import CommonVectorCertificate, GainBoundCertificate
 from control_kpos.errors import CertificateFileError, UndecidedError
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof.encoding import Decoder, number
 from control_kpos.proof.portable_cones import decode_cone
 

@@ -5,7 +5,7 @@ import numpy as np
 from strategies import without_facets
 
 import control_kpos as kp
-from control_kpos.exact.matrix import ExactMatrix, as_stack
+from control_kpos.exact.matrix import Matrix
 from control_kpos.find import ConeCertificate
 from control_kpos.find.one_matrix.explicit import modal_cone
 from control_kpos.find.one_matrix.modes import modes
@@ -50,9 +50,9 @@ def thin_cone(A):
     """The certificate of a cone with sparse multipliers, as those of thousands of generators are."""
     found = modal_cone(modes(np.array(A, dtype=float)), thin=True)
     return ConeCertificate.settle(
-        matrices=as_stack([ExactMatrix(np.array(A, dtype=float))]),
-        rays=ExactMatrix(found.R.T.copy()),
-        multipliers=ExactMatrix(found.multipliers.combined()),
+        matrices=Matrix.stack([Matrix(np.array(A, dtype=float))]),
+        rays=Matrix(found.R.T.copy()),
+        multipliers=Matrix(found.multipliers.combined()),
         pointing=found.pointing,
         right_inverse=found.right_inverse,
     )

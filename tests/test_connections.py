@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import control_kpos as kp
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.systems.cones_of_connections import (
     Origin,
     image,

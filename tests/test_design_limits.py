@@ -18,7 +18,7 @@ from control_kpos.design.network.program import _distinct
 from control_kpos.design.result import DesignResult
 from control_kpos.design.simplicial import rows
 from control_kpos.exact.budget import OutOfTimeError, limited_to
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.find.feedback.placement import placed
 
 

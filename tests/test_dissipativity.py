@@ -11,7 +11,7 @@ from test_positivity import PAPER, PLANT, closed_loop, metzler, perturbations, u
 
 import control_kpos as kp
 from control_kpos.errors import DataError
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof.certificate import Status
 from control_kpos.theorems.dissipativity import DissipativityCertificate, SupplyViolation
 from control_kpos.theorems.positivity import PositivityCertificate

@@ -16,7 +16,7 @@ from control_kpos.exact.enclosure import (
     enclosed_product,
     enclosed_sparse_product,
 )
-from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.products import exact_product
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -71,7 +71,7 @@ def test_products_lie_within_their_bounds(seed, width, left_inexact, right_inexa
     b = b * np.sign(b[[0]]) * np.sign(b) if width % 2 else b  # half of them without cancellation
     ra = np.abs(a) * rng.choice([0, 1e-16, 0.5, 1]) if left_inexact else None
     rb = np.abs(b) * rng.choice([0, 1e-16, 0.5, 1]) if right_inexact else None
-    product, bound = enclosed_product(ExactMatrix(a, ra), ExactMatrix(b, rb))
+    product, bound = enclosed_product(Matrix(a, ra), Matrix(b, rb))
     for s in (sign, np.sign(a)):
         left = fractions(a) if ra is None else fractions(a) + fractions(s * ra)
         right = fractions(b) if rb is None else fractions(b) + fractions(np.sign(b) * rb)
@@ -89,7 +89,7 @@ def test_sparse_products_lie_within_their_bounds(seed, N, inexact):
     rng = np.random.default_rng(seed)
     R, P = spread(rng, (N, 3)), spread(rng, (N, 4)) * (rng.random((N, 4)) < 0.4)
     radius = np.abs(R) * rng.choice([1e-16, 0.5]) if inexact else None
-    product, bound = enclosed_sparse_product(ExactMatrix(R, radius), csr_array(P))
+    product, bound = enclosed_sparse_product(Matrix(R, radius), csr_array(P))
     for j in range(4):
         moved = fractions(R) if radius is None else fractions(R) + fractions(radius * np.sign(R * P[:, [j]]))
         error = np.abs(moved.T @ fractions(P[:, j]) - fractions(product[:, j]))
@@ -101,7 +101,7 @@ def test_sparse_products_lie_within_their_bounds(seed, N, inexact):
 
 def test_sparse_products_that_underflow():
     tiny = np.full((1, 1), 1.1e-200)
-    product, bound = enclosed_sparse_product(ExactMatrix(tiny), csr_array(tiny))
+    product, bound = enclosed_sparse_product(Matrix(tiny), csr_array(tiny))
     assert abs(Fraction(1.1e-200) ** 2 - Fraction(product[0, 0])) <= Fraction(bound[0, 0])
 
 
@@ -120,7 +120,7 @@ def test_bounds_claim_what_is_above_zero_or_exact():
 
 def test_products_that_underflow_or_overflow_are_not_claimed():
     for width in (1, 3):
-        tiny, huge = ExactMatrix(np.full((1, width), 1e-200)), ExactMatrix(np.full((1, width), 1e200))
+        tiny, huge = Matrix(np.full((1, width), 1e-200)), Matrix(np.full((1, width), 1e200))
         product, bound = enclosed_product(tiny, tiny)
         assert abs(Fraction(1e-200) ** 2 * width - Fraction(product[0, 0])) <= Fraction(bound[0, 0])
         assert not enclosed_product(huge, huge)[1][0, 0] < np.inf
@@ -145,11 +145,11 @@ def test_weights_are_at_least_what_is_claimed(seed, n, more, rough, radius):
     M, x = rng.standard_normal((n, 2)), rng.standard_normal((count, 2))
     rest = fractions(T) - fractions(M) @ fractions(x).T
     required = rng.random((N, count)) < 0.8
-    rays = ExactMatrix(R.T.copy())
+    rays = Matrix(R.T.copy())
     if radius:  # generators that doubles cannot hold
-        rays = ExactMatrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
-    parts = [(ExactMatrix(M), ExactMatrix(x)), (ExactMatrix.from_fractions(rest), ExactMatrix(np.eye(count)))]
-    bounds = Generators(rays, Y).combination("T = R Q", parts, ExactMatrix(Q), required)
+        rays = Matrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
+    parts = [(Matrix(M), Matrix(x)), (Matrix.from_fractions(rest), Matrix(np.eye(count)))]
+    bounds = Generators(rays, Y).combination("T = R Q", parts, Matrix(Q), required)
     assert_true(bounds, corrected(rays.fractions().T, Y, T, Q), required)
     if bounds.verdict():
         assert (corrected(rays.fractions().T, Y, T, Q)[required] >= 0).all()
@@ -162,7 +162,7 @@ def test_the_defect_of_a_right_inverse_is_not_smaller_than_it_is(seed, n, rough)
     R, units = rng.standard_normal((n, n + 2)), 10.0 ** rng.uniform(-9, 9, n)
     Y = (np.linalg.pinv(R) + rough * rng.standard_normal((n + 2, n)) / n) / units
     R = R * units[:, None]
-    basis = Generators(ExactMatrix(R.T.copy()), Y)
+    basis = Generators(Matrix(R.T.copy()), Y)
     units = fractions(np.diag(2.0 ** basis.exponent.astype(float)))
     exact = units @ (fractions(np.eye(n)) - fractions(R) @ fractions(Y)) @ inverse(units)
     defect = np.abs(exact).sum(axis=1)
@@ -172,7 +172,7 @@ def test_the_defect_of_a_right_inverse_is_not_smaller_than_it_is(seed, n, rough)
     assert bool(basis.solid().verdict()) == (max(basis.defect) < 1 - 2.0**-40)
     flat = R.copy()
     flat[-1] = flat[0]
-    assert n == 1 or not Generators(ExactMatrix(flat.T.copy()), np.linalg.pinv(flat)).solid().verdict()
+    assert n == 1 or not Generators(Matrix(flat.T.copy()), np.linalg.pinv(flat)).solid().verdict()
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -185,25 +185,25 @@ def test_sparse_weights_with_room_are_proven_and_exact_ones_without(seed):
     A = (R @ P)[:, :4] / 4
     P[:4, 4:] = Y[:4] @ (A @ R[:, 4:] - R[:, 4:] @ P[4:, 4:])
     off = ~np.eye(7, dtype=bool)[:4, 4:]
-    basis, rays = Generators(ExactMatrix(R.T.copy()), Y), ExactMatrix(R.T.copy())
-    proven = basis.sparse_combination("A R = R P", (ExactMatrix(A), rays), ExactMatrix(csr_array(P)), diagonal=False)
+    basis, rays = Generators(Matrix(R.T.copy()), Y), Matrix(R.T.copy())
+    proven = basis.sparse_combination("A R = R P", (Matrix(A), rays), Matrix(csr_array(P)), diagonal=False)
     assert bool(proven.verdict()) == bool((P[:4, 4:][off] >= 0).all())
-    thirds = ExactMatrix.from_fractions(fractions(A) / 3)  # no longer exact
+    thirds = Matrix.from_fractions(fractions(A) / 3)  # no longer exact
     P = P / 3 + 0.1 * (P > 0)
     P[:4] += Y[:4] @ (A / 3 @ R - R @ P)
     room = np.where(np.eye(7, dtype=bool)[:4], np.inf, P[:4]).min()
-    proven = basis.sparse_combination("A R = R P", (thirds, rays), ExactMatrix(csr_array(P)), diagonal=False)
+    proven = basis.sparse_combination("A R = R P", (thirds, rays), Matrix(csr_array(P)), diagonal=False)
     assert bool(proven.verdict()) == (room > 0) or abs(room) < 1e-12
     assert not proven.verdict() or abs(proven.margin * np.abs(P[:4]).sum(axis=0).max() - room) < room + 1e-9
 
 
 def test_bits_that_units_push_below_the_smallest_doubles_are_accounted_for():
-    rays = ExactMatrix(np.array([[1e200, 1.0], [1.2345678901234567e-121, 1.0]]))
+    rays = Matrix(np.array([[1e200, 1.0], [1.2345678901234567e-121, 1.0]]))
     basis = Generators(rays, np.linalg.inv(rays.values.T))
     scaled = fractions(rays.values.T) * fractions(np.ldexp(1.0, basis.exponent))[:, None]
     lost = np.abs(scaled - fractions(basis.equilibrated.values.T))
     assert lost.max() > 0 and (lost <= fractions(basis.equilibrated.radius.T)).all()
-    known = ExactMatrix(rays.values, np.array([[1e190, 0.0], [1e-130, 0.25]]))
+    known = Matrix(rays.values, np.array([[1e190, 0.0], [1e-130, 0.25]]))
     basis = Generators(known, np.linalg.inv(rays.values.T))
     scaled = fractions(known.radius.T) * fractions(np.ldexp(1.0, basis.exponent))[:, None]
     assert (scaled + lost <= fractions(basis.equilibrated.radius.T)).all()
@@ -215,34 +215,30 @@ def test_weights_with_room_are_proven_and_exact_ones_without(seed):
     R = rng.integers(-5, 6, (3, 6)).astype(float)
     R[:, :3] += 9 * np.eye(3)
     Q = rng.integers(0, 4, (6, 5)).astype(float)  # with zeros: only exactness helps
-    everywhere, eye = np.ones(Q.shape, dtype=bool), ExactMatrix(np.eye(3))
-    basis = Generators(ExactMatrix(R.T.copy()), np.linalg.pinv(R))
+    everywhere, eye = np.ones(Q.shape, dtype=bool), Matrix(np.eye(3))
+    basis = Generators(Matrix(R.T.copy()), np.linalg.pinv(R))
     assert basis.solid().verdict()
-    exact = basis.combination("T = R Q", [(eye, ExactMatrix((R @ Q).T.copy()))], ExactMatrix(Q), everywhere)
+    exact = basis.combination("T = R Q", [(eye, Matrix((R @ Q).T.copy()))], Matrix(Q), everywhere)
     assert exact.verdict() and exact.margin == 0
-    rounded = ExactMatrix((R @ (Q + 1) * (1 + 1e-15)).T.copy())
-    assert basis.combination("T = R Q", [(eye, rounded)], ExactMatrix(Q + 1), everywhere).verdict()
+    rounded = Matrix((R @ (Q + 1) * (1 + 1e-15)).T.copy())
+    assert basis.combination("T = R Q", [(eye, rounded)], Matrix(Q + 1), everywhere).verdict()
     wrong = Q.copy()
     wrong[2, 3] = -1e-30
-    assert not basis.combination(
-        "T = R Q", [(eye, ExactMatrix((R @ Q).T.copy()))], ExactMatrix(wrong), everywhere
-    ).verdict()
+    assert not basis.combination("T = R Q", [(eye, Matrix((R @ Q).T.copy()))], Matrix(wrong), everywhere).verdict()
     spared = everywhere.copy()
     spared[2, 3] = False
-    target = exact_product(ExactMatrix(wrong.T.copy()), ExactMatrix(R))
-    assert basis.combination("T = R Q", [(eye, target)], ExactMatrix(wrong), spared).verdict()
+    target = exact_product(Matrix(wrong.T.copy()), Matrix(R))
+    assert basis.combination("T = R Q", [(eye, target)], Matrix(wrong), spared).verdict()
 
 
 def test_a_negative_weight_is_not_excused_by_a_zero_row():
     R, Y = np.array([[1.0, 0, 1], [0, 1, 1]]), np.array([[1.0, 0], [0, 1], [0, 0]])
     Q = np.array([[2.0], [2], [-1]])
-    target = [(ExactMatrix(np.eye(2)), ExactMatrix((R @ Q).T.copy()))]
-    basis = Generators(ExactMatrix(R.T.copy()), Y)
-    assert not basis.combination("T = R Q", target, ExactMatrix(Q), np.ones((3, 1), dtype=bool)).verdict()
-    assert basis.combination("T = R Q", target, ExactMatrix(Q), np.array([[True], [True], [False]])).verdict()
-    assert basis.combination(
-        "T = R Q", target, ExactMatrix(np.abs(Q) - [[2], [2], [0]]), np.array([[True]] * 3)
-    ).verdict()
+    target = [(Matrix(np.eye(2)), Matrix((R @ Q).T.copy()))]
+    basis = Generators(Matrix(R.T.copy()), Y)
+    assert not basis.combination("T = R Q", target, Matrix(Q), np.ones((3, 1), dtype=bool)).verdict()
+    assert basis.combination("T = R Q", target, Matrix(Q), np.array([[True], [True], [False]])).verdict()
+    assert basis.combination("T = R Q", target, Matrix(np.abs(Q) - [[2], [2], [0]]), np.array([[True]] * 3)).verdict()
 
 
 @settings(max_examples=150, deadline=None)
@@ -268,13 +264,13 @@ def test_sparse_weights_are_at_least_what_is_claimed(seed, n, more, rough, diago
         A = rng.standard_normal((n, n))
         P[support] += Y[support] @ (A @ R - R @ P)
     P += rng.choice([0, 10.0 ** rng.uniform(-17, -3)]) * rng.standard_normal((N, N)) * (P != 0)
-    rays = ExactMatrix(R.T.copy())
+    rays = Matrix(R.T.copy())
     if radius:
-        rays = ExactMatrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
+        rays = Matrix.from_fractions(fractions(R.T) + fractions(R.T) / 3**40)
     basis = Generators(rays, Y)
     if not basis.solid().verdict():
         return
-    bounds = basis.sparse_combination("A R = R P", (ExactMatrix(A), rays), ExactMatrix(csr_array(P)), diagonal=diagonal)
+    bounds = basis.sparse_combination("A R = R P", (Matrix(A), rays), Matrix(csr_array(P)), diagonal=diagonal)
     T = fractions(A) @ rays.fractions().T
     exact = corrected(rays.fractions().T, Y, T, P)
     required = np.ones((N, N), dtype=bool) if diagonal else ~np.eye(N, dtype=bool)
@@ -285,11 +281,11 @@ def test_sparse_weights_are_at_least_what_is_claimed(seed, n, more, rough, diago
 
 
 def test_one_generator_of_support_does_not_excuse_the_others():
-    rays, Y = ExactMatrix(np.array([[1.0], [2.0]])), np.array([[1.0], [0.0]])
+    rays, Y = Matrix(np.array([[1.0], [2.0]])), np.array([[1.0], [0.0]])
     for value in (-0.5, np.nan, np.inf):
         P = csr_array(np.array([[-1.0, 0.5], [value, -2.0]]))
         bounds = Generators(rays, Y).sparse_combination(
-            "A R = R P", (ExactMatrix([[-1.0]]), rays), ExactMatrix(P), diagonal=False
+            "A R = R P", (Matrix([[-1.0]]), rays), Matrix(P), diagonal=False
         )
         assert not bounds.verdict()
 
@@ -303,9 +299,9 @@ def test_weights_where_large_numbers_cancel(seed):
     A = rng.standard_normal((2, 2)) + 1e9 * np.outer(rng.standard_normal(2), [-x[1], x[0]])
     P = np.abs(rng.standard_normal((3, 3)))
     P[:2] += Y[:2] @ (A @ R - R @ P)
-    rays, required = ExactMatrix(R.T.copy()), ~np.eye(3, dtype=bool)
+    rays, required = Matrix(R.T.copy()), ~np.eye(3, dtype=bool)
     basis, exact = Generators(rays, Y), corrected(R, Y, fractions(A) @ fractions(R), P)
-    sparse = basis.sparse_combination("A R = R P", (ExactMatrix(A), rays), ExactMatrix(csr_array(P)), diagonal=False)
+    sparse = basis.sparse_combination("A R = R P", (Matrix(A), rays), Matrix(csr_array(P)), diagonal=False)
     assert_true(sparse, exact[:2], required[:2])
-    dense = basis.combination("A R = R P", [(ExactMatrix(A), rays)], ExactMatrix(P), required)
+    dense = basis.combination("A R = R P", [(Matrix(A), rays)], Matrix(P), required)
     assert_true(dense, exact, required)

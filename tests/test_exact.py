@@ -8,12 +8,8 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from control_kpos.exact.matrix import (
-    ExactMatrix,
-    concatenate,
-    exact_matrix,
-    integers_of_doubles,
-)
+from control_kpos.exact.intake import exact_matrix
+from control_kpos.exact.matrix import Matrix, integers_of_doubles
 from control_kpos.exact.signs import (
     UNKNOWN,
     BilinearForms,
@@ -54,13 +50,13 @@ def problems(draw):
 def test_signs_are_those_of_the_exact_numbers(problem):
     L, M, R = problem
     expected = truth(L, M, R)
-    forms = BilinearForms(*map(ExactMatrix, (L, M, R)))
+    forms = BilinearForms(*map(Matrix, (L, M, R)))
     np.testing.assert_array_equal(forms.signs(), expected)
 
-    thin = BilinearForms(*(ExactMatrix(sp.csr_array(m)) for m in (L, M, R)))
+    thin = BilinearForms(*(Matrix(sp.csr_array(m)) for m in (L, M, R)))
     np.testing.assert_array_equal(thin.signs().toarray(), expected)
 
-    row = BilinearForms(ExactMatrix(L[:1]), ExactMatrix(sp.csr_array(M)), ExactMatrix(sp.csr_array(R)))
+    row = BilinearForms(Matrix(L[:1]), Matrix(sp.csr_array(M)), Matrix(sp.csr_array(R)))
     np.testing.assert_array_equal(row.signs(), expected[:1])
 
 
@@ -73,15 +69,13 @@ def test_stacks_agree_with_single_problems(problem, size, random):
     if not np.isfinite(stack).all():
         return
     expected = np.array([truth(L, m, R) for m in stack])
-    np.testing.assert_array_equal(BilinearForms(ExactMatrix(L), ExactMatrix(stack), ExactMatrix(R)).signs(), expected)
+    np.testing.assert_array_equal(BilinearForms(Matrix(L), Matrix(stack), Matrix(R)).signs(), expected)
     rights = np.broadcast_to(R, (size, *R.shape)).copy()
     for right in (rights, rights[:1]):
-        forms = BilinearForms(ExactMatrix(L), ExactMatrix(stack), ExactMatrix(right))
+        forms = BilinearForms(Matrix(L), Matrix(stack), Matrix(right))
         np.testing.assert_array_equal(forms.signs(), expected)
     lefts = np.broadcast_to(L, (size, *L.shape)).copy()
-    np.testing.assert_array_equal(
-        BilinearForms(ExactMatrix(lefts), ExactMatrix(stack), ExactMatrix(R)).signs(), expected
-    )
+    np.testing.assert_array_equal(BilinearForms(Matrix(lefts), Matrix(stack), Matrix(R)).signs(), expected)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -99,13 +93,13 @@ def test_overflow_decides_nothing(row, middle, right, sign):
     L, M, R = sign * np.array([row]), np.array(middle), np.array([right])
     expected = truth(L, M, R)
     assert expected[0, 0] == -sign
-    for wrap in (ExactMatrix, lambda m: ExactMatrix(sp.csr_array(m))):
+    for wrap in (Matrix, lambda m: Matrix(sp.csr_array(m))):
         signs = BilinearForms(*map(wrap, (L, M, R))).signs()
         np.testing.assert_array_equal(signs.toarray() if sp.issparse(signs) else signs, expected)
-    stack = BilinearForms(ExactMatrix(L[None]), ExactMatrix(np.array([M, M])), ExactMatrix(R)).signs()
+    stack = BilinearForms(Matrix(L[None]), Matrix(np.array([M, M])), Matrix(R)).signs()
     np.testing.assert_array_equal(stack[:, 0, 0], [-sign, -sign])
     if row == [1.0]:
-        alone = BilinearForms(ExactMatrix(sign * M), None, ExactMatrix(R))
+        alone = BilinearForms(Matrix(sign * M), None, Matrix(R))
         np.testing.assert_array_equal(alone.signs(), expected)
 
 
@@ -123,14 +117,14 @@ def test_sums_of_forms_through_stacked_matrices():
     x = exact_matrix([[1, 1]], "x")
     for rate, sign in (("1/3", -1), ("1", 0), ("4/3", 1)):
         shift = exact_matrix([[rate, 0], [0, rate]], "shift")
-        forms = BilinearForms(concatenate([v, v], -1), concatenate([A, shift], -2), x)
+        forms = BilinearForms(Matrix.join([v, v], -1), Matrix.join([A, shift], -2), x)
         assert forms.signs().tolist() == [[sign]]
 
 
 @pytest.mark.parametrize("axis", [-1, -2])
 def test_matrices_side_by_side_keep_their_exact_entries(axis):
     parts = [exact_matrix(rows, "part") for rows in ([["1/3", "0.1"], [2, 1e-30]], [[0.1, -5e-324], [3, 2**70]])]
-    joined = concatenate(parts, axis)
+    joined = Matrix.join(parts, axis)
     expected = np.concatenate([part.fractions() for part in parts], axis=axis)
     assert (joined.fractions() == expected).all()
     far = np.array([abs(a - Fraction(b)) for a, b in zip(expected.ravel(), joined.values.ravel(), strict=True)])
@@ -143,12 +137,12 @@ def test_radius_of_inexact_rows_is_respected():
         def __call__(self, index):
             return np.zeros((len(index), 2), dtype=object)
 
-    left = ExactMatrix(np.array([[1e-17, 0.0]]), np.array([[1e-16, 0.0]]), integer_rows=Zero())
-    assert BilinearForms(left, None, ExactMatrix(np.eye(2)[:1])).signs().tolist() == [[0]]
+    left = Matrix(np.array([[1e-17, 0.0]]), np.array([[1e-16, 0.0]]), integer_rows=Zero())
+    assert BilinearForms(left, None, Matrix(np.eye(2)[:1])).signs().tolist() == [[0]]
 
 
 def test_entries_that_do_not_matter_are_not_computed_exactly():
-    forms = BilinearForms(ExactMatrix(np.array([[0.1, -0.1]])), None, ExactMatrix(np.array([[0.3, 0.3]])))
+    forms = BilinearForms(Matrix(np.array([[0.1, -0.1]])), None, Matrix(np.array([[0.3, 0.3]])))
     assert forms.signs(where=np.array([[False]])).tolist() == [[UNKNOWN]]
     assert forms.signs().tolist() == [[0]]
 
@@ -169,25 +163,23 @@ def test_radius_of_sparse_rows_is_respected():
     values = np.zeros((2, 80))
     values[0, 0], values[1, 79] = 1e-17, 1.0  # the first sign is an artefact of rounding
     radius = sp.csr_array(np.where(values != 0, 1e-16, 0.0))
-    left = ExactMatrix(sp.csr_array(values), radius, integer_rows=Exact())
-    for middle in (None, ExactMatrix(sp.eye_array(80, format="csr")), ExactMatrix(np.eye(80))):
-        signs = BilinearForms(left, middle, ExactMatrix(sp.eye_array(80, format="csr"))).signs()
+    left = Matrix(sp.csr_array(values), radius, integer_rows=Exact())
+    for middle in (None, Matrix(sp.eye_array(80, format="csr")), Matrix(np.eye(80))):
+        signs = BilinearForms(left, middle, Matrix(sp.eye_array(80, format="csr"))).signs()
         signs = signs.toarray() if sp.issparse(signs) else signs
         assert signs[0, 0] == -1 and signs[1, 79] == 1 and np.count_nonzero(signs) == 2
 
 
 def test_relative_sizes_are_free_of_scales_and_zero_for_zero():
-    left = ExactMatrix(np.array([[2.0, 0.0], [0.0, 0.0], [-1.0, 1.0]]))
-    right = ExactMatrix(np.array([[3.0, 0.0], [1.0, 1.0]]))
+    left = Matrix(np.array([[2.0, 0.0], [0.0, 0.0], [-1.0, 1.0]]))
+    right = Matrix(np.array([[3.0, 0.0], [1.0, 1.0]]))
     expected = [[1.0, 1.0], [0.0, 0.0], [-1.0, 0.0]]
     assert BilinearForms(left, None, right).relative().tolist() == expected
 
 
 def test_data_that_are_not_finite_are_never_decided():
     for value in (np.nan, np.inf):
-        forms = BilinearForms(
-            ExactMatrix(np.array([[value, 1.0]])), None, ExactMatrix(np.array([[1.0, 1.0], [0.0, 0.0]]))
-        )
+        forms = BilinearForms(Matrix(np.array([[value, 1.0]])), None, Matrix(np.array([[1.0, 1.0], [0.0, 0.0]])))
         assert forms.signs()[0, 0] == UNKNOWN
 
 
@@ -195,9 +187,9 @@ def rounded_far(sign, scale):
     """A 2 x 2 matrix, sign * scale in its corner, of which the doubles know little; exactly known through integers."""
     value = np.array([[scale, 0.0], [0.0, 0.0]])
     if sign > 0:
-        return ExactMatrix(value)
+        return Matrix(value)
     ints = np.array([[int(sign * scale * 2**20), 0], [0, 0]], dtype=object)
-    return ExactMatrix(value, np.abs(value) * 2.5, ints, 2**20)
+    return Matrix(value, np.abs(value) * 2.5, ints, 2**20)
 
 
 @pytest.mark.parametrize(
@@ -276,7 +268,7 @@ def test_norms_are_not_too_small_and_hardly_too_large(count, size):
     tiny, margin = Fraction(2) ** -1022, 1 + Fraction(1, 10**8)
     rows = np.vstack([np.full(count, size), np.zeros(count), np.append(size, np.zeros(count - 1))])
     exact = [Fraction(size) * Fraction(np.sqrt(count)), Fraction(0), Fraction(size)]  # roots of squares, mostly
-    for m in (ExactMatrix(rows), ExactMatrix(sp.csr_array(rows))):
+    for m in (Matrix(rows), Matrix(sp.csr_array(rows))):
         found, radius = _row_norms(m)
         spread = 1 if m.is_sparse or count > 16 else Fraction(np.sqrt(count))
         assert not np.any(radius)
@@ -284,7 +276,7 @@ def test_norms_are_not_too_small_and_hardly_too_large(count, size):
             assert (
                 norm * (1 + Fraction(1, 2 * 10**9)) + tiny / 2 <= Fraction(value) <= norm * margin * spread + 2 * tiny
             )
-    empty = _row_norms(ExactMatrix(sp.csr_array((2, count))))[0]
+    empty = _row_norms(Matrix(sp.csr_array((2, count))))[0]
     assert empty.shape == (2,) and (empty > 0).all() and (empty < 1e-300).all()
 
 
@@ -301,7 +293,7 @@ def lengths(rows):
 
 
 def operands(values, radii, with_middle):
-    out = [ExactMatrix(v, d, np.zeros(v.shape, dtype=object)) for v, d in zip(values, radii, strict=True)]
+    out = [Matrix(v, d, np.zeros(v.shape, dtype=object)) for v, d in zip(values, radii, strict=True)]
     return out if with_middle else (out[0], None, out[1])
 
 
@@ -312,7 +304,7 @@ def chain(parts):
 
 
 def test_bounds_are_infinite_where_roundings_are_too_many():
-    forms = BilinearForms(ExactMatrix(np.ones((1, 1))), None, ExactMatrix(np.ones((1, 1))))
+    forms = BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(np.ones((1, 1))))
     for length, expected in ((2**50 - 8, 1 / 3), (2**51 - 9, 1.0), (2**51 - 8, np.inf), (2**52, np.inf)):
         vars(forms)["_lengths"] = (0, length)
         assert forms._relative_error() == pytest.approx(expected, rel=1e-12)
@@ -333,10 +325,10 @@ def test_bounds_are_infinite_where_roundings_are_too_many():
     ],
 )
 def test_products_are_exact_up_to_a_limit(powers, limit):
-    forms = BilinearForms(*(ExactMatrix(np.array([[2.0**k]])) for k in powers))
+    forms = BilinearForms(*(Matrix(np.array([[2.0**k]])) for k in powers))
     assert forms._exactness_limit() == limit if limit > 0 else forms._exactness_limit() < 0
-    inexact_data = ExactMatrix(np.ones((1, 1)), np.zeros((1, 1)))
-    assert BilinearForms(inexact_data, None, ExactMatrix(np.ones((1, 1))))._exactness_limit() < 0
+    inexact_data = Matrix(np.ones((1, 1)), np.zeros((1, 1)))
+    assert BilinearForms(inexact_data, None, Matrix(np.ones((1, 1))))._exactness_limit() < 0
 
 
 def test_a_value_on_its_bound_is_not_decided():
@@ -358,8 +350,8 @@ def test_sparse_entries_as_large_as_their_radius_count():
             return np.array([[1, -1, 5]], dtype=object)[index]
 
     values, radius = sp.csr_array([[1e-17, 1e-17, 1.0]]), sp.csr_array([[1e-17, 2e-17, 1e-17]])
-    left = ExactMatrix(values, radius, integer_rows=Exact())
-    signs = BilinearForms(left, None, ExactMatrix(sp.eye_array(3, format="csr"))).signs()
+    left = Matrix(values, radius, integer_rows=Exact())
+    signs = BilinearForms(left, None, Matrix(sp.eye_array(3, format="csr"))).signs()
     assert signs.toarray().tolist() == [[1, -1, 1]]
 
 
@@ -374,9 +366,9 @@ def test_stacks_of_fractions_and_of_larger_blocks():
         L, M, R = thirds(rng, 3, 2, size), thirds(rng, 3, size, size), thirds(rng, 3, 4, size)
         expected = np.array([truth(*parts) for parts in zip(L, M, R, strict=True)])
         assert expected.any() and (size > 2 or not expected.all())
-        stacks = [ExactMatrix.from_fractions(part) for part in (L, M, R)]
+        stacks = [Matrix.from_fractions(part) for part in (L, M, R)]
         np.testing.assert_array_equal(BilinearForms(*stacks).signs(), expected)
-        doubles = [ExactMatrix(np.array(3 * part, dtype=float)) for part in (L, M, R)]
+        doubles = [Matrix(np.array(3 * part, dtype=float)) for part in (L, M, R)]
         np.testing.assert_array_equal(BilinearForms(*doubles).signs(), expected)
         plain = np.array([truth(left, np.eye(size), right) for left, right in zip(L, R, strict=True)])
         np.testing.assert_array_equal(BilinearForms(stacks[0], None, stacks[2]).signs(), plain)
@@ -387,22 +379,22 @@ def test_dense_rows_with_a_sparse_matrix_between():
     L, R = rng.integers(-1, 2, (2, n)).astype(float), rng.integers(-1, 2, (3, n)).astype(float)
     M = sp.csr_array(np.diag(rng.integers(-1, 2, n).astype(float)))
     expected = truth(L, M.toarray(), R)
-    np.testing.assert_array_equal(BilinearForms(*map(ExactMatrix, (L, M, R))).signs(), expected)
-    third = ExactMatrix.from_fractions(rational(R) / 3)
-    np.testing.assert_array_equal(BilinearForms(ExactMatrix(L), ExactMatrix(M), third).signs(), expected)
+    np.testing.assert_array_equal(BilinearForms(*map(Matrix, (L, M, R))).signs(), expected)
+    third = Matrix.from_fractions(rational(R) / 3)
+    np.testing.assert_array_equal(BilinearForms(Matrix(L), Matrix(M), third).signs(), expected)
     tight = BilinearForms(
-        ExactMatrix(np.eye(n)[:1]),
-        ExactMatrix(sp.csr_array(np.eye(n)), sp.csr_array(np.eye(n) * 2)),
-        ExactMatrix(np.eye(n)[:1]),
+        Matrix(np.eye(n)[:1]),
+        Matrix(sp.csr_array(np.eye(n)), sp.csr_array(np.eye(n) * 2)),
+        Matrix(np.eye(n)[:1]),
     )
     assert tight.signs(integers=False)[0, 0] == UNKNOWN
 
 
 def test_sums_have_as_many_terms_as_there_can_be():
-    stack = BilinearForms(*(ExactMatrix(np.ones(shape)) for shape in ((2, 1, 7), (2, 7, 5), (2, 3, 5))))
+    stack = BilinearForms(*(Matrix(np.ones(shape)) for shape in ((2, 1, 7), (2, 7, 5), (2, 3, 5))))
     assert stack._lengths == (7, 5)
-    plane = BilinearForms(ExactMatrix(np.ones((1, 7))), None, ExactMatrix(np.ones((3, 7))))
+    plane = BilinearForms(Matrix(np.ones((1, 7))), None, Matrix(np.ones((3, 7))))
     assert plane._lengths == (0, 7)
     rows = sp.csr_array([[1.0, 1.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
-    thin = BilinearForms(ExactMatrix(rows), ExactMatrix(sp.eye_array(4, format="csr")), ExactMatrix(rows))
+    thin = BilinearForms(Matrix(rows), Matrix(sp.eye_array(4, format="csr")), Matrix(rows))
     assert thin._lengths == (1, 3)

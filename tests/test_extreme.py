@@ -15,7 +15,7 @@ from control_kpos.cones.extreme import (
     most_facets,
 )
 from control_kpos.cones.polyhedral import has_open_facets
-from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.exact.matrix import Matrix
 
 dimensions = st.integers(1, 4)
 
@@ -52,7 +52,7 @@ def test_a_line_is_named():
         kp.NotProperConeError, match=r"line through .*; the opposite of generator \d+ is a sum of others"
     ):
         X.require_proper("X")
-    weights = line_in(ExactMatrix(rays.astype(float)))
+    weights = line_in(Matrix(rays.astype(float)))
     assert weights is not None and (weights >= 0).all() and weights.any() and not (weights @ rays).any()
 
 
@@ -106,7 +106,7 @@ def test_units_do_not_matter(unit):
 @given(integer_matrices(9, 3, 2))
 def test_only_extreme_generators_are_kept(rows):
     rows = rows[(rows != 0).any(axis=1)]
-    found = extreme_generators(ExactMatrix(rows.astype(float))) if len(rows) else None
+    found = extreme_generators(Matrix(rows.astype(float))) if len(rows) else None
     if found is None:
         assert not len(rows) or not kp.PolyhedralCone(rows).is_pointed
         return
@@ -116,7 +116,7 @@ def test_only_extreme_generators_are_kept(rows):
 
 def test_numbers_too_long_for_linear_programs():
     rays = np.vstack([many_rays(8, 30).astype(object), [[10**400] + [0] * 7], [[10**401, 1] + [0] * 6]])
-    X = kp.PolyhedralCone(ExactMatrix(np.ones(rays.shape), np.ones(rays.shape) * np.inf, integer_rows=rays.__getitem__))
+    X = kp.PolyhedralCone(Matrix(np.ones(rays.shape), np.ones(rays.shape) * np.inf, integer_rows=rays.__getitem__))
     X._conversion._refusal = "no"
     with pytest.raises(kp.TooLargeError):
         _ = X.is_pointed

@@ -20,7 +20,7 @@ import control_kpos as kp
 from control_kpos import checker
 from control_kpos.__main__ import main
 from control_kpos.errors import CertificateFileError
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof import files
 from control_kpos.proof.encoding import number, number_text
 from control_kpos.proof.files import load_certificate

@@ -12,7 +12,7 @@ from strategies import integer_matrices, many_rays, proper_cone, without_facets
 
 import control_kpos as kp
 from control_kpos.cones import polyhedral
-from control_kpos.exact.matrix import ExactMatrix, identity
+from control_kpos.exact.matrix import Matrix
 from control_kpos.proof.generators import GeneratorProof, own_generators, prove
 from control_kpos.proof.independent import verdict
 from control_kpos.proof.violations import PlaneViolation
@@ -169,17 +169,17 @@ def test_wrong_proofs_are_not_believed(proved):
     proof = proved.generator_proof
     P, shares = proof.multipliers.values, proof.shares
     wrong = [
-        replace(proof, multipliers=ExactMatrix(P * (1 + 1e-9))),
-        replace(proof, multipliers=ExactMatrix(P + np.abs(P).max() * np.eye(len(P))[[3]])),
-        replace(proof, multipliers=ExactMatrix(-P)),
-        replace(proof, multipliers=ExactMatrix(P[:-1])),
+        replace(proof, multipliers=Matrix(P * (1 + 1e-9))),
+        replace(proof, multipliers=Matrix(P + np.abs(P).max() * np.eye(len(P))[[3]])),
+        replace(proof, multipliers=Matrix(-P)),
+        replace(proof, multipliers=Matrix(P[:-1])),
         replace(proof, multipliers=None),
         replace(proof, pointing=-proof.pointing),
         replace(proof, pointing=proof.pointing[:-1]),
         replace(proof, right_inverse=0 * proof.right_inverse),
         replace(proof, right_inverse=-proof.right_inverse),
         replace(proof, shares=None),
-        replace(proof, shares=ExactMatrix(-np.asarray(shares.values))),
+        replace(proof, shares=Matrix(-np.asarray(shares.values))),
     ]
     assert proved and proved.check()
     for other in wrong:
@@ -191,8 +191,8 @@ def test_wrong_proofs_are_not_believed(proved):
 def test_a_proof_of_one_matrix_is_none_of_another(proved):
     A = proved.A.fractions()
     A[0, 1] -= 10**9
-    assert not replace(proved, A=ExactMatrix.from_fractions(A)).check()
-    settled = type(proved).settle(A=ExactMatrix.from_fractions(A), X=proved.X, generator_proof=proved.generator_proof)
+    assert not replace(proved, A=Matrix.from_fractions(A)).check()
+    settled = type(proved).settle(A=Matrix.from_fractions(A), X=proved.X, generator_proof=proved.generator_proof)
     assert settled.status is kp.Status.UNDECIDED
 
 
@@ -223,10 +223,10 @@ def test_a_half_space_is_no_cone_for_a_proof():
     # w = e_2 is not negative on its generators, and every A that keeps its boundary maps it into itself
     half = kp.PolyhedralCone([[1, 0], [-1, 0], [0, 1]])
     inverse, P = np.array([[1.0, 0], [0, 0], [0, 1]]), np.diag([-1.0, -1, -1])
-    proof = GeneratorProof(np.array([0.0, 1]), inverse, ExactMatrix(P))
-    conditions = {c.name: c.verdict() for c in proof.conditions(-identity(2), half, None, None, discrete=False)}
+    proof = GeneratorProof(np.array([0.0, 1]), inverse, Matrix(P))
+    conditions = {c.name: c.verdict() for c in proof.conditions(-Matrix.identity(2), half, None, None, discrete=False)}
     assert conditions.pop("w'x > 0") is False and all(conditions.values())
-    forged = kp.PositivityCertificate.settle(A=-identity(2), X=half, generator_proof=proof)
+    forged = kp.PositivityCertificate.settle(A=-Matrix.identity(2), X=half, generator_proof=proof)
     assert forged.status is kp.Status.UNDECIDED
 
 
@@ -261,9 +261,7 @@ def test_planes_that_no_field_crosses(A, normal, ray):
     assert known
     x = rays[min(ray, 3)]
     witness = PlaneViolation("A X in X", -1, ray, h, x, float(h @ A @ x), tuple(Fraction(t) for t in normal))
-    forged = kp.PositivityCertificate.settle(
-        A=ExactMatrix(A), X=X, generator_proof=known.generator_proof, witness=witness
-    )
+    forged = kp.PositivityCertificate.settle(A=Matrix(A), X=X, generator_proof=known.generator_proof, witness=witness)
     assert forged.status is kp.Status.UNDECIDED
 
 
@@ -276,7 +274,7 @@ def test_what_generators_cannot_decide_is_left_to_facets(monkeypatch):
 
 def test_work_is_limited(monkeypatch):
     rays = many_rays(9, 45)
-    A = ExactMatrix(inside(rays, np.random.default_rng(0), strictly=False).astype(float))
+    A = Matrix(inside(rays, np.random.default_rng(0), strictly=False).astype(float))
     X = kp.PolyhedralCone(rays)
     assert prove(A, X, None, None, discrete=True)
     monkeypatch.setattr("control_kpos.proof.generators.LIMIT", 1e4)
@@ -347,12 +345,12 @@ def test_wrong_weights_are_not_believed():
     assert cert.status is kp.Status.REFUTED and cert.check()
     q = np.asarray(w.weights.values)
     wrong = [
-        replace(w, weights=ExactMatrix(-q)),
-        replace(w, weights=ExactMatrix(q[::-1])),
-        replace(w, weights=ExactMatrix(q[:1])),
+        replace(w, weights=Matrix(-q)),
+        replace(w, weights=Matrix(q[::-1])),
+        replace(w, weights=Matrix(q[:1])),
         replace(w, weights=None),
         replace(w, x=-w.x, exact=None),
-        replace(w, x=0 * w.x, weights=ExactMatrix(0 * q)),
+        replace(w, x=0 * w.x, weights=Matrix(0 * q)),
     ]
     for witness in wrong:
         assert not replace(cert, witness=witness).check()

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from network_examples import CONE, cycle, is_unstable, lag, mass, random_masses
 
 import control_kpos as kp
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.networks import (
     AlgebraicLoop,
     CouplingViolation,

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import control_kpos as kp
-from control_kpos.exact.matrix import ExactMatrix, exact_matrix
+from control_kpos.exact.intake import exact_matrix
+from control_kpos.exact.matrix import Matrix
 from control_kpos.proof.certificate import Status
 from control_kpos.theorems.positivity import PositivityCertificate, PositivityViolation
 
@@ -195,8 +196,8 @@ def perturbations(cert):
         elif isinstance(value, dict):
             changes = [{**value, next(iter(value)): next(iter(value.values())) + 1e-3}, {}] if value else []
         elif hasattr(value, "values") and hasattr(value, "denominator"):
-            changes = [ExactMatrix(value.values * 1.001 + 0.5)]
-            changes += [ExactMatrix(-value.values)] if np.any(value.values) else []
+            changes = [Matrix(value.values * 1.001 + 0.5)]
+            changes += [Matrix(-value.values)] if np.any(value.values) else []
         elif isinstance(value, kp.Cone):
             changes = [-value]
         else:

@@ -12,7 +12,7 @@ from test_positivity import PAPER, closed_loop, metzler, perturbations, unimodul
 
 import control_kpos as kp
 from control_kpos.errors import DataError
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof.certificate import Status
 from control_kpos.theorems.positivity import PositivityCertificate
 from control_kpos.theorems.stability import InstabilityDirection, LyapunovCertificate, exact_row

@@ -29,20 +29,9 @@ from ..errors import (
     TooLargeError,
     UndecidedError,
 )
-from ..exact.intake import flag
-from ..exact.matrix import (
-    DENSE_LIMIT,
-    ExactMatrix,
-    dense,
-    exact_matrix,
-)
-from ..exact.rows import (
-    dense_rows,
-    frozen,
-    image_rows,
-    nonzero,
-    stack_rows,
-)
+from ..exact.intake import exact_matrix, flag
+from ..exact.matrix import DENSE_LIMIT, Matrix, dense
+from ..exact.rows import frozen, image_rows, nonzero
 from ..exact.signs import UNKNOWN, BilinearForms
 
 # Largest dimension and number of generators of a cone that is listed in a notebook.
@@ -70,8 +59,8 @@ class Cone(ABC):
         raise AttributeError(f"cones are immutable; {name} cannot be set.")
 
     # Set by polyhedral.py and product.py, which know the subclasses; keeps imports acyclic.
-    _from_rays: ClassVar[Callable[[ExactMatrix], Cone]]
-    _from_normals: ClassVar[Callable[[ExactMatrix], Cone]]
+    _from_rays: ClassVar[Callable[[Matrix], Cone]]
+    _from_normals: ClassVar[Callable[[Matrix], Cone]]
     _product: ClassVar[Callable[[Sequence[Cone]], Cone]]
 
     @property
@@ -81,12 +70,12 @@ class Cone(ABC):
 
     @property
     @abstractmethod
-    def exact_rays(self) -> ExactMatrix:
+    def exact_rays(self) -> Matrix:
         """Generators as exact data, shape (n_rays, n); sparse for orthants and products."""
 
     @property
     @abstractmethod
-    def exact_facets(self) -> ExactMatrix:
+    def exact_facets(self) -> Matrix:
         """Facet normals as exact data, shape (n_facets, n); sparse for orthants and products."""
 
     @property
@@ -216,7 +205,7 @@ class Cone(ABC):
         answer = self._contains_rows(points, strict)
         return bool(answer[0]) if single else answer
 
-    def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
+    def _contains_rows(self, points: Matrix, strict: bool) -> NDArray[np.bool_]:
         """Membership of rows; overridden where structure makes it cheaper."""
         return decide_membership(self.exact_facets, points, strict)
 
@@ -248,7 +237,7 @@ class Cone(ABC):
             )
         return self._image(matrix)
 
-    def _image(self, T: ExactMatrix) -> Cone:
+    def _image(self, T: Matrix) -> Cone:
         """The image under a matrix already read; overridden where structure makes it cheaper."""
         return Cone._from_rays(image_rows(self._dense_exact(self.exact_rays, "rays"), T))
 
@@ -263,14 +252,14 @@ class Cone(ABC):
             return NotImplemented
         self._require_same_dimension(other)
         parts = [X._dense_exact(X.exact_facets, "facets") for X in (self, other)]
-        return Cone._from_normals(stack_rows(parts))
+        return Cone._from_normals(Matrix.join(parts, -2))
 
     def __add__(self, other: Cone) -> Cone:
         if not isinstance(other, Cone):
             return NotImplemented
         self._require_same_dimension(other)
         parts = [X._dense_exact(X.exact_rays, "rays") for X in (self, other)]
-        return Cone._from_rays(stack_rows(parts))
+        return Cone._from_rays(Matrix.join(parts, -2))
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Cone):
@@ -311,11 +300,11 @@ class Cone(ABC):
     def _describe_hyperplane(self) -> str:
         """A hyperplane that contains the cone, for messages."""
 
-    def _dense_exact(self, matrix: ExactMatrix, name: str) -> ExactMatrix:
+    def _dense_exact(self, matrix: Matrix, name: str) -> Matrix:
         self._refuse_large(matrix.shape, name)
-        return dense_rows(matrix)
+        return matrix.dense()
 
-    def _dense(self, matrix: ExactMatrix, name: str) -> NDArray[np.float64]:
+    def _dense(self, matrix: Matrix, name: str) -> NDArray[np.float64]:
         self._refuse_large(matrix.shape, name)
         return frozen(dense(matrix.values))
 
@@ -331,7 +320,7 @@ class Cone(ABC):
             )
 
 
-def decide_membership(facets: ExactMatrix, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
+def decide_membership(facets: Matrix, points: Matrix, strict: bool) -> NDArray[np.bool_]:
     """facets @ x >= 0 (strict: > 0) for each row x of `points`, proven."""
     signs = BilinearForms(facets, None, points).signs()
     if sp.issparse(signs):
@@ -350,10 +339,10 @@ def decide_membership(facets: ExactMatrix, points: ExactMatrix, strict: bool) ->
     return ~out
 
 
-def _points(x: Any, dim: int) -> tuple[ExactMatrix, bool]:
+def _points(x: Any, dim: int) -> tuple[Matrix, bool]:
     """Vectors to test as rows, and whether there is only one, given without a second dimension."""
     exact = exact_matrix(x, "x")
-    ndim = len(exact.shape) if isinstance(x, ExactMatrix) else _depth(x)
+    ndim = len(exact.shape) if isinstance(x, Matrix) else _depth(x)
     if ndim == 0 or exact.shape[1] != dim:
         found = (
             "a number"
@@ -377,16 +366,16 @@ def _depth(x: Any) -> int:
     return depth + getattr(x, "ndim", 0)
 
 
-def nonzero_rows(data: Any, name: str) -> ExactMatrix:
+def nonzero_rows(data: Any, name: str) -> Matrix:
     """Read generators or normals: at least one row, no zero rows."""
     exact = exact_matrix(data, name)
-    if not isinstance(data, ExactMatrix) and not _depth(data):
+    if not isinstance(data, Matrix) and not _depth(data):
         raise ShapeError(f"{name} is a single number; give vectors, one a row.")
     p, n = exact.shape
     if not p or not n:
         raise ShapeError(f"{name} is empty ({p} x {n}); give at least one row.")
     if exact.is_sparse:
-        exact = ExactMatrix(dense(exact.values))
+        exact = Matrix(dense(exact.values))
     zero = ~nonzero(exact).any(axis=1)
     if zero.any():
         rows = ", ".join(map(str, np.flatnonzero(zero)[:5]))

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from ..errors import DataError, TooLargeError
 from ..exact.elimination import divide_by_content, echelon
-from ..exact.matrix import ExactMatrix, Integers
+from ..exact.matrix import Integers, Matrix
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility
-from ..exact.rows import frozen, select_rows
+from ..exact.rows import frozen
 from ..exact.signs import BilinearForms
 from .hull import ALLOWANCE, LIMIT, Allowance
 
@@ -43,13 +43,13 @@ class Extreme:
 
     Attributes
     ----------
-    rays : ExactMatrix, shape (p, n)
+    rays : Matrix, shape (p, n)
         As they were given; none is redundant.
     pointing : ndarray, shape (n,), or None
         w with w'x > 0 on all of them, where doubles have one.
     """
 
-    rays: ExactMatrix
+    rays: Matrix
     pointing: NDArray[np.float64] | None
 
 
@@ -74,12 +74,12 @@ def may_have_many_facets(p: int, n: int) -> bool:
     return most_facets(p, n) > max(_FEW, _MANY / n**3)
 
 
-def extreme_generators(generators: ExactMatrix) -> Extreme | None:
+def extreme_generators(generators: Matrix) -> Extreme | None:
     """The extreme ones among generators, in their order; None if the cone is not pointed.
 
     Parameters
     ----------
-    generators : ExactMatrix, shape (p, n)
+    generators : Matrix, shape (p, n)
         Nonzero rows.
 
     Raises
@@ -101,16 +101,16 @@ def extreme_generators(generators: ExactMatrix) -> Extreme | None:
     for i, row in enumerate(rows.tolist()):
         seen.setdefault(tuple(row), i)
     first = np.array(list(seen.values()), dtype=np.intp)
-    kept = _Search(rows[first], select_rows(generators, first)).extreme(pointing)
-    return Extreme(select_rows(generators, first[kept]), pointing)
+    kept = _Search(rows[first], generators[first]).extreme(pointing)
+    return Extreme(generators[first[kept]], pointing)
 
 
-def line_in(generators: ExactMatrix) -> NDArray[np.object_] | None:
+def line_in(generators: Matrix) -> NDArray[np.object_] | None:
     """p >= 0, p != 0, with sum_i p_i x_i = 0, if the cone is not pointed."""
     return _Search(generators.rows_as_integers(np.arange(generators.shape[0])), generators).line()
 
 
-def rank(generators: ExactMatrix) -> int:
+def rank(generators: Matrix) -> int:
     """Dimension of the span."""
     return echelon(generators.rows_as_integers(np.arange(generators.shape[0]))).rank
 
@@ -118,7 +118,7 @@ def rank(generators: ExactMatrix) -> int:
 class _Search:
     """Linear programs about generators, known as integers up to positive factors."""
 
-    def __init__(self, rows: Integers, exact: ExactMatrix) -> None:
+    def __init__(self, rows: Integers, exact: Matrix) -> None:
         self.rows, self.exact = rows, exact
         self.allowance = ALLOWANCE.get() or Allowance(LIMIT, LIMIT)
         values = np.asarray(exact.values)
@@ -141,7 +141,7 @@ class _Search:
             return None
         w = answer.x[:-1]
         w = np.ldexp(w, -np.frexp(np.abs(w).max())[1])
-        signs = BilinearForms(ExactMatrix(w[None]), None, self.exact).signs()
+        signs = BilinearForms(Matrix(w[None]), None, self.exact).signs()
         return frozen(w) if (signs == 1).all() else None
 
     def line(self) -> NDArray[np.object_] | None:
@@ -154,7 +154,7 @@ class _Search:
         """Those of distinct generators of a pointed cone that are no combination of the others."""
         p = len(self.rows)
         separators = np.array([self._separator(i, spread) for spread in [self._spread(pointing)] for i in range(p)])
-        signs = BilinearForms(ExactMatrix(separators), None, self.exact).signs()
+        signs = BilinearForms(Matrix(separators), None, self.exact).signs()
         proven = (signs == 1 - 2 * np.eye(p, dtype=np.int8)).all(axis=1)
         others = np.arange(p)
         for i in np.flatnonzero(~proven):

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..errors import ShapeError, UndecidedError
 from ..exact.intake import whole_number
-from ..exact.matrix import ExactMatrix
-from ..exact.rows import nonzero, select_rows, transpose
+from ..exact.matrix import Matrix
+from ..exact.rows import nonzero
 from .base import Cone
 
 _LARGEST = 2**40
@@ -43,16 +43,16 @@ class Orthant(Cone):
         return self._n
 
     @property
-    def exact_rays(self) -> ExactMatrix:
+    def exact_rays(self) -> Matrix:
         return self._identity
 
     @cached_property
-    def _identity(self) -> ExactMatrix:
+    def _identity(self) -> Matrix:
         n = self._n
-        return ExactMatrix(sp.csr_array((np.ones(n), np.arange(n), np.arange(n + 1)), shape=(n, n)))
+        return Matrix(sp.csr_array((np.ones(n), np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
     @property
-    def exact_facets(self) -> ExactMatrix:
+    def exact_facets(self) -> Matrix:
         return self._identity
 
     @property
@@ -84,7 +84,7 @@ class Orthant(Cone):
     def interior_point(self) -> NDArray[np.float64]:
         return np.broadcast_to(1.0, (self._n,))
 
-    def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
+    def _contains_rows(self, points: Matrix, strict: bool) -> NDArray[np.bool_]:
         if points.is_sparse or points.integer_rows is not None:
             return super()._contains_rows(points, strict)
         # integers rather than the doubles next to them, which may have underflowed
@@ -95,12 +95,12 @@ class Orthant(Cone):
     def _equals(self, other: Cone) -> bool:
         return isinstance(other, Orthant) or super()._equals(other)
 
-    def _image(self, T: ExactMatrix) -> Cone:
-        columns = transpose(T)
-        return Cone._from_rays(select_rows(columns, np.flatnonzero(nonzero(columns).any(axis=1))))
+    def _image(self, T: Matrix) -> Cone:
+        columns = T.T
+        return Cone._from_rays(columns[np.flatnonzero(nonzero(columns).any(axis=1))])
 
     def __neg__(self) -> Cone:
-        return Cone._product([Cone._from_rays(ExactMatrix(np.array([[-1.0]])))] * self._n)
+        return Cone._product([Cone._from_rays(Matrix(np.array([[-1.0]])))] * self._n)
 
     def _describe_line(self) -> str:
         raise UndecidedError("an orthant contains no line.")

@@ -14,7 +14,7 @@ from ..errors import (
     UndecidedError,
 )
 from ..exact.elimination import divide_by_content, echelon
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.rows import equilibrate, frozen, unit_rows
 from ..exact.signs import BilinearForms
 from .base import Cone, nonzero_rows
@@ -36,7 +36,7 @@ class _Conversion:
     alone can tell is asked of them.
     """
 
-    def __init__(self, generators: ExactMatrix) -> None:
+    def __init__(self, generators: Matrix) -> None:
         self.generators = generators
         self._refusal = ""
 
@@ -113,14 +113,14 @@ class PolyhedralCone(Cone):
     True
     """
 
-    def __init__(self, rays: ArrayLike | ExactMatrix) -> None:
+    def __init__(self, rays: ArrayLike | Matrix) -> None:
         vars(self).update(_conversion=_Conversion(nonzero_rows(rays, "rays")), _is_swapped=False)
 
     _conversion: _Conversion
     _is_swapped: bool
 
     @classmethod
-    def from_facets(cls, normals: ArrayLike | ExactMatrix) -> PolyhedralCone:
+    def from_facets(cls, normals: ArrayLike | Matrix) -> PolyhedralCone:
         """The cone {x : normals @ x >= 0}.
 
         Parameters
@@ -153,12 +153,12 @@ class PolyhedralCone(Cone):
         return self._conversion.generators.shape[1]
 
     @property
-    def exact_rays(self) -> ExactMatrix:
+    def exact_rays(self) -> Matrix:
         extreme = self._conversion.extreme if has_open_facets(self) else None
         return self._faces.rays if extreme is None else extreme.rays
 
     @property
-    def exact_facets(self) -> ExactMatrix:
+    def exact_facets(self) -> Matrix:
         extreme = self._conversion.extreme if self._is_swapped and self._conversion.is_open else None
         return self._faces.facets if extreme is None else extreme.rays
 
@@ -303,7 +303,7 @@ def _inner_sum(faces: Faces) -> NDArray[np.float64]:
         move -= np.where(values != 0, size + move, -(2**40)).max(initial=-(2**40))
         point = np.ldexp(values * mantissa, move).sum(axis=0)
         point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
-        inside = BilinearForms(faces.facets, None, ExactMatrix(point[None])).signs()[:, 0] == 1
+        inside = BilinearForms(faces.facets, None, Matrix(point[None])).signs()[:, 0] == 1
         if inside.all():
             return frozen(point)
         off = ~faces.incidence[~inside].all(axis=0)
@@ -312,7 +312,7 @@ def _inner_sum(faces: Faces) -> NDArray[np.float64]:
     raise UndecidedError("the cone is too thin for an interior point in double precision; rescale the coordinates.")
 
 
-def _directions(rows: ExactMatrix) -> set[tuple[int, ...]]:
+def _directions(rows: Matrix) -> set[tuple[int, ...]]:
     return set(map(tuple, divide_by_content(rows.rows_as_integers(np.arange(rows.shape[0]))).tolist()))
 
 
@@ -320,11 +320,11 @@ def _tuple(row: NDArray[np.float64]) -> str:
     return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(row).tolist()) + ")"
 
 
-def _from_rays(rays: ExactMatrix) -> PolyhedralCone:
+def _from_rays(rays: Matrix) -> PolyhedralCone:
     return PolyhedralCone._build(_Conversion(rays), False)
 
 
-def _from_normals(normals: ExactMatrix) -> PolyhedralCone:
+def _from_normals(normals: Matrix) -> PolyhedralCone:
     return PolyhedralCone._build(_Conversion(normals), True)
 
 

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from ..errors import DataError, ShapeError
 from ..exact.intake import found, items
-from ..exact.matrix import ExactMatrix, Integers
-from ..exact.rows import dense_rows, frozen
+from ..exact.matrix import Integers, Matrix
+from ..exact.rows import frozen
 from .base import Cone
 from .orthant import Orthant
 
@@ -105,22 +105,22 @@ class ProductCone(Cone):
         return self._starts(lambda X: X.dim)
 
     @property
-    def exact_rays(self) -> ExactMatrix:
+    def exact_rays(self) -> Matrix:
         return self._rays
 
     @cached_property
-    def _rays(self) -> ExactMatrix:
+    def _rays(self) -> Matrix:
         return self._block_diagonal(lambda X: X.exact_rays)
 
     @property
-    def exact_facets(self) -> ExactMatrix:
+    def exact_facets(self) -> Matrix:
         return self._facets
 
     @cached_property
-    def _facets(self) -> ExactMatrix:
+    def _facets(self) -> Matrix:
         return self._block_diagonal(lambda X: X.exact_facets)
 
-    def _block_diagonal(self, part: Callable[[Cone], ExactMatrix]) -> ExactMatrix:
+    def _block_diagonal(self, part: Callable[[Cone], Matrix]) -> Matrix:
         kinds, blocks, _ = self._kinds
         row_starts = self._starts(lambda X: part(X).shape[0])
         rows, columns, values, radii = [], [], [], []
@@ -138,10 +138,10 @@ class ProductCone(Cone):
         at = np.concatenate(rows), np.concatenate(columns)
         matrix = sp.csr_array((np.concatenate(values), at), shape=shape)
         if all(part(X).is_double for X in kinds):
-            return ExactMatrix(matrix)
+            return Matrix(matrix)
         radius = sp.csr_array((np.concatenate(radii), at), shape=shape)
-        exact_parts = [dense_rows(part(X)) for X in kinds]
-        return ExactMatrix(
+        exact_parts = [part(X).dense() for X in kinds]
+        return Matrix(
             matrix,
             radius,
             integer_rows=_BlockRows(exact_parts, self._kinds[2], row_starts, self._coordinates, self.dim),
@@ -190,7 +190,7 @@ class ProductCone(Cone):
             out[self._coordinates[block][:, None] + np.arange(X.dim)] = X.interior_point
         return frozen(out)
 
-    def _contains_rows(self, points: ExactMatrix, strict: bool) -> NDArray[np.bool_]:
+    def _contains_rows(self, points: Matrix, strict: bool) -> NDArray[np.bool_]:
         if points.is_sparse or points.integer_rows is not None:
             return super()._contains_rows(points, strict)
         out = np.ones(points.shape[0], dtype=bool)
@@ -201,7 +201,7 @@ class ProductCone(Cone):
             def blocks_of(matrix: Any, at: NDArray[np.intp] = at, size: int = X.dim) -> Any:
                 return None if matrix is None else np.asarray(matrix)[:, at].reshape(-1, size)
 
-            rows = ExactMatrix(
+            rows = Matrix(
                 blocks_of(points.values), blocks_of(points.radius), blocks_of(points.numerators), points.denominator
             )
             inside = X._contains_rows(rows, strict)
@@ -243,7 +243,7 @@ class ProductCone(Cone):
 class _BlockRows:
     """Exact rows of a block diagonal matrix."""
 
-    parts: Sequence[ExactMatrix]
+    parts: Sequence[Matrix]
     kind: NDArray[np.intp]
     row_starts: NDArray[np.intp]
     coordinates: NDArray[np.intp]

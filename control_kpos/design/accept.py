@@ -19,13 +19,14 @@ from ..cones import Cone
 from ..errors import DataError
 from ..exact.budget import OVERTIME, OutOfTimeError, seconds_left
 from ..exact.condition import Condition
-from ..exact.matrix import ExactMatrix, exact_matrix, identity
+from ..exact.intake import exact_matrix
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
 from ..theorems.positivity import PositivityCertificate, cone_positivity
-from ..theorems.stability import LyapunovCertificate, linear_lyapunov, transpose
+from ..theorems.stability import LyapunovCertificate, linear_lyapunov
 from .plant import Floats, Plant
 
 # Significant decimal digits tried for the gain, fewest first.
@@ -44,14 +45,14 @@ class GainBoundCertificate(Certificate):
 
     Attributes
     ----------
-    F : ExactMatrix, shape (m, n)
+    F : Matrix, shape (m, n)
     bound : ndarray, shape (m,)
     X : Cone
     """
 
     claim: ClassVar[str] = "gain bound"
 
-    F: ExactMatrix
+    F: Matrix
     bound: Floats
     X: Cone
 
@@ -59,11 +60,11 @@ class GainBoundCertificate(Certificate):
         """The inequalities that prove the claim."""
         # [F, -b] [x; 1] with the generators as doubles: their length matters here
         rays = np.asarray(self.X.rays, dtype=float)
-        right = ExactMatrix(np.hstack([rays, np.ones((len(rays), 1))]))
+        right = Matrix(np.hstack([rays, np.ones((len(rays), 1))]))
         F = self.F.fractions()
         b = np.array([[Fraction(v)] for v in np.asarray(self.bound).tolist()], dtype=object)
-        upper = ExactMatrix.from_fractions(np.concatenate([F, -b], axis=1))
-        lower = ExactMatrix.from_fractions(np.concatenate([F, b], axis=1))
+        upper = Matrix.from_fractions(np.concatenate([F, -b], axis=1))
+        lower = Matrix.from_fractions(np.concatenate([F, b], axis=1))
         return [
             Condition("F x - bound <= 0", BilinearForms(upper, None, right), "<="),
             Condition("F x + bound >= 0", BilinearForms(lower, None, right), ">="),
@@ -76,7 +77,7 @@ class GainBoundCertificate(Certificate):
     def evidence(self) -> dict[str, Any]:
         """Nothing: generators in files have the lengths that they have here."""
         rays = self.X.exact_rays
-        if (portable_rows(rays) != ExactMatrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
+        if (portable_rows(rays) != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
             raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
         return {}
 
@@ -179,7 +180,7 @@ class CommonVectorCertificate(Certificate):
         for s, loop in enumerate(self.loops):
             A = loop.A
             if loop.discrete:
-                A = ExactMatrix.from_fractions(A.fractions() - identity(X.dim).fractions())
+                A = Matrix.from_fractions(A.fractions() - Matrix.identity(X.dim).fractions())
             out.append(Condition(f"h'A_{s} x < 0", BilinearForms(X.exact_facets, A, x), "<"))
         return out
 
@@ -191,7 +192,7 @@ class CommonVectorCertificate(Certificate):
         """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
         first = self.loops[0]
         return {
-            "A": tuple(transpose(loop.A) for loop in self.loops),
+            "A": tuple(loop.A.T for loop in self.loops),
             "X": first.X.dual,
             "discrete": first.discrete,
             "v": self.x,
@@ -207,14 +208,14 @@ class CommonVectorCertificate(Certificate):
             By the names in files.
         """
         X, discrete = contents["X"].dual, contents["discrete"]
-        loops = tuple(PositivityCertificate.settle(A=transpose(A), X=X, discrete=discrete) for A in contents["A"])
+        loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
         return cls.settle(loops=loops, x=contents["v"])
 
     def evidence(self) -> dict[str, Any]:
         """Weights of A_s'h for the generators h of X*."""
         prover, X = Prover(), self.loops[0].X.dual
         invariance = not self.loops[0].discrete
-        return {"P": [prover.inclusion(X, transpose(loop.A), X, invariance=invariance) for loop in self.loops]}
+        return {"P": [prover.inclusion(X, loop.A.T, X, invariance=invariance) for loop in self.loops]}
 
     def explain(self) -> str:
         """What is proven, in words."""
@@ -231,18 +232,18 @@ class Accepted:
     """A gain with its proof."""
 
     F: Floats
-    closed: tuple[ExactMatrix, ...]
+    closed: tuple[Matrix, ...]
     certificate: Certificate
 
 
-def closed_loop(A: ExactMatrix, B: ExactMatrix, F: Floats | NDArray[np.object_]) -> ExactMatrix:
+def closed_loop(A: Matrix, B: Matrix, F: Floats | NDArray[np.object_]) -> Matrix:
     """A + B F exactly."""
     (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), exact_matrix(F, "F").as_integers()
     own, product = Fraction(unit), Fraction(first) * second
     # integers throughout: sums and products of fractions take ten times as long
     common = lcm(own.denominator, product.denominator)
     left, right = int(own * common), int(product * common)
-    return ExactMatrix.from_fractions((a * left + (b @ f) * right) * Fraction(1, common))
+    return Matrix.from_fractions((a * left + (b @ f) * right) * Fraction(1, common))
 
 
 def roundings(F: Floats) -> Iterator[Floats]:
@@ -321,7 +322,7 @@ def _seconds(plant: Plant, margins: Floats) -> float:
     return loops * seconds
 
 
-def _proven_loop(M: ExactMatrix, plant: Plant, rate: float) -> LyapunovCertificate | None:
+def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | None:
     """Theorem 2 for one closed loop, with the tightest rate only where the plain one does not do."""
     loop = linear_lyapunov(M, plant.X, discrete=plant.discrete)
     if loop and loop.decay_rate < rate:
@@ -365,7 +366,7 @@ def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None) -> Accepted |
             return None
         loops.append(loop)
     if plant.coupling is not None:
-        coupled = [ExactMatrix.from_fractions(M.fractions() + plant.coupling.fractions()) for M in closed]
+        coupled = [Matrix.from_fractions(M.fractions() + plant.coupling.fractions()) for M in closed]
         for M in coupled:
             loop = _proven_loop(M, plant, rate)
             if loop is None:

@@ -21,13 +21,13 @@ from ..cones import Cone, orthant
 from ..errors import DataError, ShapeError
 from ..exact.budget import seconds_left
 from ..exact.condition import Condition
-from ..exact.matrix import ExactMatrix, exact_matrix, require_shape
+from ..exact.intake import exact_matrix, require_shape
+from ..exact.matrix import Matrix
 from ..exact.programs import failure
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Status
 from ..proof.weights import Prover
 from ..theorems.positivity import PositivityCertificate, cone_positivity
-from ..theorems.stability import transpose
 from .accept import (
     FeedbackCertificate,
     accept,
@@ -88,24 +88,22 @@ class DisturbanceCertificate(Certificate):
         gamma = exact_matrix([[float(self.gamma)]], "gamma").fractions()
         inner = np.concatenate([A, p.B.fractions() @ ones], axis=1)
         outer = np.concatenate([p.C.fractions(), p.D.fractions() @ ones - gamma[0, 0]], axis=1)
-        point = ExactMatrix(np.append(np.asarray(self.x, dtype=float), 1.0)[None, :])
+        point = Matrix(np.append(np.asarray(self.x, dtype=float), 1.0)[None, :])
         X = p.X
         return [
             Condition("h'x > 0", BilinearForms(X.exact_facets, None, exact_matrix(self.x, "x")), ">"),
-            Condition(
-                "h'(A x + E 1) < 0", BilinearForms(X.exact_facets, ExactMatrix.from_fractions(inner), point), "<"
-            ),
-            Condition("G x + D 1 - gamma < 0", BilinearForms(ExactMatrix.from_fractions(outer), None, point), "<"),
+            Condition("h'(A x + E 1) < 0", BilinearForms(X.exact_facets, Matrix.from_fractions(inner), point), "<"),
+            Condition("G x + D 1 - gamma < 0", BilinearForms(Matrix.from_fractions(outer), None, point), "<"),
         ]
 
     def contents(self) -> dict[str, Any]:
         """The dual statement: A', C', B', D' are dissipative on X* with storage x and supply gamma 1'u - 1'y."""
         p = self.positivity.system()
         return {
-            "A": transpose(p.A),
-            "B": transpose(p.C),
-            "C": transpose(p.B),
-            "D": transpose(p.D),
+            "A": p.A.T,
+            "B": p.C.T,
+            "C": p.B.T,
+            "D": p.D.T,
             "X": p.X.dual,
             "U": p.Y,
             "Y": p.U,
@@ -126,7 +124,7 @@ class DisturbanceCertificate(Certificate):
         """
         if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
             raise DataError("the supply rate must be gamma 1'u - 1'y.")
-        a, b, c, d = (transpose(contents[name]) for name in "ACBD")
+        a, b, c, d = (contents[name].T for name in "ACBD")
         positivity = PositivityCertificate.settle(
             A=a, B=b, C=c, D=d, X=contents["X"].dual, U=contents["Y"], Y=contents["U"], discrete=contents["discrete"]
         )
@@ -154,16 +152,14 @@ class DisturbanceCertificate(Certificate):
         return "The bound on the L-infinity gain is not proven."
 
 
-def read_disturbance(
-    data: Sequence[ArrayLike], plant: Plant
-) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix, ExactMatrix]:
+def read_disturbance(data: Sequence[ArrayLike], plant: Plant) -> tuple[Matrix, Matrix, Matrix, Matrix]:
     """(E, G, H, D) with zeros for what was left out."""
     if not isinstance(data, (tuple, list)) or not 2 <= len(data) <= 4:
         raise ShapeError("disturbance must be (E, G), (E, G, H) or (E, G, H, D), a tuple of matrices.")
     E, G = exact_matrix(data[0], "disturbance E"), exact_matrix(data[1], "disturbance G")
     require_shape(E, "disturbance E", (plant.n, None), "one row per state")
     require_shape(G, "disturbance G", (None, plant.n), "one column per state")
-    zeros = ExactMatrix(np.zeros((G.shape[0], plant.m))), ExactMatrix(np.zeros((G.shape[0], E.shape[1])))
+    zeros = Matrix.zeros(G.shape[0], plant.m), Matrix.zeros(G.shape[0], E.shape[1])
     H = exact_matrix(data[2], "disturbance H") if len(data) > 2 else zeros[0]
     D = exact_matrix(data[3], "disturbance D") if len(data) > 3 else zeros[1]
     require_shape(H, "disturbance H", (G.shape[0], plant.m), "one row per row of G, one column per input")
@@ -270,9 +266,7 @@ def _small(
     return None
 
 
-def _certify(
-    plant: Plant, F: Floats, x: Floats, gamma: float, rate: float, data: tuple[ExactMatrix, ...], Z: Cone
-) -> Any:
+def _certify(plant: Plant, F: Floats, x: Floats, gamma: float, rate: float, data: tuple[Matrix, ...], Z: Cone) -> Any:
     E, G, H, D = data
     for candidate in roundings(F):
         if seconds_left() <= 0:

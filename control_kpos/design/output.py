@@ -12,10 +12,9 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..systems.statespace import ConeStateSpace
-from ..theorems.stability import transpose
 from .limits import within
 from .plant import as_system, read_plant
 from .polyhedral.search import design_by_alternation
@@ -156,9 +155,7 @@ def observer_gain(
     def design() -> DesignResult:
         system = as_system(sys, X)
         A, B, C, D = system._data()
-        dual = ConeStateSpace(
-            *(transpose(M) for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False
-        )
+        dual = ConeStateSpace(*(M.T for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False)
         plant = read_plant(dual, None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
         with Reporter(progress) as report:
@@ -170,13 +167,13 @@ def observer_gain(
 
 def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> DesignResult:
     A, B, C, D = (m.fractions() for m in system._data())
-    gain = ExactMatrix(np.asarray(L, dtype=float)).fractions()
+    gain = Matrix(np.asarray(L, dtype=float)).fractions()
     n, q = system.nstates, system.noutputs
     inputs = np.concatenate([B + gain @ D, -gain], axis=1)
     labels = {"inputs": [*system.input_labels, *system.output_labels], "states": system.state_labels}
     observer = StateSpace(
-        ExactMatrix.from_fractions(A + gain @ C).values,
-        ExactMatrix.from_fractions(inputs).values,
+        Matrix.from_fractions(A + gain @ C).values,
+        Matrix.from_fractions(inputs).values,
         np.eye(n),
         np.zeros((n, system.ninputs + q)),
         system.dt,

@@ -19,14 +19,8 @@ from ..errors import (
     NotProperConeError,
     ShapeError,
 )
-from ..exact.intake import flag, found, items
-from ..exact.matrix import (
-    ExactMatrix,
-    Integers,
-    exact_matrix,
-    require_shape,
-    vector,
-)
+from ..exact.intake import exact_matrix, flag, found, items, require_shape, vector
+from ..exact.matrix import Integers, Matrix
 from ..systems.statespace import ConeStateSpace
 
 Floats = NDArray[np.float64]
@@ -48,9 +42,9 @@ class Plant:
     system : ConeStateSpace
         The nominal plant, with C, D, U, Y and the names of its signals.
     X : Cone
-    A, B : tuple of ExactMatrix
+    A, B : tuple of Matrix
         Vertices; one pair without uncertainty.
-    C : ExactMatrix or None
+    C : Matrix or None
         For u = K C x.
     discrete : bool
     gain_bound : ndarray, shape (m,), or None
@@ -59,20 +53,20 @@ class Plant:
         Where the gain may differ from zero.
     ports : bool
         True: B U in X and (C + D F) X in Y are demanded as well.
-    coupling : ExactMatrix or None
+    coupling : Matrix or None
         Stability is asked of A + B F + coupling, invariance of A + B F.
     """
 
     system: ConeStateSpace
     X: Cone
-    A: tuple[ExactMatrix, ...]
-    B: tuple[ExactMatrix, ...]
-    C: ExactMatrix | None = None
+    A: tuple[Matrix, ...]
+    B: tuple[Matrix, ...]
+    C: Matrix | None = None
     discrete: bool = False
     gain_bound: Floats | None = None
     pattern: NDArray[np.bool_] | None = None
     ports: bool = False
-    coupling: ExactMatrix | None = None
+    coupling: Matrix | None = None
 
     @property
     def n(self) -> int:
@@ -184,7 +178,7 @@ def as_system(sys: Any, X: Cone | ArrayLike | None) -> ConeStateSpace:
     return ConeStateSpace(sys, X=cone)
 
 
-def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[ExactMatrix, ExactMatrix]:
+def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:
     if isinstance(vertex, ConeStateSpace):
         vertex = vertex._data()[:2]
     elif isinstance(vertex, StateSpace):

@@ -105,9 +105,9 @@ def state_feedback(
     Notes
     -----
     With T = (x_1 ... x_n) and z_k = xi_k F x_k, invariance and stability are linear in xi > 0 and z: see
-    `control_kpos.synthesis.inequalities`.  A handful of programs with n + n m variables and n^2 rows: 20 ms for
+    `control_kpos.design.simplicial.inequalities`.  A handful of programs with n + n m variables and n^2 rows: 20 ms for
     two states, 0.1 s for ten states and five inputs, proof included.  On other cones the alternation of
-    `control_kpos.synthesis.alternation` solves some dozens of programs.
+    `control_kpos.design.polyhedral.program` solves some dozens of programs.
 
     The paper's section V.A is `method="two-step"`; the default finds gains whenever there are any.
 

@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.budget import OutOfTimeError, limited_to, seconds_left
-from ..exact.intake import flag
-from ..exact.matrix import vector
+from ..exact.intake import flag, vector
 from ..progress import Reporter, Target
 from .plant import (
     Plant,

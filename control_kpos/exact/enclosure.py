@@ -20,14 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..exact.condition import Condition
-from .matrix import (
-    HALF_ULP,
-    SMALLEST_NORMAL,
-    ExactMatrix,
-    pick,
-    rounding_radius,
-    transposed,
-)
+from .matrix import HALF_ULP, SMALLEST_NORMAL, Matrix, rounding_radius
 from .products import as_doubles, summed_products
 from .signs import BilinearForms
 
@@ -58,7 +51,7 @@ class Bounds(Condition):
     @classmethod
     def of(cls, name: str, lower: Array, size: Array, exact: NDArray[np.bool_] | bool = False) -> Bounds:
         """A condition for given bounds."""
-        empty = ExactMatrix(np.zeros((0, 1)))
+        empty = Matrix.zeros(0, 1)
         return cls(name, BilinearForms(empty, None, empty), ">", None, lower, size, exact)
 
     def verdict(self) -> bool | None:
@@ -89,7 +82,7 @@ class Bounds(Condition):
         return float(min(1.0, ratio.min(initial=1.0)))
 
 
-def enclosed_product(left: ExactMatrix, right: ExactMatrix) -> tuple[Array, Array]:
+def enclosed_product(left: Matrix, right: Matrix) -> tuple[Array, Array]:
     """left @ right' in floating point, and a bound on its distance from the exact product."""
     a, b = np.asarray(left.values), np.asarray(right.values)
     width = a.shape[1]
@@ -108,7 +101,7 @@ def enclosed_product(left: ExactMatrix, right: ExactMatrix) -> tuple[Array, Arra
         return product, bound
 
 
-def enclosed_sparse_product(rays: ExactMatrix, P: sp.csr_array) -> tuple[Array, Array]:
+def enclosed_sparse_product(rays: Matrix, P: sp.csr_array) -> tuple[Array, Array]:
     """rays' P in floating point, and a bound on its distance from the exact product."""
     values, columns = np.asarray(rays.values), sp.csr_array(P.T)
     terms = int(np.diff(columns.indptr).max(initial=0))
@@ -127,19 +120,19 @@ class Generators:
 
     Parameters
     ----------
-    rays : ExactMatrix, shape (N, n)
+    rays : Matrix, shape (N, n)
     right_inverse : ndarray, shape (N, n)
         Y with rays' Y close to the identity.
     """
 
-    def __init__(self, rays: ExactMatrix, right_inverse: Array) -> None:
+    def __init__(self, rays: Matrix, right_inverse: Array) -> None:
         self.rays = rays
         top = np.abs(rays.values).max(axis=0, initial=0.0)
         self.exponent = np.where(top > 0, -np.frexp(np.where(top > 0, top, 1.0))[1], 0)
         # What is scaled by powers of two stays exact unless it underflows, which `_scaled` rules out.
         self.equilibrated = _scaled(rays, self.exponent)
         self.inverse = np.ldexp(right_inverse, -self.exponent)
-        product, bound = enclosed_product(transposed(self.equilibrated), ExactMatrix(self.inverse.T))
+        product, bound = enclosed_product(self.equilibrated.T, Matrix(self.inverse.T))
         with np.errstate(over="ignore", invalid="ignore"):
             defect = np.abs(np.eye(len(product)) - product) * (1 + 4 * HALF_ULP) + bound + 2 * HALF_ULP
             self.defect = defect.sum(axis=1) * (1 + 2.0**-40)
@@ -151,8 +144,8 @@ class Generators:
     def combination(
         self,
         name: str,
-        targets: list[tuple[ExactMatrix, ExactMatrix]],
-        multipliers: ExactMatrix,
+        targets: list[tuple[Matrix, Matrix]],
+        multipliers: Matrix,
         required: NDArray[np.bool_],
     ) -> Bounds:
         """Sum of the products M x' over `targets` = R Q with Q >= 0 where `required`.
@@ -161,12 +154,12 @@ class Generators:
         ----------
         targets : list of (M, x)
             The columns T = sum of M x', M of shape (n, k), x of shape (c, k).
-        multipliers : ExactMatrix, shape (N, c)
+        multipliers : Matrix, shape (N, c)
         required : ndarray of bool, shape (N, c)
         """
         Q = np.asarray(multipliers.values)
         parts = [(_scaled_rows(M, self.exponent), x) for M, x in targets]
-        parts.append((-transposed(self.equilibrated), transposed(multipliers)))
+        parts.append((-self.equilibrated.T, multipliers.T))
         residual = np.zeros((self.rays.shape[1], Q.shape[1]))
         error = np.zeros_like(residual)
         for M, x in parts:
@@ -187,7 +180,7 @@ class Generators:
         return Bounds.of(name, lower, _size(self.rays, Q, lower), exact)
 
     def sparse_combination(
-        self, name: str, target: tuple[ExactMatrix, ExactMatrix], multipliers: ExactMatrix, *, diagonal: bool
+        self, name: str, target: tuple[Matrix, Matrix], multipliers: Matrix, *, diagonal: bool
     ) -> Bounds:
         """M x' = R Q with Q >= 0 (`diagonal`: also there) for a square sparse Q, generators having zero rows in Y.
 
@@ -210,8 +203,8 @@ class Generators:
         open_ = np.flatnonzero((~(lower > 0)).any(axis=0))
         good = open_[((Q[:, open_] >= 0) | ~required[:, open_]).all(axis=0)]
         if good.size and good.size * self.rays.shape[1] * sum(self.rays.shape) <= _EXACT:
-            columns = ExactMatrix(P[:, good].toarray())
-            vanishing, _ = self._exact_residual([(target[0], pick(target[1], good))], columns, slice(None))
+            columns = Matrix(P[:, good].toarray())
+            vanishing, _ = self._exact_residual([(target[0], target[1][good])], columns, slice(None))
             exact[:, good[vanishing]] = True
         lower = np.where(required, lower, 1.0)
         entries = P.tocoo()
@@ -231,12 +224,12 @@ class Generators:
             spread = np.abs(self.inverse[support]).sum(axis=1) / (1 - defect)
             return Q - np.outer(spread, worst) * (1 + 2.0**-30) - np.abs(Q) * (4 * HALF_ULP)
 
-    def _corrected(self, Q: Array, residual: ExactMatrix) -> Array:
+    def _corrected(self, Q: Array, residual: Matrix) -> Array:
         """Lower bounds on Q* for a residual known to full precision: Q* = Q + Y E + Y D (I - D)^-1 E."""
         defect = self.defect.max(initial=0.0)
         if not defect < 0.9:
             return np.full_like(Q, -np.inf)
-        step, error = enclosed_product(ExactMatrix(self.inverse), transposed(residual))
+        step, error = enclosed_product(Matrix(self.inverse), residual.T)
         with np.errstate(over="ignore", invalid="ignore"):
             worst = (np.abs(residual.values) + residual.radius).max(axis=0, initial=0.0)
             spread = np.abs(self.inverse).sum(axis=1) * defect / (1 - defect)
@@ -245,23 +238,23 @@ class Generators:
 
     def _exact_residual(
         self,
-        targets: list[tuple[ExactMatrix, ExactMatrix]],
-        multipliers: ExactMatrix,
+        targets: list[tuple[Matrix, Matrix]],
+        multipliers: Matrix,
         columns: NDArray[np.intp] | slice,
-    ) -> tuple[NDArray[np.bool_], ExactMatrix]:
+    ) -> tuple[NDArray[np.bool_], Matrix]:
         """Some columns of T - R Q from exact arithmetic: which of them vanish, and all correctly rounded."""
-        terms = [(M, pick(x, columns)) for M, x in targets]
-        terms.append((-transposed(self.rays), pick(transposed(multipliers), columns)))
+        terms = [(M, x[columns]) for M, x in targets]
+        terms.append((-self.rays.T, multipliers.T[columns]))
         integers, factor = summed_products(terms)
         with np.errstate(over="ignore"):
             rounded = as_doubles(integers, factor)
             values = np.ldexp(rounded, self.exponent[:, None])
             radius = np.ldexp(rounding_radius(rounded), self.exponent[:, None]) + SMALLEST_NORMAL
             radius = np.where(integers == 0, 0.0, radius)
-        return (integers == 0).all(axis=0), ExactMatrix(values, radius)
+        return (integers == 0).all(axis=0), Matrix(values, radius)
 
 
-def _size(rays: ExactMatrix, Q: Array, lower: Array) -> Array:
+def _size(rays: Matrix, Q: Array, lower: Array) -> Array:
     """Sizes of the entries of Q that do not depend on the lengths of the generators."""
     length = np.linalg.norm(rays.values, axis=1)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -269,14 +262,14 @@ def _size(rays: ExactMatrix, Q: Array, lower: Array) -> Array:
     return np.where(np.isfinite(size) & (size > 0), size, np.maximum(np.abs(lower), 1.0))
 
 
-def _scaled(rays: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
+def _scaled(rays: Matrix, exponent: NDArray[np.intp]) -> Matrix:
     """Columns times powers of two, with a radius where bits were lost."""
     values = np.ldexp(np.asarray(rays.values), exponent)
     radius = None if rays.radius is None else np.ldexp(rays.radius, exponent) + SMALLEST_NORMAL
     if not np.array_equal(np.ldexp(values, -exponent), rays.values):
         radius = (np.zeros_like(values) if radius is None else radius) + SMALLEST_NORMAL
-    return ExactMatrix(values, radius)
+    return Matrix(values, radius)
 
 
-def _scaled_rows(m: ExactMatrix, exponent: NDArray[np.intp]) -> ExactMatrix:
-    return transposed(_scaled(transposed(m), exponent))
+def _scaled_rows(m: Matrix, exponent: NDArray[np.intp]) -> Matrix:
+    return _scaled(m.T, exponent).T

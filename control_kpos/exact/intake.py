@@ -1,4 +1,7 @@
-"""Intake of single arguments: whole numbers, real numbers, seconds, one of several words, yes or no.
+"""Intake of arguments: matrices and vectors, whole and real numbers, seconds, words, yes or no.
+
+Users give doubles, integers, fractions, decimal text such as "1/3" or sparse matrices; what they typed is kept
+exactly.
 
 Each function returns the value as a plain Python object, or says which argument is wrong, what was found
 and what to give instead.  Truth values are not guessed: ``discrete="no"`` is a mistake, not a yes.
@@ -7,15 +10,172 @@ and what to give instead.  Truth values are not guessed: ``discrete="no"`` is a 
 from __future__ import annotations
 
 import numbers
+import re
+import reprlib
 from collections.abc import Mapping, Sequence
+from fractions import Fraction
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
 
-from ..errors import DataError, KposError
-from .matrix import exact_matrix
+from ..errors import DataError, KposError, ShapeError
+from .matrix import Matrix
+
+_NUMBER = re.compile(r"[+-]?(\d+/\d+|(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?)")
+
+
+def exact_matrix(data: ArrayLike | Matrix | Any, name: str, *, ndim: int = 2) -> Matrix:
+    """Read user data as an `Matrix`, or say which argument is wrong and how.
+
+    Parameters
+    ----------
+    data : array_like, sparse matrix or Matrix
+        Finite real numbers: doubles, integers of any size, `Fraction`, `Decimal`, or strings such as
+        "1/3" and "-21.3".
+    name : str
+        What the user calls it, for messages.
+    ndim : int
+        Number of dimensions required.  A one-dimensional array is read as one row when ndim is 2,
+        a number as a 1 x 1 matrix.
+
+    Raises
+    ------
+    DataError
+        NaN, inf, complex numbers, text that is not a number, masked entries.
+    ShapeError
+        Ragged lists, too many dimensions.
+    """
+    if isinstance(data, Matrix):
+        return data
+    if sp.issparse(data):
+        if ndim != 2:
+            raise ShapeError(f"{name} is a sparse matrix; it must have {ndim} dimension{'s' * (ndim != 1)}.")
+        return Matrix(sparse_matrix(data, name))
+    if np.ma.isMaskedArray(data) and np.ma.is_masked(data):
+        raise DataError(f"{name} has masked entries; fill them in first.")
+    try:
+        arr = np.asarray(data)
+    except (ValueError, TypeError):
+        raise ShapeError(f"{name} is ragged: its rows differ in length; give rows of equal length.") from None
+    except Exception as error:  # noqa: BLE001  (conversion runs code of the object, which may raise anything)
+        raise DataError(f"{name} of type {type(data).__name__} is no array ({type(error).__name__}).") from None
+    if arr.dtype.kind == "O" and any(isinstance(x, (list, tuple, np.ndarray)) for x in arr.ravel()):
+        raise ShapeError(f"{name} is ragged: its rows differ in length; give rows of equal length.")
+    if isinstance(data, (list, tuple)) and arr.dtype.kind in "US":
+        # numpy turns ["1/3", 0.1] into text and shortens nothing, but a float's repr is its exact value
+        arr = np.array(data, dtype=object)
+    if arr.ndim > ndim:
+        raise ShapeError(f"{name} has shape {arr.shape}; it must have {ndim} dimension{'s' * (ndim > 1)}.")
+    if arr.ndim < ndim:
+        arr = arr.reshape((1,) * (ndim - arr.ndim) + arr.shape)
+    return _exact_array(arr, name)
+
+
+def _exact_array(arr: NDArray[Any], name: str) -> Matrix:
+    kind = arr.dtype.kind
+    if kind == "c":
+        raise DataError(f"{name} is complex; control_kpos takes real numbers only.")
+    if kind == "b" or (kind == "f" and arr.dtype.itemsize <= 8) or (kind in "iu" and arr.dtype.itemsize < 8):
+        values = arr.astype(np.float64)
+        _require_finite(values, name)
+        values.flags.writeable = False
+        return Matrix(values)
+    if kind in "iuUSOf":
+        if kind == "S":
+            arr = np.char.decode(arr)
+        out = np.empty(arr.shape, dtype=object)
+        for i in np.ndindex(arr.shape):
+            out[i] = _fraction(arr[i], name, i)
+        try:
+            return Matrix.from_fractions(out)
+        except DataError:
+            raise DataError(f"{name} holds a number that does not fit into a double; rescale the data.") from None
+    raise DataError(f"{name} holds {arr.dtype.name} data; give real numbers.")
+
+
+def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
+    where = f"{name}[{', '.join(map(str, index))}]" if index else name
+    if isinstance(x, str):
+        x = str(x)  # numpy's own text type shows in messages
+        if not _NUMBER.fullmatch(x.strip()):
+            raise DataError(f'{where} is the text {reprlib.repr(x)}; give a number, or text such as "1/3" or "-21.3".')
+        try:
+            return Fraction(x.strip())
+        except ZeroDivisionError:
+            raise DataError(f"{where} is {reprlib.repr(x)}, which divides by zero.") from None
+    if isinstance(x, (complex, np.complexfloating)):
+        raise DataError(f"{where} is complex; control_kpos takes real numbers only.")
+    if isinstance(x, numbers.Rational):
+        return Fraction(int(x.numerator), int(x.denominator))
+    try:
+        return Fraction(*x.as_integer_ratio())
+    except (AttributeError, TypeError):
+        raise DataError(f"{where} is {reprlib.repr(x)} of type {type(x).__name__}; give real numbers.") from None
+    except (OverflowError, ValueError):
+        raise DataError(f"{where} is {x!r}; every entry must be finite.") from None
+
+
+def _require_finite(values: NDArray[np.float64], name: str) -> None:
+    if not np.isfinite(values).all():
+        index = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
+        where = f"{name}[{', '.join(map(str, index))}]" if index else name
+        raise DataError(f"{where} is {values[index]}; every entry must be finite.")
+
+
+def sparse_matrix(data: Any, name: str) -> sp.csr_array:
+    """A sparse matrix in canonical CSR form: indices in range, duplicates summed, zeros removed."""
+    if data.dtype.kind == "c":
+        raise DataError(f"{name} is complex; control_kpos takes real numbers only.")
+    if data.dtype.kind not in "fiub":
+        raise DataError(f"{name} holds {data.dtype.name} data; give real numbers.")
+    if data.ndim != 2:
+        raise ShapeError(f"{name} has {data.ndim} dimension(s); it must have 2.")
+    if data.format in ("dok", "lil", "dia"):  # whose data are no plain array of the entries
+        data = data.tocoo()
+    if data.dtype.kind in "iu" and data.nnz and np.abs(data.data).max() > 2**53:
+        raise DataError(f"{name} holds integers above 2**53, which doubles cannot represent; rescale.")
+    if data.format in ("csr", "csc", "bsr"):
+        try:
+            data.check_format(full_check=True)
+        except ValueError as error:
+            raise ShapeError(f"{name} is not a valid sparse matrix: {error}.") from None
+    elif data.format == "coo" and data.nnz:
+        for axis, (index, size) in enumerate(zip(data.coords, data.shape, strict=True)):
+            if index.min() < 0 or index.max() >= size:
+                raise ShapeError(f"{name} has an entry outside its {data.shape} shape along axis {axis}.")
+    _require_finite(np.asarray(data.data, dtype=np.float64).ravel(), f"{name}.data")
+    out = sp.csr_array(data, dtype=np.float64, copy=True)
+    out.sum_duplicates()
+    out.eliminate_zeros()
+    _require_finite(out.data, f"{name}.data")
+    return out
+
+
+def vector(data: ArrayLike, name: str, size: int | None = None) -> NDArray[np.float64]:
+    """A finite real vector of doubles of the given size."""
+    values = exact_matrix(data, name, ndim=1).values
+    values = np.asarray(values)
+    if size is not None and values.shape != (size,):
+        raise ShapeError(f"{name} has {values.size} entries; it must have {size}.")
+    return values
+
+
+def require_shape(M: Matrix, name: str, shape: tuple[int | None, ...], meaning: str = "") -> Matrix:
+    """Raise `ShapeError` with both shapes unless M has the given shape (None: any size)."""
+    if len(M.shape) != len(shape) or any(s is not None and s != m for s, m in zip(shape, M.shape, strict=True)):
+        want = " x ".join("any" if s is None else str(s) for s in shape)
+        have = " x ".join(map(str, M.shape))
+        raise ShapeError(f"{name} is {have}, but must be {want}{f' ({meaning})' if meaning else ''}.")
+    return M
+
+
+def shown(x: NDArray[np.float64]) -> str:
+    """The first entries of a vector, for messages."""
+    return f"({', '.join(f'{v:.4g}' for v in x[:6])}{', ...' if len(x) > 6 else ''})"
 
 
 def flag(value: Any, name: str) -> bool:

@@ -1,15 +1,16 @@
-"""Intake of numbers: finite, real, of the right shape, and exactly known.
+"""Exact numbers: matrices of doubles, integers or fractions, with all their digits.
 
-Users give doubles, integers, fractions, decimal strings or sparse matrices.  An `ExactMatrix` holds
-doubles to compute with and, where doubles cannot represent the data, the integers behind them, so
-that a sign can be proven about the numbers the user meant.
+A `Matrix` holds doubles to compute with and, where doubles cannot represent the data, the integers behind
+them, so that a sign can be proven about the numbers the user meant.  Three forms occur:
+
+- doubles that are the data themselves;
+- integers over one common denominator, rounded to doubles with a bound of the error;
+- rows known up to positive factors of their own (generators and facets of a cone, whose length has no
+  meaning), whose integers are computed when they are asked for.
 """
 
 from __future__ import annotations
 
-import numbers
-import re
-import reprlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -18,30 +19,29 @@ from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from ..errors import DataError, ShapeError, TooLargeError
+from ..errors import DataError, TooLargeError
 
 Integers: TypeAlias = NDArray[np.object_]
+Index: TypeAlias = NDArray[np.intp]
 # ndarray of doubles, or csr_array
-Matrix: TypeAlias = Any
+Doubles: TypeAlias = Any
 
 HALF_ULP = 2.0**-53
 SMALLEST_NORMAL = 2.0**-1022
 # Above this many entries a dense array is refused (2e8 doubles are 1.6 GB).
 DENSE_LIMIT = 200_000_000
 
-_NUMBER = re.compile(r"[+-]?(\d+/\d+|(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?)")
-
 
 @dataclass(frozen=True, eq=False)
-class ExactMatrix:
+class Matrix:
     """A real matrix, or a stack of matrices, known exactly.
 
     Attributes
     ----------
     values : ndarray, shape (..., r, c), or csr_array, shape (r, c)
-        Doubles.  They are the exact data when `radius` is None.
+        Doubles.  They are the exact data when `radius` is None.  Arrays are read-only.
     radius : ndarray or csr_array like `values`, or None
         |values - exact| <= radius entrywise, where each exact row may carry a positive factor of its
         own if `integer_rows` is set.
@@ -52,11 +52,86 @@ class ExactMatrix:
         generators and facets of a cone, whose length has no meaning.
     """
 
-    values: Matrix
-    radius: Matrix | None = None
+    values: Doubles
+    radius: Doubles | None = None
     numerators: Integers | None = None
     denominator: int = 1
-    integer_rows: Callable[[NDArray[np.intp]], Integers] | None = None
+    integer_rows: Callable[[Index], Integers] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("values", "radius", "numerators"):
+            array = getattr(self, name)
+            if isinstance(array, np.ndarray) and array.flags.writeable:
+                view = array.view()
+                view.flags.writeable = False
+                object.__setattr__(self, name, view)
+
+    # -- making one
+
+    @classmethod
+    def from_fractions(cls, rows: NDArray[np.object_]) -> Matrix:
+        """From an object array of int and Fraction, any shape."""
+        if rows.size == 0:
+            return cls(np.zeros(rows.shape))
+        flat = [Fraction(x) for x in rows.ravel()]
+        den = lcm(*(x.denominator for x in flat))
+        values = np.array([nearest_double(x) for x in flat])
+        exact = np.array([Fraction(v) == x for v, x in zip(values.tolist(), flat, strict=True)])
+        values, exact = values.reshape(rows.shape), exact.reshape(rows.shape)
+        if exact.all():
+            return cls(values)
+        nums = np.array([x.numerator * (den // x.denominator) for x in flat], dtype=object).reshape(rows.shape)
+        return cls(values, np.where(exact, 0.0, rounding_radius(values)), nums, den)
+
+    @classmethod
+    def identity(cls, n: int, *, sparse: bool = False) -> Matrix:
+        """The n x n identity."""
+        return cls(sp.eye_array(n, format="csr") if sparse else np.eye(n))
+
+    @classmethod
+    def zeros(cls, *shape: int) -> Matrix:
+        """Zeros, dense."""
+        return cls(np.zeros(shape))
+
+    @classmethod
+    def join(cls, parts: Sequence[Matrix], axis: int) -> Matrix:
+        """Matrices beside each other (axis -1), below each other (-2), or stacks behind each other (0).
+
+        Leading dimensions of dense stacks broadcast; sparse if some part is.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        if any(part.integer_rows is not None for part in parts):
+            return _rows_below(parts)
+        if any(part.is_sparse for part in parts):
+            if not all(part.is_double for part in parts):
+                parts = [part.dense() for part in parts]
+            else:
+                stack = sp.vstack if axis == -2 else sp.hstack
+                return cls(sp.csr_array(stack([part.values for part in parts], format="csr")))
+        lead = np.broadcast_shapes(*(m.shape[:-2] for m in parts)) if axis < 0 else None
+
+        def beside(arrays: Sequence[NDArray[Any]]) -> NDArray[Any]:
+            if lead:
+                arrays = [np.broadcast_to(a, lead + a.shape[-2:]) for a in arrays]
+            return np.concatenate(arrays, axis=axis)
+
+        values = beside([part.values for part in parts])
+        if all(part.is_double for part in parts):
+            return cls(values)
+        exact = [part.as_integers() for part in parts]
+        common = lcm(*(Fraction(factor).denominator for _, factor in exact))
+        numerators = beside([ints * int(factor * common) for ints, factor in exact])
+        return cls(values, beside([part._error() for part in parts]), numerators, common)
+
+    @classmethod
+    def stack(cls, matrices: Sequence[Matrix]) -> Matrix:
+        """Dense matrices of one shape, of one factor for all rows, as a stack (N, r, c)."""
+        if all(m.is_double for m in matrices):
+            return cls(np.array([np.asarray(m.values) for m in matrices]))
+        return cls.join([m[None] for m in matrices], 0)
+
+    # -- what it is
 
     @property
     def is_sparse(self) -> bool:
@@ -73,8 +148,13 @@ class ExactMatrix:
         """True if the doubles in `values` are the exact data."""
         return self.radius is None
 
-    def rows_as_integers(self, index: NDArray[np.intp]) -> Integers:
-        """Rows of a two-dimensional dense matrix as integers, each up to a positive factor."""
+    @property
+    def is_zero(self) -> bool:
+        """True if every entry is exactly zero."""
+        return self.is_double and not np.any(self.values.data if self.is_sparse else self.values)
+
+    def rows_as_integers(self, index: Index) -> Integers:
+        """Rows of a two-dimensional matrix as integers, each up to a positive factor."""
         if self.integer_rows is not None:
             return self.integer_rows(index)
         if self.numerators is not None:
@@ -90,45 +170,101 @@ class ExactMatrix:
         ints, exponent = integers_of_doubles(dense(self.values))
         return ints, Fraction(2) ** int(exponent.item())
 
-    @classmethod
-    def from_fractions(cls, rows: NDArray[np.object_]) -> ExactMatrix:
-        """From an object array of int and Fraction, any shape."""
-        if rows.size == 0:
-            return cls(np.zeros(rows.shape))
-        flat = [Fraction(x) for x in rows.ravel()]
-        den = lcm(*(x.denominator for x in flat))
-        values = np.array([nearest_double(x) for x in flat])
-        exact = np.array([Fraction(v) == x for v, x in zip(values.tolist(), flat, strict=True)])
-        values, exact = values.reshape(rows.shape), exact.reshape(rows.shape)
-        if exact.all():
-            return cls(values)
-        nums = np.array([x.numerator * (den // x.denominator) for x in flat], dtype=object).reshape(rows.shape)
-        return cls(values, np.where(exact, 0.0, rounding_radius(values)), nums, den)
-
     def fractions(self) -> NDArray[np.object_]:
         """All entries as Fraction (object array); only for matrices with a common factor."""
         ints, factor = self.as_integers()
         return np.array([Fraction(x) * factor for x in ints.ravel()], dtype=object).reshape(ints.shape)
 
-    def __neg__(self) -> ExactMatrix:
+    # -- parts and other forms, as exact as the matrix itself
+
+    def __getitem__(self, index: Any) -> Matrix:
+        """Rows (an array of indices or a slice), one matrix of a stack (an integer), or a new leading axis (None)."""
+        values = self.values[index]
+        if self.is_double:
+            return Matrix(values)
+        radius = self.radius[index]  # type: ignore[index]
+        if self.integer_rows is not None:
+            return Matrix(values, radius, integer_rows=_Rows(self.integer_rows, np.arange(self.shape[0])[index]))
+        return Matrix(values, radius, None if self.numerators is None else self.numerators[index], self.denominator)
+
+    @property
+    def T(self) -> Matrix:
+        """The transpose, of every matrix of a stack; not for rows with factors of their own."""
+        if self.integer_rows is not None:
+            raise TypeError("rows with factors of their own have no transpose")
+        if self.is_sparse:
+            radius = None if self.radius is None else self.radius.T.tocsr()
+            return Matrix(
+                self.values.T.tocsr(), radius, None if self.numerators is None else self.numerators.T, self.denominator
+            )
+
+        def swap(a: Any) -> Any:
+            return None if a is None else np.swapaxes(a, -1, -2)
+
+        return Matrix(swap(self.values), swap(self.radius), swap(self.numerators), self.denominator)
+
+    def __neg__(self) -> Matrix:
+        values = -self.values if self.is_sparse else 0.0 - self.values
         rows = self.integer_rows
-        return ExactMatrix(
-            -self.values,
+        return Matrix(
+            values,
             self.radius,
             None if self.numerators is None else -self.numerators,
             self.denominator,
-            None if rows is None else _Negated(rows),
+            None if rows is None else _Rows(rows, np.arange(self.shape[0]), -1),
         )
 
+    def dense(self) -> Matrix:
+        """The same in dense form."""
+        if not self.is_sparse:
+            return self
+        radius = None if self.radius is None else dense(self.radius)
+        return Matrix(dense(self.values), radius, self.numerators, self.denominator, self.integer_rows)
 
-@dataclass(frozen=True)
-class _Negated:
-    """Negated exact rows; a class rather than a closure so that cones pickle."""
+    def plain(self) -> Matrix:
+        """Dense, with one factor for all rows: rows with factors of their own become integers."""
+        if self.integer_rows is not None:
+            return Matrix.from_fractions(self.rows_as_integers(np.arange(self.shape[0])))
+        return self.dense()
 
-    rows: Callable[[NDArray[np.intp]], Integers]
+    def _error(self) -> NDArray[np.float64]:
+        return np.zeros(self.shape) if self.radius is None else dense(self.radius)
 
-    def __call__(self, index: NDArray[np.intp]) -> Integers:
-        return -self.rows(index)
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Some of the exact rows, or their opposites; a class rather than a closure so that cones pickle."""
+
+    source: Callable[[Index], Integers]
+    index: Index
+    sign: int = 1
+
+    def __call__(self, index: Index) -> Integers:
+        rows = self.source(self.index[index])
+        return rows if self.sign > 0 else -rows
+
+
+@dataclass(frozen=True, eq=False)
+class _RowsBelow:
+    """Exact rows of several matrices below each other."""
+
+    parts: Sequence[Matrix]
+
+    def __call__(self, index: Index) -> Integers:
+        ends = np.cumsum([part.shape[0] for part in self.parts])
+        owner = np.searchsorted(ends, index, side="right")
+        out = np.zeros((len(index), self.parts[0].shape[1]), dtype=object)
+        for k in np.unique(owner):
+            at = np.flatnonzero(owner == k)
+            out[at] = self.parts[k].rows_as_integers(index[at] - (ends[k] - self.parts[k].shape[0]))
+        return out
+
+
+def _rows_below(parts: Sequence[Matrix]) -> Matrix:
+    """Rows with factors of their own, below each other."""
+    parts = [part for part in parts if part.shape[0]] or parts[:1]
+    values = np.concatenate([dense(part.values) for part in parts])
+    return Matrix(values, np.concatenate([part._error() for part in parts]), integer_rows=_RowsBelow(parts))
 
 
 def nearest_double(x: Fraction) -> float:
@@ -193,208 +329,3 @@ def dense(M: Any) -> NDArray[Any]:
             "use the sparse attribute instead."
         )
     return M.toarray()
-
-
-def exact_matrix(data: ArrayLike | ExactMatrix | Any, name: str, *, ndim: int = 2) -> ExactMatrix:
-    """Read user data as an `ExactMatrix`, or say which argument is wrong and how.
-
-    Parameters
-    ----------
-    data : array_like, sparse matrix or ExactMatrix
-        Finite real numbers: doubles, integers of any size, `Fraction`, `Decimal`, or strings such as
-        "1/3" and "-21.3".
-    name : str
-        What the user calls it, for messages.
-    ndim : int
-        Number of dimensions required.  A one-dimensional array is read as one row when ndim is 2,
-        a number as a 1 x 1 matrix.
-
-    Raises
-    ------
-    DataError
-        NaN, inf, complex numbers, text that is not a number, masked entries.
-    ShapeError
-        Ragged lists, too many dimensions.
-    """
-    if isinstance(data, ExactMatrix):
-        return data
-    if sp.issparse(data):
-        if ndim != 2:
-            raise ShapeError(f"{name} is a sparse matrix; it must have {ndim} dimension{'s' * (ndim != 1)}.")
-        return ExactMatrix(sparse_matrix(data, name))
-    if np.ma.isMaskedArray(data) and np.ma.is_masked(data):
-        raise DataError(f"{name} has masked entries; fill them in first.")
-    try:
-        arr = np.asarray(data)
-    except (ValueError, TypeError):
-        raise ShapeError(f"{name} is ragged: its rows differ in length; give rows of equal length.") from None
-    except Exception as error:  # noqa: BLE001  (conversion runs code of the object, which may raise anything)
-        raise DataError(f"{name} of type {type(data).__name__} is no array ({type(error).__name__}).") from None
-    if arr.dtype.kind == "O" and any(isinstance(x, (list, tuple, np.ndarray)) for x in arr.ravel()):
-        raise ShapeError(f"{name} is ragged: its rows differ in length; give rows of equal length.")
-    if isinstance(data, (list, tuple)) and arr.dtype.kind in "US":
-        # numpy turns ["1/3", 0.1] into text and shortens nothing, but a float's repr is its exact value
-        arr = np.array(data, dtype=object)
-    if arr.ndim > ndim:
-        raise ShapeError(f"{name} has shape {arr.shape}; it must have {ndim} dimension{'s' * (ndim > 1)}.")
-    if arr.ndim < ndim:
-        arr = arr.reshape((1,) * (ndim - arr.ndim) + arr.shape)
-    return _exact_array(arr, name)
-
-
-def _exact_array(arr: NDArray[Any], name: str) -> ExactMatrix:
-    kind = arr.dtype.kind
-    if kind == "c":
-        raise DataError(f"{name} is complex; control_kpos takes real numbers only.")
-    if kind == "b" or (kind == "f" and arr.dtype.itemsize <= 8) or (kind in "iu" and arr.dtype.itemsize < 8):
-        values = arr.astype(np.float64)
-        _require_finite(values, name)
-        values.flags.writeable = False
-        return ExactMatrix(values)
-    if kind in "iuUSOf":
-        if kind == "S":
-            arr = np.char.decode(arr)
-        out = np.empty(arr.shape, dtype=object)
-        for i in np.ndindex(arr.shape):
-            out[i] = _fraction(arr[i], name, i)
-        try:
-            return ExactMatrix.from_fractions(out)
-        except DataError:
-            raise DataError(f"{name} holds a number that does not fit into a double; rescale the data.") from None
-    raise DataError(f"{name} holds {arr.dtype.name} data; give real numbers.")
-
-
-def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
-    where = f"{name}[{', '.join(map(str, index))}]" if index else name
-    if isinstance(x, str):
-        x = str(x)  # numpy's own text type shows in messages
-        if not _NUMBER.fullmatch(x.strip()):
-            raise DataError(f'{where} is the text {reprlib.repr(x)}; give a number, or text such as "1/3" or "-21.3".')
-        try:
-            return Fraction(x.strip())
-        except ZeroDivisionError:
-            raise DataError(f"{where} is {reprlib.repr(x)}, which divides by zero.") from None
-    if isinstance(x, (complex, np.complexfloating)):
-        raise DataError(f"{where} is complex; control_kpos takes real numbers only.")
-    if isinstance(x, numbers.Rational):
-        return Fraction(int(x.numerator), int(x.denominator))
-    try:
-        return Fraction(*x.as_integer_ratio())
-    except (AttributeError, TypeError):
-        raise DataError(f"{where} is {reprlib.repr(x)} of type {type(x).__name__}; give real numbers.") from None
-    except (OverflowError, ValueError):
-        raise DataError(f"{where} is {x!r}; every entry must be finite.") from None
-
-
-def _require_finite(values: NDArray[np.float64], name: str) -> None:
-    if not np.isfinite(values).all():
-        index = tuple(int(i) for i in np.argwhere(~np.isfinite(values))[0])
-        where = f"{name}[{', '.join(map(str, index))}]" if index else name
-        raise DataError(f"{where} is {values[index]}; every entry must be finite.")
-
-
-def sparse_matrix(data: Any, name: str) -> sp.csr_array:
-    """A sparse matrix in canonical CSR form: indices in range, duplicates summed, zeros removed."""
-    if data.dtype.kind == "c":
-        raise DataError(f"{name} is complex; control_kpos takes real numbers only.")
-    if data.dtype.kind not in "fiub":
-        raise DataError(f"{name} holds {data.dtype.name} data; give real numbers.")
-    if data.ndim != 2:
-        raise ShapeError(f"{name} has {data.ndim} dimension(s); it must have 2.")
-    if data.format in ("dok", "lil", "dia"):  # whose data are no plain array of the entries
-        data = data.tocoo()
-    if data.dtype.kind in "iu" and data.nnz and np.abs(data.data).max() > 2**53:
-        raise DataError(f"{name} holds integers above 2**53, which doubles cannot represent; rescale.")
-    if data.format in ("csr", "csc", "bsr"):
-        try:
-            data.check_format(full_check=True)
-        except ValueError as error:
-            raise ShapeError(f"{name} is not a valid sparse matrix: {error}.") from None
-    elif data.format == "coo" and data.nnz:
-        for axis, (index, size) in enumerate(zip(data.coords, data.shape, strict=True)):
-            if index.min() < 0 or index.max() >= size:
-                raise ShapeError(f"{name} has an entry outside its {data.shape} shape along axis {axis}.")
-    _require_finite(np.asarray(data.data, dtype=np.float64).ravel(), f"{name}.data")
-    out = sp.csr_array(data, dtype=np.float64, copy=True)
-    out.sum_duplicates()
-    out.eliminate_zeros()
-    _require_finite(out.data, f"{name}.data")
-    return out
-
-
-def concatenate(parts: Sequence[ExactMatrix], axis: int) -> ExactMatrix:
-    """Exact matrices side by side (axis -1) or one above the other (axis -2)."""
-    if all(part.is_double for part in parts):
-        if any(part.is_sparse for part in parts):
-            stack = sp.vstack if axis == -2 else sp.hstack
-            return ExactMatrix(sp.csr_array(stack([part.values for part in parts], format="csr")))
-        return ExactMatrix(np.concatenate([part.values for part in parts], axis=axis))
-    exact = [part.as_integers() for part in parts]
-    common = lcm(*(Fraction(factor).denominator for _, factor in exact))
-    numerators = np.concatenate([ints * int(factor * common) for ints, factor in exact], axis=axis)
-    values = [dense(part.values) for part in parts]
-    radii = [np.zeros(v.shape) if m.radius is None else dense(m.radius) for m, v in zip(parts, values, strict=True)]
-    return ExactMatrix(np.concatenate(values, axis=axis), np.concatenate(radii, axis=axis), numerators, common)
-
-
-def as_stack(matrices: Sequence[ExactMatrix]) -> ExactMatrix:
-    """Dense matrices of one shape as a stack."""
-    if all(m.is_double for m in matrices):
-        return ExactMatrix(np.array([np.asarray(m.values) for m in matrices]))
-    return ExactMatrix.from_fractions(np.array([m.fractions() for m in matrices], dtype=object))
-
-
-def pick(m: ExactMatrix, index: Any) -> ExactMatrix:
-    """Some rows of a dense matrix (an array of indices), or one matrix of a stack (an integer)."""
-    return ExactMatrix(
-        np.asarray(m.values)[index],
-        None if m.radius is None else m.radius[index],
-        None if m.numerators is None else m.numerators[index],
-        m.denominator,
-    )
-
-
-def transposed(m: ExactMatrix) -> ExactMatrix:
-    """The transpose of a dense matrix, or of every matrix of a stack."""
-
-    def swap(a: Any) -> Any:
-        return None if a is None else np.swapaxes(a, -1, -2)
-
-    return ExactMatrix(swap(m.values), swap(m.radius), swap(m.numerators), m.denominator)
-
-
-def plain(m: ExactMatrix) -> ExactMatrix:
-    """Dense, with one factor for all rows: rows with factors of their own become integers."""
-    if m.is_sparse:
-        return ExactMatrix(m.values.toarray())
-    if m.integer_rows is not None:
-        return ExactMatrix.from_fractions(m.rows_as_integers(np.arange(m.shape[0])))
-    return m
-
-
-def identity(n: int, *, sparse: bool = False) -> ExactMatrix:
-    """The n x n identity."""
-    return ExactMatrix(sp.eye_array(n, format="csr") if sparse else np.eye(n))
-
-
-def vector(data: ArrayLike, name: str, size: int | None = None) -> NDArray[np.float64]:
-    """A finite real vector of doubles of the given size."""
-    values = exact_matrix(data, name, ndim=1).values
-    values = np.asarray(values)
-    if size is not None and values.shape != (size,):
-        raise ShapeError(f"{name} has {values.size} entries; it must have {size}.")
-    return values
-
-
-def require_shape(M: ExactMatrix, name: str, shape: tuple[int | None, ...], meaning: str = "") -> ExactMatrix:
-    """Raise `ShapeError` with both shapes unless M has the given shape (None: any size)."""
-    if len(M.shape) != len(shape) or any(s is not None and s != m for s, m in zip(shape, M.shape, strict=True)):
-        want = " x ".join("any" if s is None else str(s) for s in shape)
-        have = " x ".join(map(str, M.shape))
-        raise ShapeError(f"{name} is {have}, but must be {want}{f' ({meaning})' if meaning else ''}.")
-    return M
-
-
-def shown(x: NDArray[np.float64]) -> str:
-    """The first entries of a vector, for messages."""
-    return f"({', '.join(f'{v:.4g}' for v in x[:6])}{', ...' if len(x) > 6 else ''})"

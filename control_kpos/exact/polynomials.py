@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .budget import require_seconds
-from .matrix import ExactMatrix
+from .matrix import Matrix
 
 Polynomial = list[int]
 
@@ -24,7 +24,7 @@ Polynomial = list[int]
 _INTERVALS = 200
 
 
-def characteristic_polynomial(A: ExactMatrix) -> tuple[Polynomial, Fraction]:
+def characteristic_polynomial(A: Matrix) -> tuple[Polynomial, Fraction]:
     """Characteristic polynomial of M, where A = M * f, by Faddeev and LeVerrier's recursion.
 
     Returns

@@ -8,15 +8,15 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from .matrix import ExactMatrix, Integers, rounding_radius
+from .matrix import Integers, Matrix, rounding_radius
 
 
-def summed_products(terms: list[tuple[ExactMatrix, ExactMatrix]]) -> tuple[Integers, Fraction]:
+def summed_products(terms: list[tuple[Matrix, Matrix]]) -> tuple[Integers, Fraction]:
     """The sum of the products left @ right', exactly: integers and their common factor.
 
     Parameters
     ----------
-    terms : list of (ExactMatrix, shape (n, k), ExactMatrix, shape (c, k))
+    terms : list of (Matrix, shape (n, k), Matrix, shape (c, k))
         k may differ between the terms.
 
     Returns
@@ -52,8 +52,8 @@ def _quotient(numerator: int, denominator: int) -> float:
         return np.inf if numerator > 0 else -np.inf
 
 
-def exact_product(left: ExactMatrix, right: ExactMatrix) -> ExactMatrix:
+def exact_product(left: Matrix, right: Matrix) -> Matrix:
     """left @ right', exactly."""
     integers, factor = summed_products([(left, right)])
     values = as_doubles(integers, factor)
-    return ExactMatrix(values, rounding_radius(values), integers * factor.numerator, factor.denominator)
+    return Matrix(values, rounding_radius(values), integers * factor.numerator, factor.denominator)

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 
 from ..errors import ShapeError, TooLargeError
 from .budget import seconds_left
-from .matrix import Integers, exact_matrix, primitive
+from .intake import exact_matrix
+from .matrix import Integers, primitive
 from .programs import balance, solve
 
 Rationals = NDArray[np.object_]
@@ -41,7 +42,7 @@ def exact_feasibility(
 
     Parameters
     ----------
-    M : array_like of numbers, Fraction or decimal strings, or ExactMatrix, shape (m, n)
+    M : array_like of numbers, Fraction or decimal strings, or Matrix, shape (m, n)
     b : likewise, shape (m,)
     work_limit : float
         Estimated multiplications of machine words after which to give up.

@@ -1,4 +1,4 @@
-"""Rows that matter only up to positive factors: generators and facet normals as `ExactMatrix`.
+"""Rows that matter only up to positive factors: generators and facet normals as `Matrix`.
 
 The exact integers behind rounded rows are reached through small callable objects rather than closures,
 so that cones can be pickled.
@@ -6,8 +6,7 @@ so that cones can be pickled.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
@@ -18,8 +17,8 @@ from ..errors import DataError
 from .elimination import divide_by_content
 from .matrix import (
     HALF_ULP,
-    ExactMatrix,
     Integers,
+    Matrix,
     dense,
     rounding_radius,
 )
@@ -28,43 +27,6 @@ from .matrix import (
 _READABLE = 2**20
 # Multiplications of integers up to which images are computed exactly at once.
 _EXACT_IMAGE = 3_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class IntegerRows:
-    """Rows known as integers."""
-
-    rows: Integers
-
-    def __call__(self, index: NDArray[np.intp]) -> Integers:
-        return self.rows[index]
-
-
-@dataclass(frozen=True, eq=False)
-class StackedRows:
-    """Rows of several matrices below each other."""
-
-    parts: Sequence[ExactMatrix]
-
-    def __call__(self, index: NDArray[np.intp]) -> Integers:
-        ends = np.cumsum([part.shape[0] for part in self.parts])
-        owner = np.searchsorted(ends, index, side="right")
-        out = np.zeros((len(index), self.parts[0].shape[1]), dtype=object)
-        for k in np.unique(owner):
-            at = np.flatnonzero(owner == k)
-            out[at] = self.parts[k].rows_as_integers(index[at] - (ends[k] - self.parts[k].shape[0]))
-        return out
-
-
-@dataclass(frozen=True, eq=False)
-class SelectedRows:
-    """Some rows of a matrix."""
-
-    matrix: ExactMatrix
-    index: NDArray[np.intp]
-
-    def __call__(self, index: NDArray[np.intp]) -> Integers:
-        return self.matrix.rows_as_integers(self.index[index])
 
 
 def equilibrate(size: NDArray[np.int64], nonzero: NDArray[np.bool_]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -98,7 +60,7 @@ def unit_rows(rows: Integers) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return np.array(flat, dtype=float).reshape(rows.shape), lengths
 
 
-def exact_rows(rows: Integers) -> ExactMatrix:
+def exact_rows(rows: Integers) -> Matrix:
     """Integer rows, without common factors, as doubles: as they are if readable, else scaled and rounded.
 
     Each row that does not fit into doubles is multiplied by the power of two that brings its largest
@@ -106,90 +68,26 @@ def exact_rows(rows: Integers) -> ExactMatrix:
     """
     largest = np.array([max((abs(int(x)) for x in row), default=0) for row in rows], dtype=object)
     if not len(rows) or largest.max() <= _READABLE:
-        return _read_only(ExactMatrix(rows.astype(np.float64)))
+        return Matrix(rows.astype(np.float64))
     values, lengths = unit_rows(rows)
     readable = (largest <= _READABLE).astype(bool)
     values[readable] = rows[readable].astype(np.float64)
     exact = readable | (lengths <= 53)
     if exact.all():
-        return _read_only(ExactMatrix(values))
+        return Matrix(values)
     radius = rounding_radius(values)
     radius[exact[:, None] | (rows == 0)] = 0
-    return _read_only(ExactMatrix(values, radius, integer_rows=IntegerRows(rows)))
+    return Matrix(values, radius, integer_rows=rows.__getitem__)
 
 
-def select_rows(matrix: ExactMatrix, index: NDArray[np.intp]) -> ExactMatrix:
-    """Some rows of a dense exact matrix, with their scaling."""
-    if len(index) == matrix.shape[0] and (index == np.arange(len(index))).all():
-        return matrix
-    values = dense(matrix.values)[index]
-    if matrix.is_double:
-        return _read_only(ExactMatrix(values))
-    radius = None if matrix.radius is None else np.asarray(matrix.radius)[index]
-    if matrix.integer_rows is None and matrix.numerators is not None:
-        return _read_only(ExactMatrix(values, radius, matrix.numerators[index], matrix.denominator))
-    return _read_only(ExactMatrix(values, radius, integer_rows=SelectedRows(matrix, index)))
-
-
-def negative_rows(matrix: ExactMatrix) -> ExactMatrix:
-    """The opposite rows, without negative zeros."""
-    out = -matrix
-    return _read_only(replace(out, values=out.values + 0.0))
-
-
-def nonzero(matrix: ExactMatrix) -> NDArray[np.bool_]:
+def nonzero(matrix: Matrix) -> NDArray[np.bool_]:
     """Entries of a dense matrix that are not zero; those too small for a double are not."""
     if matrix.integer_rows is not None:
         return matrix.rows_as_integers(np.arange(matrix.shape[0])) != 0
     return (matrix.values if matrix.numerators is None else matrix.numerators) != 0
 
 
-def transpose(matrix: ExactMatrix) -> ExactMatrix:
-    """The transpose of a matrix whose rows have no factors of their own, dense."""
-    values = dense(matrix.values).T
-    radius = None if matrix.radius is None else np.asarray(matrix.radius).T
-    return ExactMatrix(values, radius, None if matrix.numerators is None else matrix.numerators.T, matrix.denominator)
-
-
-def stack_rows(parts: Sequence[ExactMatrix]) -> ExactMatrix:
-    """Dense exact matrices below each other."""
-    parts = [part for part in parts if part.shape[0]] or list(parts[:1])
-    if len(parts) == 1:
-        return parts[0]
-    values = np.concatenate([dense(part.values) for part in parts])
-    if all(part.is_double for part in parts):
-        return _read_only(ExactMatrix(values))
-    radius = np.concatenate(
-        [np.zeros(part.shape) if part.radius is None else np.asarray(part.radius) for part in parts]
-    )
-    return _read_only(ExactMatrix(values, radius, integer_rows=StackedRows(parts)))
-
-
-def frozen(array: NDArray[Any]) -> NDArray[Any]:
-    """The array, made read-only."""
-    array.flags.writeable = False
-    return array
-
-
-def _read_only(matrix: ExactMatrix) -> ExactMatrix:
-    for array in (matrix.values, matrix.radius, matrix.numerators):
-        if isinstance(array, np.ndarray):
-            frozen(array)
-    return matrix
-
-
-def dense_rows(matrix: ExactMatrix) -> ExactMatrix:
-    """The same rows in dense form."""
-    if not matrix.is_sparse:
-        return matrix
-    values = dense(matrix.values)
-    if matrix.is_double:
-        return _read_only(ExactMatrix(values))
-    radius = None if matrix.radius is None else dense(matrix.radius)
-    return _read_only(ExactMatrix(values, radius, integer_rows=SelectedRows(matrix, np.arange(matrix.shape[0]))))
-
-
-def image_rows(matrix: ExactMatrix, T: ExactMatrix) -> ExactMatrix:
+def image_rows(matrix: Matrix, T: Matrix) -> Matrix:
     """Rows T x for the rows x of a dense matrix, without those that are zero."""
     work = matrix.shape[0] * matrix.shape[1] * T.shape[0]
     if work > _EXACT_IMAGE:
@@ -200,21 +98,21 @@ def image_rows(matrix: ExactMatrix, T: ExactMatrix) -> ExactMatrix:
         return exact_rows(divide_by_content(images[(images != 0).any(axis=1)]))
     rows, scale = matrix.as_integers()
     images = rows @ ints.T
-    return ExactMatrix.from_fractions(images[(images != 0).any(axis=1)] * Fraction(factor * scale))
+    return Matrix.from_fractions(images[(images != 0).any(axis=1)] * Fraction(factor * scale))
 
 
 @dataclass(frozen=True, eq=False)
 class ImageRows:
     """Rows T x, exactly, one by one."""
 
-    matrix: ExactMatrix
-    T: ExactMatrix
+    matrix: Matrix
+    T: Matrix
 
     def __call__(self, index: NDArray[np.intp]) -> Integers:
         return divide_by_content(self.matrix.rows_as_integers(index) @ self.T.as_integers()[0].T)
 
 
-def _rounded_image(matrix: ExactMatrix, T: ExactMatrix) -> ExactMatrix:
+def _rounded_image(matrix: Matrix, T: Matrix) -> Matrix:
     """Rows T x in floating point with an error bound, shape (p, m)."""
     left, right = dense(matrix.values), dense(T.values).T
     zeros = np.zeros(1)
@@ -229,10 +127,16 @@ def _rounded_image(matrix: ExactMatrix, T: ExactMatrix) -> ExactMatrix:
         radius = radius * (1 + 1e-9) + 2.0**-1022 * left.shape[1]
     if not (np.isfinite(values).all() and np.isfinite(radius).all()):
         raise DataError("the image of the cone overflows; rescale T.")
-    return _read_only(ExactMatrix(values, radius, integer_rows=ImageRows(matrix, T)))
+    return Matrix(values, radius, integer_rows=ImageRows(matrix, T))
 
 
-def _without_zero_rows(matrix: ExactMatrix) -> ExactMatrix:
+def _without_zero_rows(matrix: Matrix) -> Matrix:
     open_ = np.flatnonzero(~(np.abs(matrix.values) > matrix.radius).any(axis=1))
     zero = open_[~(matrix.rows_as_integers(open_) != 0).any(axis=1)] if len(open_) else open_
-    return select_rows(matrix, np.setdiff1d(np.arange(matrix.shape[0]), zero))
+    return matrix[np.setdiff1d(np.arange(matrix.shape[0]), zero)]
+
+
+def frozen(array: NDArray[Any]) -> NDArray[Any]:
+    """The array, made read-only."""
+    array.flags.writeable = False
+    return array

@@ -27,8 +27,8 @@ from numpy.typing import NDArray
 from .matrix import (
     HALF_ULP,
     SMALLEST_NORMAL,
-    ExactMatrix,
     Integers,
+    Matrix,
     dense,
     granularity,
     integers_of_doubles,
@@ -47,9 +47,9 @@ class BilinearForms:
 
     Parameters
     ----------
-    left : ExactMatrix, shape (..., k, a)
-    middle : ExactMatrix, shape (..., a, b), or None for the identity
-    right : ExactMatrix, shape (..., p, b)
+    left : Matrix, shape (..., k, a)
+    middle : Matrix, shape (..., a, b), or None for the identity
+    right : Matrix, shape (..., p, b)
         Dense, or sparse in two dimensions.  Dense operands may be stacks; leading dimensions
         broadcast.  The result is sparse if every operand is; entries outside its pattern are zero.
 
@@ -59,7 +59,7 @@ class BilinearForms:
     relative size |z| / (|l|'|M||r|) is below about 1e-15.
     """
 
-    def __init__(self, left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> None:
+    def __init__(self, left: Matrix, middle: Matrix | None, right: Matrix) -> None:
         self.is_sparse = all(m.is_sparse for m in (left, middle, right) if m is not None)
         if not self.is_sparse:
             left, right = _dense_if_small(left), _dense_if_small(right)
@@ -281,15 +281,15 @@ class BilinearForms:
         return np.sign(_multiply(right, vector)).astype(np.int8)
 
 
-def _dense_if_small(m: ExactMatrix) -> ExactMatrix:
+def _dense_if_small(m: Matrix) -> Matrix:
     """Sparse operands below the size where their overhead pays, as dense ones."""
     if not m.is_sparse or m.shape[0] * m.shape[1] > _SMALL:
         return m
     radius = None if m.radius is None else dense(m.radius)
-    return ExactMatrix(m.values.toarray(), radius, m.numerators, m.denominator, m.integer_rows)
+    return Matrix(m.values.toarray(), radius, m.numerators, m.denominator, m.integer_rows)
 
 
-def _nonzero(m: ExactMatrix) -> Any:
+def _nonzero(m: Matrix) -> Any:
     """Ones where the exact entry may be nonzero."""
     if m.is_sparse:
         reach = abs(m.values) if m.radius is None else abs(m.values) + m.radius
@@ -298,7 +298,7 @@ def _nonzero(m: ExactMatrix) -> Any:
     return kind.astype(np.float64)
 
 
-def _finite(m: ExactMatrix) -> bool:
+def _finite(m: Matrix) -> bool:
     return bool(np.isfinite(m.values.data if m.is_sparse else m.values).all())
 
 
@@ -311,11 +311,11 @@ def _decide(out: NDArray[np.int8], z: NDArray[np.float64], bound: NDArray[np.flo
             out[~np.isfinite(z)] = UNKNOWN
 
 
-def _row_length(m: ExactMatrix) -> int:
+def _row_length(m: Matrix) -> int:
     return int(np.diff(m.values.indptr).max(initial=0)) if sp.issparse(m.values) else m.shape[-1]
 
 
-def _column_length(m: ExactMatrix) -> int:
+def _column_length(m: Matrix) -> int:
     if sp.issparse(m.values):
         return int(np.bincount(m.values.indices, minlength=1).max(initial=0))
     return m.shape[-2]
@@ -334,7 +334,7 @@ def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.floa
     return total * top.reshape(total.shape) + SMALLEST_NORMAL
 
 
-def _row_norms(m: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _row_norms(m: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Norms of the rows, and of their radii."""
     sizes = [
         _sparse_row_norms(part) if sp.issparse(part) else _norm(part, (-1,))
@@ -349,7 +349,7 @@ def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
     return top * np.sqrt(np.diff(rows.indptr)) * (1 + 1e-9) + SMALLEST_NORMAL
 
 
-def _frobenius(m: ExactMatrix) -> tuple[Any, Any]:
+def _frobenius(m: Matrix) -> tuple[Any, Any]:
     if sp.issparse(m.values):
         return _norm(m.values.data, (-1,)), 0.0 if m.radius is None else _norm(m.radius.data, (-1,))
     shape = m.shape[:-2] + (1, 1)
@@ -357,7 +357,7 @@ def _frobenius(m: ExactMatrix) -> tuple[Any, Any]:
     return size, np.zeros(shape) if m.radius is None else _norm(m.radius, (-2, -1)).reshape(shape)
 
 
-def _stack_rows(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...], row: NDArray[np.intp]) -> Integers:
+def _stack_rows(m: Matrix, batch: tuple[NDArray[np.intp], ...], row: NDArray[np.intp]) -> Integers:
     if m.values.ndim == 2:
         rows, inverse = np.unique(row, return_inverse=True)
         return m.rows_as_integers(rows)[inverse]
@@ -366,7 +366,7 @@ def _stack_rows(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...], row: NDArra
     return integers_of_doubles(m.values[_aligned(m, batch) + (row,)], by_row=True)[0]
 
 
-def _stack_blocks(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...]) -> Integers:
+def _stack_blocks(m: Matrix, batch: tuple[NDArray[np.intp], ...]) -> Integers:
     if m.numerators is not None:
         return m.numerators[_aligned(m, batch)]
     blocks = m.values[_aligned(m, batch)]
@@ -374,14 +374,14 @@ def _stack_blocks(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...]) -> Intege
     return flat.reshape(blocks.shape)
 
 
-def _aligned(m: ExactMatrix, batch: tuple[NDArray[np.intp], ...]) -> tuple[NDArray[np.intp], ...]:
+def _aligned(m: Matrix, batch: tuple[NDArray[np.intp], ...]) -> tuple[NDArray[np.intp], ...]:
     """Batch indices of an operand whose leading dimensions were broadcast."""
     sizes = m.shape[:-2]
     own = batch[len(batch) - len(sizes) :]
     return tuple(np.zeros_like(b) if size == 1 else b for b, size in zip(own, sizes, strict=True))
 
 
-def _csr_integers(m: ExactMatrix, rows: NDArray[np.intp]) -> tuple[Integers, NDArray[Any], NDArray[Any]]:
+def _csr_integers(m: Matrix, rows: NDArray[np.intp]) -> tuple[Integers, NDArray[Any], NDArray[Any]]:
     if m.is_sparse and m.integer_rows is None and m.numerators is None:
         part = sp.csr_array(m.values)[rows]
         counts = np.diff(part.indptr)

@@ -23,12 +23,7 @@ from ..cones import orthant
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.enclosure import Generators
-from ..exact.matrix import (
-    ExactMatrix,
-    as_stack,
-    pick,
-    transposed,
-)
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import encode_generators, given_generators
@@ -39,7 +34,7 @@ from ..proof.weights import ProofOmittedError, Prover
 class Obstruction(Protocol):
     """Why no invariant cone exists: a witness that can be checked against the matrices."""
 
-    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+    def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """What has to hold for the obstruction to be real; None if the data do not fit."""
         ...
 
@@ -50,24 +45,24 @@ class ConeCertificate(Certificate):
 
     Attributes
     ----------
-    matrices : ExactMatrix, shape (M, n, n)
+    matrices : Matrix, shape (M, n, n)
         A_1..A_M.
     discrete : bool
         True: A_s X in X; False: e^{A_s t} X in X.
-    rays : ExactMatrix, shape (N, n), or None
+    rays : Matrix, shape (N, n), or None
         Generators, one a row: R transposed.
-    multipliers : ExactMatrix, shape (M, N, N), or sparse, shape (N, N)
+    multipliers : Matrix, shape (M, N, N), or sparse, shape (N, N)
         P_s with A_s R = R P_s up to an error that the proof takes up.  Sparse for one matrix and very many
         generators.
     pointing : ndarray, shape (n,)
         w with w'x > 0 for every generator.
     right_inverse : ndarray, shape (N, n)
         Y with R Y close to the identity.
-    contains : ExactMatrix, shape (k, n), or None
+    contains : Matrix, shape (k, n), or None
         Vectors that lie in the cone, such as the columns of B.
-    shares : ExactMatrix, shape (k, N), or None
+    shares : Matrix, shape (k, N), or None
         Each of them (`by_facets`: each row of `within`) as a combination of the generators.
-    within : ExactMatrix, shape (r, n), or None
+    within : Matrix, shape (r, n), or None
         Normals of half-spaces that hold the cone, such as the rows of C.
     by_facets : bool
         True: `rays` holds the facet normals of the cone instead, and the proof is about the dual cone
@@ -80,24 +75,24 @@ class ConeCertificate(Certificate):
 
     claim: ClassVar[str] = "invariant-cone"
 
-    matrices: ExactMatrix
+    matrices: Matrix
     discrete: bool = False
-    rays: ExactMatrix | None = None
-    multipliers: ExactMatrix | None = None
+    rays: Matrix | None = None
+    multipliers: Matrix | None = None
     pointing: NDArray[np.float64] | None = None
     right_inverse: NDArray[np.float64] | None = None
-    contains: ExactMatrix | None = None
-    shares: ExactMatrix | None = None
-    within: ExactMatrix | None = None
+    contains: Matrix | None = None
+    shares: Matrix | None = None
+    within: Matrix | None = None
     by_facets: bool = False
     v: NDArray[np.float64] | None = None
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities that prove the claim."""
         if self.rays is None or self.multipliers is None or self.pointing is None or self.right_inverse is None:
-            return [Condition("no cone", _forms(ExactMatrix(np.ones((1, 1))), ExactMatrix(np.ones((1, 1)))), "<")]
+            return [Condition("no cone", _forms(Matrix(np.ones((1, 1))), Matrix(np.ones((1, 1)))), "<")]
         rays = self.rays
-        matrices = transposed(self.matrices) if self.by_facets else self.matrices
+        matrices = self.matrices.T if self.by_facets else self.matrices
         contains, within = (self.within, self.contains) if self.by_facets else (self.contains, self.within)
         basis = Generators(rays, self.right_inverse)
         out: list[Condition] = [
@@ -109,18 +104,18 @@ class ConeCertificate(Certificate):
         size = 0 if self.multipliers.is_sparse else rays.shape[0]
         off_diagonal = np.ones((size, size), dtype=bool) if self.discrete else ~np.eye(size, dtype=bool)
         for s in range(self.matrices.shape[0]):
-            image = (pick(matrices, s), rays)
+            image = (matrices[s], rays)
             if self.multipliers.is_sparse:
                 P = self.multipliers
                 out.append(basis.sparse_combination(f"A{s} R = R P{s}", image, P, diagonal=self.discrete))
             else:
-                P = pick(self.multipliers, s)
+                P = self.multipliers[s]
                 out.append(basis.combination(f"A{s} R = R P{s}", [image], P, off_diagonal))
         if contains is not None:
             if self.shares is None:
                 raise ValueError("vectors to contain come without their combinations")
-            shares = transposed(self.shares)
-            eye = ExactMatrix(np.eye(rays.shape[1]))
+            shares = self.shares.T
+            eye = Matrix.identity(rays.shape[1])
             everywhere = np.ones(shares.shape, dtype=bool)
             out.append(basis.combination("b = R q", [(eye, contains)], shares, everywhere))
         if within is not None:
@@ -132,11 +127,11 @@ class ConeCertificate(Certificate):
             out += [self._decrease(s, self.v, rays) for s in range(self.matrices.shape[0])]
         return out
 
-    def _decrease(self, s: int, v: NDArray[np.float64], rays: ExactMatrix) -> Condition:
-        A = pick(self.matrices, s)
+    def _decrease(self, s: int, v: NDArray[np.float64], rays: Matrix) -> Condition:
+        A = self.matrices[s]
         if not self.discrete:
             return Condition(f"v'A{s} x < 0", BilinearForms(_row(v), A, rays), "<")
-        from_identity = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
+        from_identity = Matrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
         return Condition(f"v'(A{s} - I) x < 0", BilinearForms(_row(v), from_identity, rays), "<")
 
     def refutation(self) -> Sequence[Condition] | None:
@@ -153,10 +148,10 @@ class ConeCertificate(Certificate):
         matrices, inner, outer = self._sides()
         for name in ("matrices", "rays", "contains", "within"):
             del out[name]
-        out["A"] = tuple(pick(matrices, s) for s in range(matrices.shape[0]))
+        out["A"] = tuple(matrices[s] for s in range(matrices.shape[0]))
         out["X"] = encode_generators(self.rays, self.pointing)
         if inner is not None:
-            out.update(B=transposed(inner), U=orthant(inner.shape[0]))
+            out.update(B=inner.T, U=orthant(inner.shape[0]))
         if outer is not None:
             out.update(C=outer, Y=orthant(outer.shape[0]))
         return out
@@ -173,17 +168,17 @@ class ConeCertificate(Certificate):
         if "X" not in contents:
             return cls.settle(**contents)
         rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
-        matrices, inner, outer = as_stack(contents["A"]), contents.get("B"), contents.get("C")
-        inner = None if inner is None else transposed(inner)
+        matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")
+        inner = None if inner is None else inner.T
         if rest["by_facets"]:
-            matrices, inner, outer = transposed(matrices), outer, inner
+            matrices, inner, outer = matrices.T, outer, inner
         rays = given_generators(contents["X"])
         return cls.settle(matrices=matrices, rays=rays, contains=inner, within=outer, **rest)
 
-    def _sides(self) -> tuple[ExactMatrix, ExactMatrix | None, ExactMatrix | None]:
+    def _sides(self) -> tuple[Matrix, Matrix | None, Matrix | None]:
         """The matrices, vectors in the cone and normals on it, of the cone that `rays` generates."""
         if self.by_facets:
-            return transposed(self.matrices), self.within, self.contains
+            return self.matrices.T, self.within, self.contains
         return self.matrices, self.contains, self.within
 
     def evidence(self) -> dict[str, Any]:
@@ -191,17 +186,17 @@ class ConeCertificate(Certificate):
         if self.rays is None or self.multipliers is None:
             raise ProofOmittedError("claims that no cone exists are for control_kpos alone")
         prover, rays, (matrices, inner, _) = Prover(), self.rays, self._sides()
-        each, free = [pick(matrices, s) for s in range(matrices.shape[0])], not self.discrete
+        each, free = [matrices[s] for s in range(matrices.shape[0])], not self.discrete
         if self.multipliers.is_sparse and self.right_inverse is not None:
             support = np.flatnonzero((self.right_inverse != 0).any(axis=1))
             P = sp.csr_array(self.multipliers.values)
             out = {"P": [prover.repaired_map(rays, A, P, support, invariance=free) for A in each]}
         else:
             images = [A.fractions() @ rays.fractions().T for A in each]
-            guesses = [pick(self.multipliers, s) for s in range(len(each))]
+            guesses = [self.multipliers[s] for s in range(len(each))]
             out = {"P": [prover.repaired(rays, y, P, invariance=free) for y, P in zip(images, guesses, strict=True)]}
         if inner is not None and self.shares is not None:
-            out["N"] = prover.repaired(rays, inner.fractions().T, transposed(self.shares))
+            out["N"] = prover.repaired(rays, inner.fractions().T, self.shares.T)
         return out
 
     def explain(self) -> str:
@@ -223,9 +218,9 @@ class ConeCertificate(Certificate):
         )
 
 
-def _forms(left: ExactMatrix, right: ExactMatrix) -> BilinearForms:
+def _forms(left: Matrix, right: Matrix) -> BilinearForms:
     return BilinearForms(left, None, right)
 
 
-def _row(v: NDArray[np.float64]) -> ExactMatrix:
-    return ExactMatrix(np.asarray(v, dtype=float)[None, :])
+def _row(v: NDArray[np.float64]) -> Matrix:
+    return Matrix(np.asarray(v, dtype=float)[None, :])

@@ -21,18 +21,13 @@ from ..exact.budget import OutOfTimeError, limited_to
 from ..exact.intake import (
     choice,
     dimensions,
+    exact_matrix,
     flag,
     items,
     seconds,
     whole_number,
 )
-from ..exact.matrix import (
-    ExactMatrix,
-    exact_matrix,
-    pick,
-    plain,
-    transposed,
-)
+from ..exact.matrix import Matrix
 from ..exact.rational_programs import exact_feasibility
 from ..exact.signs import BilinearForms
 from ..progress import Reporter, Target
@@ -45,12 +40,7 @@ from .impossible.port_obstruction import port_obstruction
 from .one_matrix.explicit import fewest_rays
 from .one_matrix.modes import dominant_index
 from .one_matrix.repeated import repeated_cones
-from .one_matrix.search import (
-    as_stack,
-    eigenvalues,
-    find_single,
-    prove_exactly,
-)
+from .one_matrix.search import eigenvalues, find_single, prove_exactly
 from .ports.search import find_with_ports
 from .result import FoundCone
 
@@ -112,7 +102,7 @@ def find_cone(
 
     Notes
     -----
-    One matrix: decided by the spectrum (`control_kpos.conefinding.existence`), built from its modes
+    One matrix: decided by the spectrum (`control_kpos.find.impossible.existence`), built from its modes
     (`explicit`); 0.1 s at n = 30.  With vectors and half-spaces: orbits of rays (`orbit`).  A family: cheap
     refutations (`filters`), then linear programs that turn the rays (`commutator`, `moving`).
 
@@ -149,13 +139,13 @@ def find_cone(
     if vectors.shape[0] or normals.shape[0]:
         with Reporter(progress) as report:
             search = partial(_with_ports, matrix, vectors, normals, most, bool(timed), report)
-            return _carefully(search, limit, as_stack([matrix]), bool(timed))
+            return _carefully(search, limit, Matrix.stack([matrix]), bool(timed))
     with Reporter(progress) as report:
         search = partial(_one, matrix, most, bool(timed), by_facets, effort, report)
-        return _carefully(search, limit, as_stack([matrix]), bool(timed))
+        return _carefully(search, limit, Matrix.stack([matrix]), bool(timed))
 
 
-def _carefully(search: Callable[[], FoundCone], limit: float, matrices: ExactMatrix, discrete: bool) -> FoundCone:
+def _carefully(search: Callable[[], FoundCone], limit: float, matrices: Matrix, discrete: bool) -> FoundCone:
     """What a search finds; nothing if time is over, or eigenvalues or singular values do not converge."""
     try:
         with np.errstate(all="ignore"), limited_to(limit):
@@ -188,7 +178,7 @@ def _timed(members: Any, timed: bool | None) -> bool | None:
     return timed
 
 
-def family(data: Any, name: str) -> ExactMatrix:
+def family(data: Any, name: str) -> Matrix:
     """Read several square matrices of one size, or systems, as a stack."""
     given = items(data, name)
     if not given:
@@ -200,13 +190,13 @@ def family(data: Any, name: str) -> ExactMatrix:
                 f"{name}[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but {name}[0] is {read[0].shape[0]} x "
                 f"{read[0].shape[1]}; all matrices of a family must have one size."
             )
-    return as_stack(read)
+    return Matrix.stack(read)
 
 
 def _common(
-    matrices: ExactMatrix, max_rays: int | None, discrete: bool, effort: Effort, report: Callable[[str], None]
+    matrices: Matrix, max_rays: int | None, discrete: bool, effort: Effort, report: Callable[[str], None]
 ) -> FoundCone:
-    bound = max(lower_bound(pick(matrices, s), discrete=discrete) for s in range(matrices.shape[0]))
+    bound = max(lower_bound(matrices[s], discrete=discrete) for s in range(matrices.shape[0]))
     certificate, separators, conditioning, best = find_common(
         matrices, discrete=discrete, max_rays=max_rays, effort=effort, report=report
     )
@@ -232,7 +222,7 @@ def _common(
 
 def _of_system(
     sys: StateSpace, contains: Any, within: Any, discrete: bool | None
-) -> tuple[ExactMatrix, ExactMatrix, ExactMatrix, bool]:
+) -> tuple[Matrix, Matrix, Matrix, bool]:
     """A, the vectors B u and the normals C'y of a system, and whether its time is discrete."""
     timed = sys.dt is not None and (sys.dt is True or sys.dt != 0)
     if discrete is not None and discrete != timed:
@@ -242,21 +232,21 @@ def _of_system(
     U, Y = getattr(sys, "U", None), getattr(sys, "Y", None)
     B, C = exact_matrix(sys.B, "B"), exact_matrix(sys.C, "C")
     if contains is None:
-        columns = transposed(B) if U is None else _product(plain(U.exact_rays), transposed(B))
+        columns = B.T if U is None else _product(U.exact_rays.plain(), B.T)
         contains = _nonzero(columns)
     if within is None:
-        rows = C if Y is None else _product(plain(Y.exact_facets), C)
+        rows = C if Y is None else _product(Y.exact_facets.plain(), C)
         within = _nonzero(rows)
     return matrix, _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets"), timed
 
 
-def _rows(data: Any, name: str, n: int, kind: str) -> ExactMatrix:
+def _rows(data: Any, name: str, n: int, kind: str) -> Matrix:
     """Vectors or normals, one a row, from an array or a cone; none if data is None."""
     if data is None:
-        return ExactMatrix(np.zeros((0, n)))
+        return Matrix.zeros(0, n)
     if isinstance(data, Cone):
         data = data.exact_rays if kind == "rays" else data.exact_facets
-    matrix = plain(exact_matrix(data, name))
+    matrix = exact_matrix(data, name).plain()
     if matrix.shape[1] != n:
         raise ConeMismatchError(
             f"{name} has vectors of size {matrix.shape[1]}, but A is {n} x {n}; give one vector of size {n} a row "
@@ -265,21 +255,21 @@ def _rows(data: Any, name: str, n: int, kind: str) -> ExactMatrix:
     return matrix
 
 
-def _product(left: ExactMatrix, right: ExactMatrix) -> ExactMatrix:
+def _product(left: Matrix, right: Matrix) -> Matrix:
     """Exact product of two matrices."""
-    return ExactMatrix.from_fractions(left.fractions() @ right.fractions())
+    return Matrix.from_fractions(left.fractions() @ right.fractions())
 
 
-def _nonzero(rows: ExactMatrix) -> ExactMatrix | None:
+def _nonzero(rows: Matrix) -> Matrix | None:
     """Rows that are not zero; None if there are none."""
     index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
-    return pick(rows, index) if index.size else None
+    return rows[index] if index.size else None
 
 
 def _with_ports(
-    A: ExactMatrix,
-    vectors: ExactMatrix,
-    normals: ExactMatrix,
+    A: Matrix,
+    vectors: Matrix,
+    normals: Matrix,
     max_rays: int | None,
     discrete: bool,
     report: Callable[[str], None],
@@ -304,19 +294,19 @@ def _with_ports(
     obstruction = spectral_obstruction(A, discrete=discrete) or port_obstruction(A, vectors, normals, discrete=discrete)
     if obstruction is not None:
         refuted = ConeCertificate.settle(
-            matrices=as_stack([A]), discrete=discrete, contains=vectors, within=normals, witness=obstruction
+            matrices=Matrix.stack([A]), discrete=discrete, contains=vectors, within=normals, witness=obstruction
         )
         return FoundCone(refuted, None, bound, np.inf)
     _require_rays(max_rays, bound)
     return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
 
 
-def _require_room(rows: ExactMatrix, name: str, kind: str, consequence: str) -> None:
+def _require_room(rows: Matrix, name: str, kind: str, consequence: str) -> None:
     """Raise if a combination of some rows with positive weights is zero."""
     index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
     if index.size < 2:
         return
-    some = pick(rows, index).fractions()
+    some = rows[index].fractions()
     try:
         weights, _ = exact_feasibility(np.vstack([some.T, np.ones(len(some), dtype=int)]), [0] * some.shape[1] + [1])
     except TooLargeError:  # a contradiction would only have ended a search that cannot succeed
@@ -341,16 +331,16 @@ def _too_few(max_rays: int | None, bound: int) -> DataError:
     )
 
 
-def square(data: Any, name: str) -> ExactMatrix:
+def square(data: Any, name: str) -> Matrix:
     """Read a square matrix."""
     matrix = exact_matrix(data, name)
     if matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         raise ShapeError(f"{name} is {matrix.shape[0]} x {matrix.shape[1]}; it must be square and not empty.")
-    return ExactMatrix(matrix.values.toarray()) if matrix.is_sparse else matrix
+    return Matrix(matrix.values.toarray()) if matrix.is_sparse else matrix
 
 
 def _one(
-    A: ExactMatrix,
+    A: Matrix,
     max_rays: int | None,
     discrete: bool,
     by_facets: bool,
@@ -358,7 +348,7 @@ def _one(
     report: Callable[[str], None],
 ) -> FoundCone:
     bound = lower_bound(A, discrete=discrete)
-    searched = transposed(A) if by_facets else A
+    searched = A.T if by_facets else A
     if max_rays is not None and max_rays < bound:
         certificate, separators, conditioning = None, None, np.inf
     else:
@@ -369,12 +359,12 @@ def _one(
                     certificate, separators, conditioning = prove_exactly(searched, rays, pointing, discrete=False)
         if not certificate and max_rays is not None:  # the modes need more: turn and move rays instead
             certificate, separators, conditioning, _ = find_common(
-                as_stack([searched]), discrete=discrete, max_rays=max_rays, effort=effort, report=report
+                Matrix.stack([searched]), discrete=discrete, max_rays=max_rays, effort=effort, report=report
             )
     if certificate is None or not certificate:
         obstruction = spectral_obstruction(A, discrete=discrete)
         if obstruction is not None:
-            refuted = ConeCertificate.settle(matrices=as_stack([A]), discrete=discrete, witness=obstruction)
+            refuted = ConeCertificate.settle(matrices=Matrix.stack([A]), discrete=discrete, witness=obstruction)
             return FoundCone(refuted, None, bound, np.inf)
     if certificate is None:
         raise _too_few(max_rays, bound)
@@ -383,12 +373,12 @@ def _one(
     cone: Cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
     if by_facets:
         cone = cone.dual
-        data = {**certificate.data(), "matrices": as_stack([A]), "by_facets": True, "v": None}
+        data = {**certificate.data(), "matrices": Matrix.stack([A]), "by_facets": True, "v": None}
         certificate = ConeCertificate.settle(**data)
     return FoundCone(certificate, cone, bound, conditioning)
 
 
-def lower_bound(A: ExactMatrix, *, discrete: bool) -> int:
+def lower_bound(A: Matrix, *, discrete: bool) -> int:
     """Least number of rays (and of facets) of an invariant polyhedral cone, from the spectrum."""
     values = eigenvalues(A)
     first = dominant_index(values, discrete=discrete)

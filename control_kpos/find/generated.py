@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ..cones import PolyhedralCone
 from ..exact.enclosure import Generators
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 
 # More generators are not compared with each other.
@@ -25,12 +25,12 @@ class GeneratedCone(PolyhedralCone):
     """
 
     @property
-    def exact_rays(self) -> ExactMatrix:
+    def exact_rays(self) -> Matrix:
         """Generators as exact data."""
         return self._faces.rays if self._is_swapped else self._conversion.generators
 
     @property
-    def exact_facets(self) -> ExactMatrix:
+    def exact_facets(self) -> Matrix:
         """Facet normals as exact data."""
         return self._conversion.generators if self._is_swapped else self._faces.facets
 
@@ -60,13 +60,13 @@ class GeneratedCone(PolyhedralCone):
 
 
 def proper_cone(
-    rays: ExactMatrix, separators: NDArray[np.float64] | None, right_inverse: NDArray[np.float64]
+    rays: Matrix, separators: NDArray[np.float64] | None, right_inverse: NDArray[np.float64]
 ) -> PolyhedralCone:
     """The cone of generators that are already proven to span a proper cone.
 
     Parameters
     ----------
-    rays : ExactMatrix, shape (N, n)
+    rays : Matrix, shape (N, n)
     separators : ndarray, shape (N, n), or None
         Row i should be negative on generator i and positive on all others, which proves generator i
         extreme.  Where this fails, or without them, a cone of few generators finds redundant ones by enumeration
@@ -82,18 +82,18 @@ def proper_cone(
     point = weights @ values
     weights = np.ldexp(weights, -np.frexp(np.abs(point).max())[1])
     point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
-    column = (ExactMatrix(np.eye(rays.shape[1])), ExactMatrix(point[None, :]))
+    column = (Matrix.identity(rays.shape[1]), Matrix(point[None, :]))
     everywhere = np.ones((len(values), 1), dtype=bool)
-    inside = Generators(rays, right_inverse).combination("x = R q", [column], ExactMatrix(weights[:, None]), everywhere)
+    inside = Generators(rays, right_inverse).combination("x = R q", [column], Matrix(weights[:, None]), everywhere)
     if inside.verdict() and (inside.lower > 0).all():
         point.flags.writeable = False
         vars(cone)["_interior_point"] = point  # cones refuse to be changed from outside
     return cone
 
 
-def _are_extreme(rays: ExactMatrix, separators: NDArray[np.float64] | None) -> bool:
+def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:
     """Whether every separator is proven to single out its generator."""
     if separators is None or not rays.shape[0] == len(separators) <= _COMPARED:
         return False
-    signs = BilinearForms(ExactMatrix(separators), None, rays).signs()
+    signs = BilinearForms(Matrix(separators), None, rays).signs()
     return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))

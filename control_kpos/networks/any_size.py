@@ -24,19 +24,13 @@ from numpy.typing import ArrayLike
 
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.condition import Condition, all_hold
-from ..exact.intake import real_number
-from ..exact.matrix import (
-    ExactMatrix,
-    concatenate,
-    exact_matrix,
-    require_shape,
-    vector,
-)
+from ..exact.intake import exact_matrix, real_number, require_shape, vector
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Status
 from ..proof.weights import exact_vector
 from ..systems.statespace import ConeStateSpace
-from ..theorems.stability import LyapunovCertificate, transpose
+from ..theorems.stability import LyapunovCertificate
 from . import conditions as on
 from .blocks import Floats, Index
 from .certificate import NetworkCertificate, flat, per_node
@@ -134,8 +128,8 @@ class OutWeightCertificate(Certificate):
     def _bounds_rows(self, model: NetworkModel) -> bool:
         """Weights of the links that enter a node sum to at most `weight`."""
         n = model.n_nodes
-        table = concatenate([transpose(model.coupling), ExactMatrix(np.full((1, n), -self.weight))], -2)
-        forms = BilinearForms(ExactMatrix(np.ones((1, n + 1))), table, ExactMatrix(sp.eye_array(n, format="csr")))
+        table = Matrix.join([model.coupling.T, Matrix(np.full((1, n), -self.weight))], -2)
+        forms = BilinearForms(Matrix(np.ones((1, n + 1))), table, Matrix(sp.eye_array(n, format="csr")))
         return Condition("sum of in-weights <= weight", forms, "<=").verdict() is True
 
     def interconnect(self, coupling: Any, types: Sequence[int] | None = None, name: str | None = None) -> ConeNetwork:
@@ -172,7 +166,7 @@ class OutWeightCertificate(Certificate):
                 plain = NodeStack(s.A, s.B, s.C, s.D, s.X, s.U, s.Y, s.dt)
                 stacks.append(plain.take(place[kinds[chosen]]))
                 members.append(chosen)
-        empty = NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array((0, 0))), local.dt)
+        empty = NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array((0, 0))), local.dt)
         return empty.with_coupling(read_coupling(coupling, empty)), kinds
 
     def _spread(self, kinds: Index) -> list[Any]:
@@ -267,7 +261,7 @@ def scale_free_certificate(
     stacks, members, dt = gather(nodes, "nodes")
     count = sum(len(s) for s in stacks)
     shape = _link(stacks, count, link)
-    bare = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+    bare = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
     if weight is None:
         gains = PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G
         loops = [
@@ -276,7 +270,7 @@ def scale_free_certificate(
         top = float(max(loops))
         weight = (1 - 1e-9) / top if np.isfinite(top) and top > 0 else 1.0
     weight = real_number(weight, "weight", nonnegative=True)
-    model = bare.with_coupling(ExactMatrix(sp.csr_array(np.kron(np.eye(count), weight * shape))))
+    model = bare.with_coupling(Matrix(sp.csr_array(np.kron(np.eye(count), weight * shape))))
     if count == 1:
         local = certify(model)
     else:
@@ -298,7 +292,7 @@ def out_weight_certificate(node: ConeStateSpace, weight: float, proof: LyapunovC
         Of A + weight * B C; its v and decay rate become those of the networks.
     """
     stacks, members, dt = gather(node, "node")
-    model = NetworkModel(stacks, members, ExactMatrix(sp.csr_array([[weight]])), 0 if dt is None else dt)
+    model = NetworkModel(stacks, members, Matrix(sp.csr_array([[weight]])), 0 if dt is None else dt)
     v = exact_vector(proof.v, proof.v_exact)
     r = v @ stacks[0].B.fractions()[0]
     vectors, exact = with_exact((v, r, -Fraction(weight) * r))

@@ -3,79 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import lcm
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..exact.matrix import ExactMatrix, Matrix, rounding_radius
+from ..exact.matrix import Doubles, Matrix
 
 Floats: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
-
-
-def exact_block(matrices: Sequence[ExactMatrix], axis: int) -> ExactMatrix:
-    """Concatenate dense exact matrices or stacks of them; leading dimensions broadcast.
-
-    Parameters
-    ----------
-    matrices : sequence of ExactMatrix
-        Dense; none with row factors of its own.
-    axis : int
-        -2 below each other, -1 beside each other, 0 for stacks behind each other.
-    """
-    lead = np.broadcast_shapes(*(m.shape[:-2] for m in matrices)) if axis < 0 else None
-
-    def widen(a: Any) -> Any:
-        return a if lead is None else np.broadcast_to(a, lead + a.shape[-2:])
-
-    values = np.concatenate([widen(m.values) for m in matrices], axis=axis)
-    if all(m.is_double for m in matrices):
-        return ExactMatrix(values)
-    pairs = [m.as_integers() for m in matrices]
-    common = lcm(*(factor.denominator for _, factor in pairs))
-    numerators = [ints * int(factor * common) for ints, factor in pairs]
-    radius = np.concatenate(
-        [widen(np.zeros(m.shape) if m.radius is None else np.asarray(m.radius)) for m in matrices], axis=axis
-    )
-    return ExactMatrix(values, radius, np.concatenate([widen(k) for k in numerators], axis=axis), common)
-
-
-def exact_stack(matrices: Sequence[ExactMatrix]) -> ExactMatrix:
-    """Two-dimensional dense exact matrices of one shape as a stack (N, r, c)."""
-    if all(m.is_double for m in matrices):
-        return ExactMatrix(np.array([m.values for m in matrices]))
-    raised = [_lifted(m) for m in matrices]
-    return exact_block(raised, axis=0)
-
-
-def _lifted(m: ExactMatrix) -> ExactMatrix:
-    values = np.asarray(m.values)[None]
-    if m.is_double:
-        return ExactMatrix(values)
-    ints, factor = m.as_integers()
-    if factor.numerator != 1:
-        ints = ints * factor.numerator
-    return ExactMatrix(
-        values, rounding_radius(values) if m.radius is None else m.radius[None], ints[None], factor.denominator
-    )
-
-
-def exact_take(m: ExactMatrix, index: Any) -> ExactMatrix:
-    """m[index] for a stack, with everything known about it."""
-    return ExactMatrix(
-        m.values[index],
-        None if m.radius is None else m.radius[index],
-        None if m.numerators is None else m.numerators[index],
-        m.denominator,
-    )
-
-
-def is_zero(m: ExactMatrix) -> bool:
-    """True if every entry is exactly zero."""
-    return m.is_double and not np.any(m.values.data if m.is_sparse else m.values)
 
 
 def inverse(stack: Floats) -> Floats:
@@ -162,7 +99,7 @@ def _in_order(index: Index) -> bool:
     )
 
 
-def nonzero_blocks(M: Matrix, row_owner: Index, column_owner: Index) -> tuple[Index, Index]:
+def nonzero_blocks(M: Doubles, row_owner: Index, column_owner: Index) -> tuple[Index, Index]:
     """Pairs (j, k) of blocks that hold a nonzero entry."""
     coo = sp.coo_array(M)
     keep = coo.data != 0
@@ -172,12 +109,12 @@ def nonzero_blocks(M: Matrix, row_owner: Index, column_owner: Index) -> tuple[In
     return pairs // width, pairs % width
 
 
-def take_blocks(M: ExactMatrix, rows: Index, columns: Index) -> ExactMatrix:
+def take_blocks(M: Matrix, rows: Index, columns: Index) -> Matrix:
     """Blocks M[rows_b, columns_b] as a stack: rows (K, r), columns (K, c) -> (K, r, c)."""
     if not M.is_sparse:
-        return exact_take(M, (rows[:, :, None], columns[:, None, :]))
+        return M[rows[:, :, None], columns[:, None, :]]
     r, c = np.broadcast_arrays(rows[:, :, None], columns[:, None, :])
     if r.size == 0:
-        return ExactMatrix(np.zeros(r.shape))
+        return Matrix(np.zeros(r.shape))
     flat = sp.csr_array(M.values)[r.flatten(), c.flatten()]  # copies: older scipy writes into indices
-    return ExactMatrix(np.asarray(flat.todense() if sp.issparse(flat) else flat, dtype=float).reshape(r.shape))
+    return Matrix(np.asarray(flat.todense() if sp.issparse(flat) else flat, dtype=float).reshape(r.shape))

@@ -21,7 +21,7 @@ from ..exact.matrix import HALF_ULP
 from ..proof.certificate import Status
 from ..theorems.positivity import settle_positivity
 from . import conditions as on
-from .blocks import Floats, Index, exact_take
+from .blocks import Floats, Index
 from .certificate import NetworkCertificate, per_node
 from .model import NetworkModel
 from .spectrum.descent import (
@@ -212,7 +212,7 @@ def refuted_node(model: NetworkModel, node: int) -> NetworkCertificate:
     """The certificate refuted by the worst violation inside a node."""
     g, place = model.locate(node)
     s = model.stacks[g]
-    a, b, c, d = (exact_take(m, place) for m in (s.A, s.B, s.C, s.D))
+    a, b, c, d = (m[place] for m in (s.A, s.B, s.C, s.D))
     part = settle_positivity(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
     return NetworkCertificate.settle(model=model, witness=NodeViolation(node, part.witness))
 

@@ -16,20 +16,9 @@ from numpy.typing import NDArray
 from ..cones import Cone, Orthant
 from ..errors import UndecidedError
 from ..exact.condition import Condition
-from ..exact.matrix import ExactMatrix
-from ..exact.rows import dense_rows
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..theorems.stability import transpose
-from .blocks import (
-    Floats,
-    Index,
-    block_diagonal,
-    exact_block,
-    exact_take,
-    is_zero,
-    nonzero_blocks,
-    take_blocks,
-)
+from .blocks import Floats, Index, block_diagonal, nonzero_blocks, take_blocks
 from .model import NetworkModel, NodeStack
 
 STATE, INPUT, OUTPUT, DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
@@ -49,14 +38,14 @@ _EXACT_ENTRIES = 10**6
 class StackedForms(BilinearForms):
     """Bilinear forms on a long stack, evaluated piece by piece."""
 
-    def __init__(self, left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> None:
+    def __init__(self, left: Matrix, middle: Matrix | None, right: Matrix) -> None:
         super().__init__(left, middle, right)
         operands = (left, middle, right)
         count = max(m.shape[0] for m in operands if m is not None and len(m.shape) == 3)
         self._pieces = []
         for start in range(0, count, _CHUNK):
             part = slice(start, start + _CHUNK)
-            cut = [m if m is None or len(m.shape) < 3 or m.shape[0] == 1 else exact_take(m, part) for m in operands]
+            cut = [m if m is None or len(m.shape) < 3 or m.shape[0] == 1 else m[part] for m in operands]
             self._pieces.append((part, BilinearForms(cut[0], cut[1], cut[2])))  # type: ignore[arg-type]
 
     @cached_property
@@ -76,7 +65,7 @@ class StackedForms(BilinearForms):
         return np.concatenate([forms.signs(wanted, integers=integers) for wanted, (_, forms) in parts])
 
 
-def stacked(left: ExactMatrix, middle: ExactMatrix | None, right: ExactMatrix) -> BilinearForms:
+def stacked(left: Matrix, middle: Matrix | None, right: Matrix) -> BilinearForms:
     """Bilinear forms on stacks of any length."""
     count = max((m.shape[0] for m in (left, middle, right) if m is not None and len(m.shape) == 3), default=0)
     return (StackedForms if count > 2 * _CHUNK else BilinearForms)(left, middle, right)
@@ -87,19 +76,19 @@ def titled(name: str, model: NetworkModel, g: int) -> str:
     return name if len(model.stacks) == 1 else f"{name} [stack {g}]"
 
 
-def exact(vectors: Any) -> ExactMatrix:
+def exact(vectors: Any) -> Matrix:
     """An array of doubles or fractions as exact data."""
-    return ExactMatrix.from_fractions(vectors) if vectors.dtype == object else ExactMatrix(vectors)
+    return Matrix.from_fractions(vectors) if vectors.dtype == object else Matrix(vectors)
 
 
-def rays(cone: Cone) -> ExactMatrix:
+def rays(cone: Cone) -> Matrix:
     """Generators in dense form."""
-    return dense_rows(cone.exact_rays)
+    return cone.exact_rays.dense()
 
 
-def facets(cone: Cone) -> ExactMatrix:
+def facets(cone: Cone) -> Matrix:
     """Facet normals in dense form."""
-    return dense_rows(cone.exact_facets)
+    return cone.exact_facets.dense()
 
 
 def positivity(model: NetworkModel, g: int) -> list[Condition]:
@@ -110,16 +99,16 @@ def positivity(model: NetworkModel, g: int) -> list[Condition]:
     where = None if model.discrete else np.broadcast_to(s.X.incidence, (len(s), s.X.n_facets, s.X.n_rays))
     out.append(Condition(titled(STATE, model, g), state, ">=", where))
     for name, target, matrix, source in ((INPUT, s.X, s.B, s.U), (OUTPUT, s.Y, s.C, s.X), (DIRECT, s.Y, s.D, s.U)):
-        if not (name == DIRECT and is_zero(s.D)):
+        if not (name == DIRECT and s.D.is_zero):
             out.append(Condition(titled(name, model, g), stacked(facets(target), _shared(matrix), rays(source)), ">="))
     return out
 
 
-def _shared(stack: ExactMatrix) -> ExactMatrix:
+def _shared(stack: Matrix) -> Matrix:
     """A stack of equal matrices as one matrix, since equal nodes need no separate proof."""
     values = stack.values
     if stack.is_double and len(values) > 1 and not values.strides[0]:
-        return ExactMatrix(values[:1])
+        return Matrix(values[:1])
     return stack
 
 
@@ -141,10 +130,8 @@ def coupling_pairs(model: NetworkModel) -> list[tuple[int, int, Index, Index]]:
 def coupling(model: NetworkModel) -> list[Condition]:
     """(I): h'W_jk y >= 0 for facets h of U_j and generators y of Y_k, on the nonzero blocks of W."""
     if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
-        entries = ExactMatrix(model.coupling.values.data[None, :])
-        return [
-            Condition(COUPLING, BilinearForms(ExactMatrix(np.ones((1, 1))), None, ExactMatrix(entries.values.T)), ">=")
-        ]
+        entries = Matrix(model.coupling.values.data[None, :])
+        return [Condition(COUPLING, BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(entries.values.T)), ">=")]
     out = []
     for gj, gk, j, k in coupling_pairs(model):
         u0, y0 = model.offsets[1], model.offsets[2]
@@ -169,15 +156,15 @@ def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bo
     left, middle = [v], [s.A]
     if discrete:
         left.append(v)
-        middle.append(ExactMatrix(-np.eye(n)[None]))
+        middle.append(Matrix(-np.eye(n)[None]))
     if rate:
         left.append(v)
-        middle.append(ExactMatrix(rate * np.eye(n)[None]))
+        middle.append(Matrix(rate * np.eye(n)[None]))
     if np.any(q):
         left.append(-q)
         middle.append(s.C)
     row = exact(np.concatenate(left, axis=1)[:, None, :])
-    return stacked(row, exact_block(middle, axis=-2), rays(s.X))
+    return stacked(row, Matrix.join(middle, -2), rays(s.X))
 
 
 def decrease(model: NetworkModel, g: int, v: Floats, q: Floats, rate: float, *, discrete: bool) -> Condition:
@@ -191,44 +178,44 @@ def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: s
     """(v_j'B_j - r_j' - q_j'D_j) u <= 0 on the generators of U_j."""
     s = model.stacks[g]
     m = s.sizes[1]
-    left, middle = [v, r], [s.B, ExactMatrix(-np.eye(m)[None])]
-    if not is_zero(s.D):
+    left, middle = [v, r], [s.B, Matrix(-np.eye(m)[None])]
+    if not s.D.is_zero:
         left.append(-q)
         middle.append(s.D)
     row = exact(np.concatenate(left, axis=1)[:, None, :])
-    return Condition(titled(name, model, g), stacked(row, exact_block(middle, axis=-2), rays(s.U)), "<=")
+    return Condition(titled(name, model, g), stacked(row, Matrix.join(middle, -2), rays(s.U)), "<=")
 
 
 def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
     """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
     s = model.stacks[g]
     row = exact(np.concatenate([p, t], axis=1)[:, None, :])
-    middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[1])[None])], axis=-2)
+    middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[1])[None])], -2)
     return Condition(titled(LOOP_DIRECT, model, g), stacked(row, middle, rays(s.U)), "<=")
 
 
-def output_generators(model: NetworkModel) -> ExactMatrix:
+def output_generators(model: NetworkModel) -> Matrix:
     """Generators of the product of the Y_k as sparse rows of length sum q_k."""
     return _rows_of_product(model, [(s.Y, rays(s.Y)) for s in model.stacks], 2)
 
 
-def input_facets(model: NetworkModel) -> ExactMatrix:
+def input_facets(model: NetworkModel) -> Matrix:
     """Facet normals of the product of the U_j as sparse rows."""
     return _rows_of_product(model, [(s.U, facets(s.U)) for s in model.stacks], 1)
 
 
-def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, ExactMatrix]], kind: int) -> ExactMatrix:
+def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind: int) -> Matrix:
     """Generators or facets of all nodes as rows over all inputs (kind 1) or outputs (kind 2)."""
     size = model.totals[kind]
     if all(isinstance(cone, Orthant) for cone, _ in cones):
-        return ExactMatrix(sp.eye_array(size, format="csr"))
+        return Matrix(sp.eye_array(size, format="csr"))
     parts, count = [], 0
     for (_, R), s, places in zip(cones, model.stacks, model.places, strict=True):
         rows = count + np.arange(len(s) * R.shape[0]).reshape(len(s), R.shape[0])
         parts.append((np.broadcast_to(R.values, (len(s), *R.shape)), rows, places[kind]))
         count += rows.size
     if all(R.is_double for _, R in cones):
-        return ExactMatrix(block_diagonal(parts, (count, size)))
+        return Matrix(block_diagonal(parts, (count, size)))
     if count * size > _EXACT_ENTRIES:
         raise UndecidedError(
             "large networks need cones with generators and facets that are doubles; give them with integer generators."
@@ -236,7 +223,7 @@ def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, ExactMatrix]],
     out = np.zeros((count, size), dtype=object)
     for (_, R), (_, rows, columns) in zip(cones, parts, strict=True):
         out[rows[:, :, None], columns[:, None, :]] = R.rows_as_integers(np.arange(R.shape[0]))
-    return ExactMatrix.from_fractions(out)
+    return Matrix.from_fractions(out)
 
 
 def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> BilinearForms:
@@ -246,21 +233,21 @@ def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | Non
     Q = model.totals[2]
     if sigma is None or (sigma == 1).all():
         if model.coupling.is_double:
-            middle = ExactMatrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
+            middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
         else:
-            middle = exact_block([ExactMatrix(np.eye(Q)), _dense(model.coupling)], axis=-2)
+            middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
         return BilinearForms(exact(left), middle, generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
     weights = np.concatenate([sigma[model.owners(2)], sigma[model.owners(1)]])[None, :]
-    diagonal = ExactMatrix(sp.csr_array(sp.diags_array(left[0])))
+    diagonal = Matrix(sp.csr_array(sp.diags_array(left[0])))
     if all(isinstance(s.Y, Orthant) for s in model.stacks) and model.coupling.is_double:
-        right = ExactMatrix(sp.csr_array(sp.hstack([sp.eye_array(Q, format="csr"), model.WT], format="csr")))
+        right = Matrix(sp.csr_array(sp.hstack([sp.eye_array(Q, format="csr"), model.WT], format="csr")))
     else:
         right = _exact_image(generators, model.coupling)
-    return BilinearForms(ExactMatrix(weights), diagonal, right)
+    return BilinearForms(Matrix(weights), diagonal, right)
 
 
-def _exact_image(generators: ExactMatrix, coupling: ExactMatrix) -> ExactMatrix:
+def _exact_image(generators: Matrix, coupling: Matrix) -> Matrix:
     """Rows [y', (W y)'] in rational arithmetic."""
     Y, W = _dense(generators), _dense(coupling)
     if Y.shape[0] * W.shape[0] * W.shape[1] > 10**7:
@@ -269,11 +256,11 @@ def _exact_image(generators: ExactMatrix, coupling: ExactMatrix) -> ExactMatrix:
             "supply rates."
         )
     y, w = Y.fractions(), W.fractions()
-    return ExactMatrix.from_fractions(np.concatenate([y, y @ w.T], axis=1))
+    return Matrix.from_fractions(np.concatenate([y, y @ w.T], axis=1))
 
 
-def _dense(m: ExactMatrix) -> ExactMatrix:
-    return ExactMatrix(m.values.toarray()) if m.is_sparse else m
+def _dense(m: Matrix) -> Matrix:
+    return Matrix(m.values.toarray()) if m.is_sparse else m
 
 
 def supply_by_node(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> BilinearForms:
@@ -282,10 +269,10 @@ def supply_by_node(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> Bili
     nodes = np.concatenate([model.owners(2), model.owners(1)])
     left = sp.csr_array((np.concatenate([q, r]), (nodes, np.arange(Q + M))), shape=(model.n_nodes, Q + M))
     if model.coupling.is_double:
-        middle = ExactMatrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
+        middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
     else:
-        middle = exact_block([ExactMatrix(np.eye(Q)), _dense(model.coupling)], axis=-2)
-    return BilinearForms(ExactMatrix(left), middle, ExactMatrix(y[None, :]))
+        middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
+    return BilinearForms(Matrix(left), middle, Matrix(y[None, :]))
 
 
 def balance(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> Condition:
@@ -312,16 +299,16 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
         middle = [s.A, s.B]
         if rate:
             row.append(x_g)
-            middle.append(ExactMatrix(-rate * np.eye(s.sizes[0])[None]))
+            middle.append(Matrix(-rate * np.eye(s.sizes[0])[None]))
         right = exact(np.concatenate(row, axis=1)[:, None, :])
         yield Condition(
             titled("h'(A x + B u - rate x) >= 0", model, g),
-            stacked(facets(s.X), exact_block(middle, -1), right),
+            stacked(facets(s.X), Matrix.join(middle, -1), right),
             ">=",
         )
         if s.sizes[2]:
             right = exact(np.concatenate([x_g, u_g, y_g], axis=1)[:, None, :])
-            middle = exact_block([s.C, s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
+            middle = Matrix.join([s.C, s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
             yield Condition(titled("h'(C x + D u - y) >= 0", model, g), stacked(facets(s.Y), middle, right), ">=")
     yield received(model, u, y)
 
@@ -337,10 +324,8 @@ def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
     """h'(W y - u) >= 0 for every facet h of every U_j."""
     right = exact(np.concatenate([y, u])[None, :])
     if model.coupling.is_double:
-        middle = ExactMatrix(
-            sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr"))
-        )
+        middle = Matrix(sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr")))
     else:
-        middle = exact_block([_dense(model.coupling), ExactMatrix(-np.eye(model.totals[1]))], axis=-1)
+        middle = Matrix.join([_dense(model.coupling), Matrix(-np.eye(model.totals[1]))], -1)
     left = input_facets(model)
-    return Condition("h'(W y - u) >= 0", BilinearForms(right, transpose(middle), left), ">=")
+    return Condition("h'(W y - u) >= 0", BilinearForms(right, middle.T, left), ">=")

@@ -8,12 +8,12 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ConeMismatchError, DataError, ShapeError
-from ..exact.intake import dimensions
-from ..exact.matrix import ExactMatrix, exact_matrix, sparse_matrix
+from ..exact.intake import dimensions, exact_matrix, sparse_matrix
+from ..exact.matrix import Matrix
 from .model import NetworkModel
 
 
-def read_coupling(coupling: Any, model: NetworkModel) -> ExactMatrix:
+def read_coupling(coupling: Any, model: NetworkModel) -> Matrix:
     """W in u = W y as exact data of the size the nodes ask for.
 
     Parameters
@@ -33,13 +33,13 @@ def read_coupling(coupling: Any, model: NetworkModel) -> ExactMatrix:
     if is_graph(coupling):
         return _from_graph(coupling, model)
     if sp.issparse(coupling):
-        out = ExactMatrix(sparse_matrix(coupling, "coupling"))
+        out = Matrix(sparse_matrix(coupling, "coupling"))
     elif _has_blocks(coupling):
         out = _from_blocks(coupling, model)
     else:
         out = exact_matrix(coupling, "coupling")
         if out.is_double:
-            out = ExactMatrix(sp.csr_array(out.values))
+            out = Matrix(sp.csr_array(out.values))
     _, m, q = model.totals
     if out.shape != (m, q):
         raise ConeMismatchError(
@@ -64,7 +64,7 @@ def is_graph(coupling: Any) -> bool:
     return all(hasattr(kind, name) for name in ("is_multigraph", "is_directed", "edges", "nodes"))
 
 
-def _from_graph(graph: Any, model: NetworkModel) -> ExactMatrix:
+def _from_graph(graph: Any, model: NetworkModel) -> Matrix:
     """Edge j -> k of weight w: y_j feeds u_k."""
     if graph.is_multigraph():
         raise DataError(
@@ -107,7 +107,7 @@ def _from_graph(graph: Any, model: NetworkModel) -> ExactMatrix:
     if not values.is_double:
         raise DataError("edge weights must be doubles; give exact fractions as a matrix.")
     size = (model.n_nodes, model.n_nodes)
-    return ExactMatrix(sparse_matrix(sp.coo_array((values.values, (rows, columns)), shape=size), "coupling"))
+    return Matrix(sparse_matrix(sp.coo_array((values.values, (rows, columns)), shape=size), "coupling"))
 
 
 def _has_blocks(coupling: Any) -> bool:
@@ -117,7 +117,7 @@ def _has_blocks(coupling: Any) -> bool:
     return any(b is None or sp.issparse(b) or (not isinstance(b, str) and dimensions(b) == 2) for b in entries)
 
 
-def _from_blocks(coupling: Any, model: NetworkModel) -> ExactMatrix:
+def _from_blocks(coupling: Any, model: NetworkModel) -> Matrix:
     """Blocks W[j][k] of shape (m_j, q_k); None and 0 stand for zeros."""
     n = model.n_nodes
     if len(coupling) != n or any(len(row) != n for row in coupling):
@@ -133,7 +133,7 @@ def _from_blocks(coupling: Any, model: NetworkModel) -> ExactMatrix:
             if block is None or (dimensions(block) == 0 and not sp.issparse(block) and block == 0):
                 continue
             name = f"coupling[{j}][{k}]"
-            exact = ExactMatrix(sparse_matrix(block, name)) if sp.issparse(block) else exact_matrix(block, name)
+            exact = Matrix(sparse_matrix(block, name)) if sp.issparse(block) else exact_matrix(block, name)
             if exact.shape != (m[j], q[k]):
                 raise ConeMismatchError(
                     f"{name} is {exact.shape[0]} x {exact.shape[1]}, but {model.name_of(j)} has {m[j]} inputs and "
@@ -146,8 +146,8 @@ def _from_blocks(coupling: Any, model: NetworkModel) -> ExactMatrix:
             columns.append(coo.coords[1] + model.offsets[2][k])
             data.append(coo.data)
     if not data:
-        return ExactMatrix(sp.csr_array((model.totals[1], model.totals[2])))
+        return Matrix(sp.csr_array((model.totals[1], model.totals[2])))
     at = (np.concatenate(rows), np.concatenate(columns))
-    return ExactMatrix(
+    return Matrix(
         sparse_matrix(sp.coo_array((np.concatenate(data), at), shape=(model.totals[1], model.totals[2])), "coupling")
     )

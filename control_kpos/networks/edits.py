@@ -25,16 +25,11 @@ from ..errors import (
     TimebaseError,
 )
 from ..exact.condition import all_hold
-from ..exact.intake import found
-from ..exact.matrix import ExactMatrix, exact_matrix
+from ..exact.intake import exact_matrix, found
+from ..exact.matrix import Matrix
 from ..proof.certificate import Status
 from . import conditions as on
-from .blocks import (
-    Floats,
-    apply,
-    inverse,
-    is_zero,
-)
+from .blocks import Floats, apply, inverse
 from .certificate import NetworkCertificate, flat, per_node
 from .certify import nudge, provable_rate, supply_rates
 from .model import NetworkModel, NodeStack, same_timebase
@@ -203,9 +198,9 @@ class Overlay:
         failed = replace(self, covered=False)
         into, out_of = self.links(identity, True), self.links(identity, False)
         stack = self.node(identity).stack
-        if not self.covered or identity in into or not is_zero(stack.D):
+        if not self.covered or identity in into or not stack.D.is_zero:
             return failed
-        if any(not is_zero(self.node(k).stack.D) for k in into):
+        if any(not self.node(k).stack.D.is_zero for k in into):
             return failed
         h = sum((block.T @ self.node(j).r for j, block in out_of.items()), np.zeros(stack.sizes[2]))
         least = 1.0 if self.base.model.discrete else 0.0
@@ -224,7 +219,7 @@ class Overlay:
         if not np.isfinite(v).all():
             return None
         stack = self.node(identity).stack
-        alone = NetworkModel((stack,), (np.array([0]),), ExactMatrix(sp.csr_array((stack.sizes[1], stack.sizes[2]))))
+        alone = NetworkModel((stack,), (np.array([0]),), Matrix(sp.csr_array((stack.sizes[1], stack.sizes[2]))))
         _, r, _ = supply_rates(alone, v.ravel())
         nodes = {**self.nodes, identity: LocalNode(stack, v.ravel(), r, np.zeros(stack.sizes[2]))}
         trial = replace(self, nodes=nodes)
@@ -239,7 +234,7 @@ class Overlay:
         rates = []
         for k in (identity, *self.links(identity, True)):
             local = nodes[k]
-            model = NetworkModel((local.stack,), (np.array([0]),), ExactMatrix(sp.csr_array(local.stack.sizes[1:])))
+            model = NetworkModel((local.stack,), (np.array([0]),), Matrix(sp.csr_array(local.stack.sizes[1:])))
             rates.append(provable_rate(model, local.v, local.q, discrete=self.base.model.discrete))
         rate = min(*rates, self.decay_rate) if rates else self.decay_rate
         return replace(trial, decay_rate=rate) if rate > 0 else None
@@ -282,8 +277,8 @@ class Overlay:
         for k, local in self.nodes.items():
             stacks.append(local.stack)
             members.append(position[[k]])
-        empty = NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array((0, 0))), model.dt)
-        return empty.with_coupling(ExactMatrix(self._whole_coupling(empty, position)))
+        empty = NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array((0, 0))), model.dt)
+        return empty.with_coupling(Matrix(self._whole_coupling(empty, position)))
 
     def _whole_coupling(self, new: NetworkModel, position: Any) -> sp.csr_array:
         model = self.base.model
@@ -339,11 +334,11 @@ def assemble(nodes: list[LocalNode], links: list[tuple[int, int, Floats]], dt: A
     """A small network with one stack per node."""
     stacks = tuple(n.stack for n in nodes)
     members = tuple(np.array([i]) for i in range(len(nodes)))
-    empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), dt)
+    empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), dt)
     W = np.zeros(empty.totals[1:])
     for j, k, block in links:
         W[empty.offsets[1][j] : empty.offsets[1][j + 1], empty.offsets[2][k] : empty.offsets[2][k + 1]] = block
-    return empty.with_coupling(ExactMatrix(sp.csr_array(W)))
+    return empty.with_coupling(Matrix(sp.csr_array(W)))
 
 
 def model_links(model: NetworkModel, node: int, incoming: bool) -> Blocks:

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 from ..cones import Cone, product
 from ..errors import DataError
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..proof import weights as proofs
 from .blocks import Index, take_blocks
 from .model import NetworkModel, NodeStack
@@ -100,19 +100,19 @@ def product_cone(model: NetworkModel, kind: int) -> Cone:
     return product([cones[g] for g in stack])
 
 
-def _side_by_side(model: NetworkModel, name: str) -> ExactMatrix:
+def _side_by_side(model: NetworkModel, name: str) -> Matrix:
     """The block-diagonal matrix of all nodes, sparse; dense if the data are fractions."""
     rows, columns = _BLOCKS[name]
     stacks = [getattr(s, name) for s in model.stacks]
     if all(m.is_double for m in stacks):
-        return ExactMatrix(model.blocks([m.values for m in stacks], rows, columns))
+        return Matrix(model.blocks([m.values for m in stacks], rows, columns))
     shape = model.totals[rows], model.totals[columns]
     if shape[0] * shape[1] > _DENSE:
         raise DataError("networks given in decimals or fractions are written up to moderate size only.")
     out = np.full(shape, Fraction(0), dtype=object)
     for m, place in zip(stacks, model.places, strict=True):
         out[place[rows][:, :, None], place[columns][:, None, :]] = m.fractions()
-    return ExactMatrix.from_fractions(out)
+    return Matrix.from_fractions(out)
 
 
 def _same_blocks(model: NetworkModel, contents: dict[str, Any]) -> bool:
@@ -124,7 +124,7 @@ def _same_blocks(model: NetworkModel, contents: dict[str, Any]) -> bool:
     return True
 
 
-def _count(m: ExactMatrix) -> int:
+def _count(m: Matrix) -> int:
     if m.is_sparse:
         return int(sp.csr_array(m.values).count_nonzero())
     return int(np.count_nonzero(m.values if m.numerators is None else m.numerators))
@@ -206,9 +206,9 @@ def _first_ray(model: NetworkModel, kind: int, node: int) -> int:
 
 
 def _violation(
-    model: NetworkModel, name: str, normal: tuple[ExactMatrix, int, Index, int], target: Cone, ray: int
+    model: NetworkModel, name: str, normal: tuple[Matrix, int, Index, int], target: Cone, ray: int
 ) -> dict[str, Any]:
     facets, facet, offsets, node = normal
     row = np.zeros(target.dim, dtype=object)
     row[offsets[node] : offsets[node + 1]] = facets.rows_as_integers(np.array([facet]))[0]
-    return proofs.violation(name, ExactMatrix.from_fractions(row[None, :]), 0, ray)
+    return proofs.violation(name, Matrix.from_fractions(row[None, :]), 0, ray)

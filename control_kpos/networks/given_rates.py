@@ -11,8 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ShapeError
-from ..exact.intake import items
-from ..exact.matrix import ExactMatrix, vector
+from ..exact.intake import items, vector
+from ..exact.matrix import Matrix
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
 from ..proof.certificate import Status
@@ -189,16 +189,16 @@ def exact_weights(model: NetworkModel, q: Floats, r: Floats) -> Iterator[Proposa
     if height * model.n_nodes > _EXACT_ENTRIES:
         return
     generators = _fractions(on.output_generators(model))
-    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(ExactMatrix(q))[:, None], 0)
-    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(ExactMatrix(r))[:, None], 0)
+    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(Matrix(q))[:, None], 0)
+    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(Matrix(r))[:, None], 0)
     gains = generators @ (own + _fractions(model.coupling).T @ given)
     unit = np.array([[Fraction(int(i == j)) for j in range(height)] for i in range(height)], dtype=object)
     x, y = exact_feasibility(np.concatenate([gains, unit], axis=1), -gains.sum(axis=1))
     yield (None if x is None else _whole(x[: model.n_nodes] + 1)), (None if y is None else _whole(y @ generators))
 
 
-def _fractions(m: ExactMatrix) -> Any:
-    return (ExactMatrix(m.values.toarray()) if m.is_sparse else m).fractions()
+def _fractions(m: Matrix) -> Any:
+    return (Matrix(m.values.toarray()) if m.is_sparse else m).fractions()
 
 
 def _whole(x: Any) -> Floats | None:

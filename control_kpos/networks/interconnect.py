@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import ShapeError
 from ..exact.intake import places
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..systems.statespace import ConeStateSpace
 from .blocks import Index
 from .coupling import read_coupling
@@ -88,7 +88,7 @@ def feedback_interconnect(
     -1.8902
     """
     stacks, members, dt = gather(systems)
-    empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+    empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
     model = empty.with_coupling(read_coupling(coupling, empty))
     external = None
     if inputs is not None or outputs is not None:

@@ -22,16 +22,10 @@ from numpy.typing import NDArray
 
 from ..errors import ShapeError, TimebaseError
 from ..exact.intake import items
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..proof.files import register_record
 from ..systems.statespace import ConeStateSpace
-from .blocks import (
-    Floats,
-    Index,
-    block_diagonal,
-    exact_stack,
-    is_zero,
-)
+from .blocks import Floats, Index, block_diagonal
 from .nodes import NodeStack as NodeStack
 from .nodes import Timebase as Timebase
 
@@ -52,14 +46,14 @@ class NetworkModel:
     stacks : tuple of NodeStack
     members : tuple of ndarray of int
         Node numbers, one array per stack; together 0, ..., N-1.
-    coupling : ExactMatrix, shape (sum m_j, sum q_k)
+    coupling : Matrix, shape (sum m_j, sum q_k)
         W in u = W y + w; csr_array, or dense if the data are fractions.
     dt : float, bool or None
     """
 
     stacks: tuple[NodeStack, ...]
     members: tuple[Index, ...]
-    coupling: ExactMatrix
+    coupling: Matrix
     dt: Timebase = 0
 
     def __post_init__(self) -> None:
@@ -76,7 +70,7 @@ class NetworkModel:
     @cached_property
     def has_feedthrough(self) -> bool:
         """True unless every D is exactly zero."""
-        return not all(is_zero(s.D) for s in self.stacks)
+        return not all(s.D.is_zero for s in self.stacks)
 
     @cached_property
     def offsets(self) -> tuple[Index, Index, Index]:
@@ -198,7 +192,7 @@ class NetworkModel:
         """The nodes where `keep` is True and the links among them."""
         stacks, members = self.kept(keep, np.cumsum(keep) - 1)
         W = self.W[np.flatnonzero(keep[self.owners(1)])][:, np.flatnonzero(keep[self.owners(2)])]
-        return NetworkModel(tuple(stacks), tuple(members), ExactMatrix(sp.csr_array(W)), self.dt)
+        return NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array(W)), self.dt)
 
     def kept(self, keep: NDArray[np.bool_], position: Index) -> tuple[list[NodeStack], list[Index]]:
         """Stacks of the nodes where `keep` is True, and their new numbers."""
@@ -210,7 +204,7 @@ class NetworkModel:
                 members.append(position[index[chosen]])
         return stacks, members
 
-    def with_coupling(self, coupling: ExactMatrix) -> NetworkModel:
+    def with_coupling(self, coupling: Matrix) -> NetworkModel:
         """The same nodes under another coupling."""
         return NetworkModel(self.stacks, self.members, coupling, self.dt)
 
@@ -282,14 +276,14 @@ def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> l
 def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     first = systems[0]
     exact = [s._exact() for s in systems]
-    data: dict[str, ExactMatrix] = {}
+    data: dict[str, Matrix] = {}
     for name in "ABCD":
         known = [e.get(name) for e in exact]
         matrices = [
-            ExactMatrix(np.asarray(getattr(s, name), dtype=float)) if m is None else m
+            Matrix(np.asarray(getattr(s, name), dtype=float)) if m is None else m
             for s, m in zip(systems, known, strict=True)
         ]
-        data[name] = exact_stack(matrices)
+        data[name] = Matrix.stack(matrices)
     named = not first._generic_name_check()
     names = tuple(s.name for s in systems) if named else ()
     labels = ()

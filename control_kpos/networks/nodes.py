@@ -12,11 +12,10 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone, as_cone, orthant
 from ..errors import ConeMismatchError, ShapeError
-from ..exact.intake import places
-from ..exact.matrix import ExactMatrix, exact_matrix
+from ..exact.intake import exact_matrix, places
+from ..exact.matrix import Matrix
 from ..proof.files import register_record
 from ..systems.reading import require_timebase
-from .blocks import exact_take
 
 Timebase: TypeAlias = "float | bool | None"
 
@@ -28,7 +27,7 @@ class NodeStack:
 
     Attributes
     ----------
-    A, B, C, D : ExactMatrix, shapes (N, n, n), (N, n, m), (N, q, n), (N, q, m)
+    A, B, C, D : Matrix, shapes (N, n, n), (N, n, m), (N, q, n), (N, q, m)
     X, U, Y : Cone
         Proper cones in R^n, R^m, R^q.
     dt : float, bool or None
@@ -39,10 +38,10 @@ class NodeStack:
         Signal names per node, each a tuple of str; empty for the defaults x[i], u[i], y[i].
     """
 
-    A: ExactMatrix
-    B: ExactMatrix
-    C: ExactMatrix
-    D: ExactMatrix
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
     X: Cone
     U: Cone
     Y: Cone
@@ -61,7 +60,7 @@ class NodeStack:
     def take(self, index: Any) -> NodeStack:
         """The nodes at these places, as a stack."""
         index = np.atleast_1d(np.asarray(index, dtype=np.intp))
-        a, b, c, d = (exact_take(m, index) for m in (self.A, self.B, self.C, self.D))
+        a, b, c, d = (m[index] for m in (self.A, self.B, self.C, self.D))
         names = tuple(self.names[i] for i in index) if self.names else ()
         labels = tuple(self.labels[i] for i in index) if self.labels else ()
         return NodeStack(a, b, c, d, self.X, self.U, self.Y, self.dt, names, labels)
@@ -128,7 +127,7 @@ def stack(
     matrices = {"A": exact_matrix(A, "A", ndim=3), "B": exact_matrix(B, "B", ndim=3), "C": exact_matrix(C, "C", ndim=3)}
     count, n = matrices["A"].shape[0], matrices["A"].shape[2]
     m, q = matrices["B"].shape[2], matrices["C"].shape[1]
-    matrices["D"] = ExactMatrix(np.zeros((1, q, m))) if D is None else exact_matrix(D, "D", ndim=3)
+    matrices["D"] = Matrix.zeros(1, q, m) if D is None else exact_matrix(D, "D", ndim=3)
     if count == 0 or n == 0:
         raise ShapeError(f"A has shape {matrices['A'].shape}: a stack needs at least one node with at least one state.")
     for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (q, n)), ("D", (q, m))):
@@ -138,7 +137,7 @@ def stack(
                 f"{name} has shape {have}; it must be ({count}, {shape[0]}, {shape[1]}), one matrix per node as in A."
             )
         if have[0] == 1 < count:
-            matrices[name] = exact_take(matrices[name], np.zeros(count, dtype=np.intp))
+            matrices[name] = matrices[name][np.zeros(count, dtype=np.intp)]
     cones = {}
     for name, cone, size in (("X", X, n), ("U", U, m), ("Y", Y, q)):
         cones[name] = orthant(size) if cone is None else as_cone(cone, name)

@@ -14,12 +14,14 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import DataError, ShapeError, TooLargeError
 from ..exact.intake import (
     dimensions,
+    exact_matrix,
     flag,
     places,
     real_number,
+    vector,
     whole_number,
 )
-from ..exact.matrix import dense, exact_matrix, vector
+from ..exact.matrix import dense
 from ..progress import Reporter
 from .blocks import Floats, Index
 from .model import READABLE

@@ -10,9 +10,9 @@ import scipy.sparse as sp
 from ..cones import Cone
 from ..errors import ConeMismatchError
 from ..exact.condition import all_hold
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from . import conditions as on
-from .blocks import Floats, inverse, is_zero
+from .blocks import Floats, inverse
 from .edits import Overlay, shaped_link
 from .model import NetworkModel, NodeStack
 
@@ -42,14 +42,14 @@ def room_for(
     m, q = stack.sizes[1:]
     into = {k: shaped_link(w, m, overlay.node(k).stack.sizes[2], f"sources[{k}]") for k, w in incoming.items()}
     out_of = {j: shaped_link(w, overlay.node(j).stack.sizes[1], q, f"targets[{j}]") for j, w in outgoing.items()}
-    with_feedthrough = [f"node {k}" for k in into if not is_zero(overlay.node(k).stack.D)]
-    if with_feedthrough or not is_zero(stack.D):
+    with_feedthrough = [f"node {k}" for k in into if not overlay.node(k).stack.D.is_zero]
+    if with_feedthrough or not stack.D.is_zero:
         raise ConeMismatchError(
             f"{', '.join(with_feedthrough) or 'system'} has feedthrough D, so that charges pass on to further nodes at "
             "once; room_for covers D = 0. Try with_node instead."
         )
     discrete = overlay.base.model.discrete
-    alone = NetworkModel((stack,), (np.array([0]),), ExactMatrix(sp.csr_array((m, q))), stack.dt)
+    alone = NetworkModel((stack,), (np.array([0]),), Matrix(sp.csr_array((m, q))), stack.dt)
     K = inverse(float(discrete) * np.eye(stack.sizes[0]) - stack.A.values)[0]
     stable = bool((stack.X.rays @ (np.asarray(stack.X.dual.interior_point) @ K) > 0).all())
     fits = all(_maps(w, overlay.node(k).stack.Y, stack.U) for k, w in into.items()) and all(

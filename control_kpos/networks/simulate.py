@@ -19,8 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.integrate import solve_ivp
 
 from ..errors import DataError, ShapeError, TooLargeError
-from ..exact.intake import dimensions, real_number
-from ..exact.matrix import vector
+from ..exact.intake import dimensions, real_number, vector
 from .blocks import Floats, Index, apply
 from .closed_loop import ClosedLoop
 from .model import NetworkModel

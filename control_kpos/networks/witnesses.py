@@ -11,19 +11,14 @@ import numpy as np
 
 from ..errors import DataError
 from ..exact.condition import Condition
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
 from ..proof.files import register_record
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
-from ..theorems.positivity import PositivityCertificate, PositivityViolation, take_rows
+from ..theorems.positivity import PositivityCertificate, PositivityViolation
 from . import conditions as on
-from .blocks import (
-    Floats,
-    exact_block,
-    exact_take,
-    take_blocks,
-)
+from .blocks import Floats, take_blocks
 from .model import NetworkModel
 
 Exact: TypeAlias = "tuple[tuple[Fraction, ...], ...] | None"
@@ -219,7 +214,7 @@ def node_positivity(model: NetworkModel, node: int) -> PositivityCertificate:
     """Theorem 1 for one node, as a certificate without a witness."""
     g, place = model.locate(node)
     s = model.stacks[g]
-    a, b, c, d = (exact_take(m, place) for m in (s.A, s.B, s.C, s.D))
+    a, b, c, d = (m[place] for m in (s.A, s.B, s.C, s.D))
     return PositivityCertificate.settle(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
 
 
@@ -245,7 +240,7 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
             s = model.stacks[g]
             row = on.exact(np.concatenate([u, y], axis=1)[:, None, :])
-            middle = exact_block([s.D, ExactMatrix(-np.eye(s.sizes[2])[None])], axis=-1)
+            middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
             forms = BilinearForms(on.facets(s.Y), middle, row)
             out.append(Condition(on.titled("h'(D u - y) >= 0", model, g), forms, ">="))
         return [*out, on.received(model, all_u, all_y)]
@@ -279,12 +274,12 @@ def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition]:
     (gj, _), (gk, _) = model.locate(w.target), model.locate(w.source)
     rows = np.arange(model.offsets[1][w.target], model.offsets[1][w.target + 1])[None]
     columns = np.arange(model.offsets[2][w.source], model.offsets[2][w.source + 1])[None]
-    block = exact_take(take_blocks(model.coupling, rows, columns), 0)
+    block = take_blocks(model.coupling, rows, columns)[0]
     h = exact_rows(on.facets(model.stacks[gj].U), w.facet)
     y = exact_rows(on.rays(model.stacks[gk].Y), w.ray)
     return [Condition("h'W y < 0", BilinearForms(h, block, y), "<")]
 
 
-def exact_rows(m: ExactMatrix, row: int) -> ExactMatrix:
+def exact_rows(m: Matrix, row: int) -> Matrix:
     """One row of the facets or generators of a cone."""
-    return take_rows(m, np.array([row]))
+    return m[np.array([row])].dense()

@@ -15,12 +15,7 @@ from numpy.typing import NDArray
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
-from ..exact.matrix import (
-    ExactMatrix,
-    as_stack,
-    pick,
-    plain,
-)
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.files import register_record
@@ -67,7 +62,7 @@ class DifferentialCertificate(Certificate):
 
     Attributes
     ----------
-    centres : ExactMatrix, shape (M, n, n)
+    centres : Matrix, shape (M, n, n)
         Jacobians, or midpoints of enclosures.
     radii : ndarray, shape (M, n, n)
         All J with |J - centre| <= radius for some piece are meant.
@@ -85,7 +80,7 @@ class DifferentialCertificate(Certificate):
 
     claim: ClassVar[str] = "differentially-positive"
 
-    centres: ExactMatrix
+    centres: Matrix
     radii: Array
     X: Cone
     discrete: bool = False
@@ -98,19 +93,19 @@ class DifferentialCertificate(Certificate):
             raise DataError("every Jacobian needs a radius, and radii are not negative.")
         out = [invariance(self, s) for s in range(self.centres.shape[0])]
         if self.v is not None:
-            v = ExactMatrix(self.v[None, :])
+            v = Matrix(self.v[None, :])
             out.append(Condition("v'x > 0", BilinearForms(v, None, _dense_rays(self.X)), ">"))
             out += [self._decrease(s) for s in range(self.centres.shape[0])]
         if self.source == "sampled":
-            one = ExactMatrix(np.ones((1, 1)))
+            one = Matrix(np.ones((1, 1)))
             out.append(Condition("all Jacobians on the region are known", BilinearForms(one, None, one), "<"))
         return out
 
     def _decrease(self, s: int) -> Condition:
-        v = ExactMatrix(np.asarray(self.v, dtype=float)[None, :])
-        A = pick(self.centres, s)
+        v = Matrix(np.asarray(self.v, dtype=float)[None, :])
+        A = self.centres[s]
         if self.discrete:
-            A = ExactMatrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
+            A = Matrix.from_fractions(A.fractions() - np.eye(A.shape[0], dtype=int).astype(object))
         return Condition(f"v'J{s} x < 0", _worst(v, A, self.radii[s], _dense_rays(self.X), 1), "<")
 
     def refutation(self) -> Sequence[Condition] | None:
@@ -122,8 +117,8 @@ class DifferentialCertificate(Certificate):
             np.array_equal(w.centre, c) and not r.any() for c, r in zip(self.centres.values, self.radii, strict=True)
         ):
             return None
-        h, x = pick(_dense_facets(self.X), [w.facet]), pick(_dense_rays(self.X), [w.ray])
-        out = [Condition("h'J x < 0", _worst(h, ExactMatrix(w.centre), w.radius, x, 1), "<")]
+        h, x = _dense_facets(self.X)[[w.facet]], _dense_rays(self.X)[[w.ray]]
+        out = [Condition("h'J x < 0", _worst(h, Matrix(w.centre), w.radius, x, 1), "<")]
         if not self.discrete:
             out.append(Condition("h'x = 0", BilinearForms(h, None, x), "=="))
         return out
@@ -134,7 +129,7 @@ class DifferentialCertificate(Certificate):
         if self.source == "sampled" or np.any(self.radii):
             return out
         del out["centres"], out["radii"]
-        return {"A": tuple(pick(self.centres, s) for s in range(self.centres.shape[0])), **out}
+        return {"A": tuple(self.centres[s] for s in range(self.centres.shape[0])), **out}
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> DifferentialCertificate:
@@ -147,7 +142,7 @@ class DifferentialCertificate(Certificate):
         """
         rest = dict(contents)
         if "A" in rest:
-            rest["centres"] = as_stack(rest.pop("A"))
+            rest["centres"] = Matrix.stack(rest.pop("A"))
             rest["radii"] = np.zeros(rest["centres"].shape)
         return cls.settle(**rest)
 
@@ -157,7 +152,7 @@ class DifferentialCertificate(Certificate):
         if self.source == "sampled" or np.any(self.radii):
             raise ProofOmittedError("Jacobians that are enclosed or sampled are for control_kpos alone")
         if w is None:
-            layers = (pick(self.centres, s) for s in range(count))
+            layers = (self.centres[s] for s in range(count))
             return {"P": [prover.inclusion(self.X, A, self.X, invariance=not self.discrete) for A in layers]}
         member = next(s for s in range(count) if np.array_equal(self.centres.values[s], w.centre))
         return {"P": [None] * count, "member": member, **violation("A", self.X.exact_facets, w.facet, w.ray)}
@@ -214,35 +209,35 @@ def invariance(certificate: DifferentialCertificate, s: int) -> Condition:
 def extreme_products(certificate: DifferentialCertificate, s: int, side: int) -> BilinearForms:
     """The largest (side 1) or smallest (side -1) h'J x over all J of piece s, for facets h and generators x."""
     X = certificate.X
-    return _worst(_dense_facets(X), pick(certificate.centres, s), certificate.radii[s], _dense_rays(X), side)
+    return _worst(_dense_facets(X), certificate.centres[s], certificate.radii[s], _dense_rays(X), side)
 
 
-def _worst(left: ExactMatrix, M: ExactMatrix, radius: Array, right: ExactMatrix, side: int) -> BilinearForms:
+def _worst(left: Matrix, M: Matrix, radius: Array, right: Matrix, side: int) -> BilinearForms:
     """l'M x + side |l|'radius |x|: the largest (side 1) or smallest (side -1) value over the interval matrix."""
     if not radius.any():
         return BilinearForms(left, M, right)
     n = M.shape[0]
     zero = np.zeros((n, n))
     if M.is_double:
-        middle = ExactMatrix(np.block([[np.asarray(M.values), zero], [zero, side * radius]]))
+        middle = Matrix(np.block([[np.asarray(M.values), zero], [zero, side * radius]]))
     else:
-        extra = ExactMatrix(side * radius).fractions()
+        extra = Matrix(side * radius).fractions()
         blank = np.zeros((n, n), dtype=int).astype(object)
-        middle = ExactMatrix.from_fractions(np.block([[M.fractions(), blank], [blank, extra]]))
+        middle = Matrix.from_fractions(np.block([[M.fractions(), blank], [blank, extra]]))
     return BilinearForms(_with_sizes(left), middle, _with_sizes(right))
 
 
-def _with_sizes(rows: ExactMatrix) -> ExactMatrix:
+def _with_sizes(rows: Matrix) -> Matrix:
     """[x, |x|] for every row, exactly."""
     if rows.is_double and rows.integer_rows is None:
-        return ExactMatrix(np.concatenate([rows.values, np.abs(rows.values)], axis=1))
+        return Matrix(np.concatenate([rows.values, np.abs(rows.values)], axis=1))
     integers = rows.rows_as_integers(np.arange(rows.shape[0]))
-    return ExactMatrix.from_fractions(np.concatenate([integers, np.abs(integers)], axis=1))
+    return Matrix.from_fractions(np.concatenate([integers, np.abs(integers)], axis=1))
 
 
-def _dense_rays(X: Cone) -> ExactMatrix:
-    return plain(X.exact_rays)
+def _dense_rays(X: Cone) -> Matrix:
+    return X.exact_rays.plain()
 
 
-def _dense_facets(X: Cone) -> ExactMatrix:
-    return plain(X.exact_facets)
+def _dense_facets(X: Cone) -> Matrix:
+    return X.exact_facets.plain()

@@ -28,6 +28,7 @@ from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.budget import OVERTIME
 from ..exact.intake import (
     dimensions,
+    exact_matrix,
     flag,
     items,
     seconds,
@@ -41,7 +42,7 @@ from ..exact.intervals import (
     jacobian_by_differences,
     jacobian_pieces,
 )
-from ..exact.matrix import ExactMatrix, dense, exact_matrix
+from ..exact.matrix import Matrix, dense
 from ..exact.programs import solve
 from ..proof.certificate import Status
 from .certificate import (
@@ -154,7 +155,7 @@ class _Clock:
         return count * float(np.median(self._spent[kind])) if self._spent[kind] else 0.0
 
 
-def _vertices(data: Any, X: Cone) -> ExactMatrix:
+def _vertices(data: Any, X: Cone) -> Matrix:
     given = [data] if dimensions(data) == 2 else items(data, "jacobians")
     if not given:
         raise ShapeError("jacobians is empty; give at least one matrix.")
@@ -165,12 +166,12 @@ def _vertices(data: Any, X: Cone) -> ExactMatrix:
                 f"jacobians[{s}] is {matrix.shape[0]} x {matrix.shape[1]}, but X has dimension {X.dim}."
             )
     if all(m.is_double for m in read):
-        return ExactMatrix(np.array([dense(m.values) for m in read]))
-    return ExactMatrix.from_fractions(np.array([m.fractions() for m in read], dtype=object))
+        return Matrix(np.array([dense(m.values) for m in read]))
+    return Matrix.from_fractions(np.array([m.fractions() for m in read], dtype=object))
 
 
 def _settled(
-    centres: ExactMatrix, radii: Array, X: Cone, discrete: bool, source: str, clock: _Clock
+    centres: Matrix, radii: Array, X: Cone, discrete: bool, source: str, clock: _Clock
 ) -> DifferentialCertificate:
     """The certificate for enclosed or given Jacobians, with a violation or a common vector if there is one."""
     data: dict[str, Any] = {"centres": centres, "radii": radii, "X": X, "discrete": discrete, "source": source}
@@ -235,9 +236,7 @@ def _of_system(
 
     def decided(centre: Array, radius: Array) -> bool:
         with clock.timing("decision"):
-            piece = DifferentialCertificate(
-                centres=ExactMatrix(centre[None]), radii=radius[None], X=X, discrete=discrete
-            )
+            piece = DifferentialCertificate(centres=Matrix(centre[None]), radii=radius[None], X=X, discrete=discrete)
             clock.last_decision = invariance(piece, 0).verdict() is True
         return clock.last_decision
 
@@ -266,9 +265,9 @@ def _of_system(
             ) from None
         return _sampled(sys, X, box, held, discrete, clock)
     centres, radii = np.array([c for c, _ in found]), np.array([r for _, r in found])
-    data = {"centres": ExactMatrix(centres), "X": X, "discrete": discrete}
+    data = {"centres": Matrix(centres), "X": X, "discrete": discrete}
     if all(decided(*piece) for piece in open_):
-        certificate = _settled(ExactMatrix(centres), radii, X, discrete, "enclosed", clock)
+        certificate = _settled(Matrix(centres), radii, X, discrete, "enclosed", clock)
     else:
         certificate = DifferentialCertificate(**data, radii=radii, source="enclosed")
     if certificate:
@@ -281,7 +280,7 @@ def _of_system(
         except UnboundedError:
             continue
         single = DifferentialCertificate.settle(
-            **{**data, "centres": ExactMatrix(centre[None])}, radii=radius[None], source="enclosed"
+            **{**data, "centres": Matrix(centre[None])}, radii=radius[None], source="enclosed"
         )
         witness = _violation(single, point[None, :n], clock)
         if witness is not None:
@@ -329,14 +328,14 @@ def _sampled(
             found.append(jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box))
         with clock.timing("decision"):
             sample = DifferentialCertificate(
-                centres=ExactMatrix(found[-1][None]), radii=np.zeros((1, n, n)), X=X, discrete=discrete
+                centres=Matrix(found[-1][None]), radii=np.zeros((1, n, n)), X=X, discrete=discrete
             )
             invariance(sample, 0).verdict()
     stack = np.array(found)
     if not np.isfinite(stack).all():
         raise DataError("the Jacobian is not finite at some points of region; choose a smaller region.")
     return DifferentialCertificate.settle(
-        centres=ExactMatrix(stack), radii=np.zeros(stack.shape), X=X, discrete=discrete, source="sampled"
+        centres=Matrix(stack), radii=np.zeros(stack.shape), X=X, discrete=discrete, source="sampled"
     )
 
 

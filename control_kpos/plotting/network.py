@@ -15,8 +15,8 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, ShapeError
-from ..exact.intake import found, whole_number, words
-from ..exact.matrix import dense, exact_matrix
+from ..exact.intake import exact_matrix, found, whole_number, words
+from ..exact.matrix import dense
 from ..networks import ConeNetwork
 from .figure import (
     BLUE,

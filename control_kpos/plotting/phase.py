@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import ConeMismatchError, ShapeError
-from ..exact.intake import flag, real_number, words
-from ..exact.matrix import dense, exact_matrix, vector
+from ..exact.intake import exact_matrix, flag, real_number, vector, words
+from ..exact.matrix import dense
 from ..systems.statespace import ConeStateSpace
 from .figure import (
     BLUE,

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..errors import CertificateFileError
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 
 _FREE_DIMENSION = 20_000
 _LONG = 10**18
@@ -87,7 +87,7 @@ class Encoder:
             return {"fraction": number_text(value)}
         if isinstance(value, np.ndarray):
             return {"array": self.nested(value)}
-        if isinstance(value, ExactMatrix):
+        if isinstance(value, Matrix):
             return self.matrix(value)
         if isinstance(value, Cone):
             return {"cone": self.encode_cone(value)}
@@ -104,7 +104,7 @@ class Encoder:
             return {"record": type(value).__name__, "fields": content}
         raise TypeError(f"a certificate cannot hold {type(value).__name__}")
 
-    def matrix(self, m: ExactMatrix) -> dict[str, Any]:
+    def matrix(self, m: Matrix) -> dict[str, Any]:
         """A matrix, or a stack of them, with its exact entries."""
         shape = [int(side) for side in m.shape]
         if m.is_sparse:
@@ -207,7 +207,7 @@ class Decoder:
     def _is_size(self, side: Any) -> bool:
         return type(side) is int and 0 <= side <= self.limit
 
-    def matrix(self, value: dict[str, Any]) -> ExactMatrix:
+    def matrix(self, value: dict[str, Any]) -> Matrix:
         """Dense or sparse, or a stack of dense ones."""
         if "sparse" in value:
             shape = value["shape"]
@@ -215,10 +215,10 @@ class Decoder:
                 raise CertificateFileError(f"{str(shape)[:60]} is not a shape that this file can hold.")
             return self._sparse(value["sparse"], (shape[0], shape[1]))
         if isinstance(value["matrix"], np.ndarray):
-            return ExactMatrix(_finite(value["matrix"]))
+            return Matrix(_finite(value["matrix"]))
         return exact_rows(value["matrix"])
 
-    def _sparse(self, entries: Any, shape: tuple[int, ...]) -> ExactMatrix:
+    def _sparse(self, entries: Any, shape: tuple[int, ...]) -> Matrix:
         if isinstance(entries, dict):  # index arrays of an archive
             i, j, data = (np.asarray(entries[key]) for key in ("rows", "columns", "values"))
             data = _finite(data)
@@ -234,17 +234,17 @@ class Decoder:
         out = sp.csr_array((data, (i, j)), shape=shape)
         if out.nnz != len(data):
             raise CertificateFileError("a sparse matrix has an entry twice.")
-        return ExactMatrix(out)
+        return Matrix(out)
 
 
-def exact_rows(rows: Any) -> ExactMatrix:
+def exact_rows(rows: Any) -> Matrix:
     """Nested lists of numbers as exact data."""
     shape = nested_shape(rows)
     if len(shape) < 2:
         raise CertificateFileError("a matrix must be a list of rows.")
     flat = np.empty(int(np.prod(shape)), dtype=object)
     flat[:] = [number(x) for x in flat_entries(rows, shape)]
-    return ExactMatrix.from_fractions(flat.reshape(shape))
+    return Matrix.from_fractions(flat.reshape(shape))
 
 
 def nested_shape(entries: Any) -> tuple[int, ...]:

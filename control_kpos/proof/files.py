@@ -27,7 +27,7 @@ from ..errors import (
     TooLargeError,
 )
 from ..exact.intake import file_path, flag
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from .archive import (
     expand,
     is_archive,
@@ -46,7 +46,7 @@ _WORK_PER_BYTE = 20
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 # Rooms imported on demand; they register their claims when they are.
-_ROOMS_WITH_CLAIMS = tuple(f"control_kpos.{room}" for room in ("networks", "synthesis", "conefinding", "nonlinear"))
+_ROOMS_WITH_CLAIMS = tuple(f"control_kpos.{room}" for room in ("networks", "design", "find", "nonlinear"))
 
 _restorers: dict[str, Callable[[dict[str, Any]], Any]] = {}
 
@@ -232,7 +232,7 @@ def _compact_text(content: Any, *, sort_keys: bool = False) -> str:
 
 def all_doubles(value: Any) -> bool:
     """True if every matrix among the data is known as doubles."""
-    if isinstance(value, ExactMatrix):
+    if isinstance(value, Matrix):
         return value.is_double
     if isinstance(value, dict):
         return all(map(all_doubles, value.values()))

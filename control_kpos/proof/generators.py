@@ -24,7 +24,7 @@ from ..cones.hull import LIMIT, Allowance
 from ..errors import DataError, TooLargeError
 from ..exact.condition import Condition
 from ..exact.enclosure import Generators
-from ..exact.matrix import ExactMatrix, plain, transposed
+from ..exact.matrix import Matrix
 from ..exact.rational_programs import exact_feasibility
 from ..exact.signs import BilinearForms
 from .encoding import register_record
@@ -56,16 +56,16 @@ class GeneratorProof:
         w with w'x > 0 for every generator.
     right_inverse : ndarray, shape (N, n)
         Y with R Y close to the identity.
-    multipliers : ExactMatrix, shape (N, N), or None
+    multipliers : Matrix, shape (N, N), or None
         P with A R = R P up to an error that the proof takes up; None beside a violation.
-    shares : ExactMatrix, shape (N, k), or None
+    shares : Matrix, shape (N, k), or None
         B u_i = R n_i likewise, for the generators u_i of U.
     """
 
     pointing: NDArray[np.float64]
     right_inverse: NDArray[np.float64]
-    multipliers: ExactMatrix | None = None
-    shares: ExactMatrix | None = None
+    multipliers: Matrix | None = None
+    shares: Matrix | None = None
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -75,9 +75,7 @@ class GeneratorProof:
                 view.flags.writeable = False
                 object.__setattr__(self, field.name, view)
 
-    def conditions(
-        self, A: ExactMatrix, X: Cone, B: ExactMatrix | None, U: Cone | None, *, discrete: bool
-    ) -> list[Condition]:
+    def conditions(self, A: Matrix, X: Cone, B: Matrix | None, U: Cone | None, *, discrete: bool) -> list[Condition]:
         """The inequalities and equations above, proven from the data and nothing else."""
         rays = own_generators(X)
         basis = Generators(rays, self.right_inverse)
@@ -93,7 +91,7 @@ class GeneratorProof:
         for name, M, sources, weights, required in columns:
             if weights.shape != required.shape:
                 raise DataError(f"{name}: {weights.shape} weights do not fit {required.shape} columns.")
-            out.append(basis.combination(name, [(plain(M), sources)], weights, required))
+            out.append(basis.combination(name, [(M.plain(), sources)], weights, required))
         return out
 
 
@@ -105,23 +103,23 @@ class Crossing(NamedTuple):
     ray: int
 
 
-def own_generators(X: Cone) -> ExactMatrix:
+def own_generators(X: Cone) -> Matrix:
     """The generators of X as they were given, with lengths that files keep."""
     return portable(given_generators(X))
 
 
-def portable(rows: ExactMatrix) -> ExactMatrix:
+def portable(rows: Matrix) -> Matrix:
     """Dense rows with one common factor, of the lengths that they have in files."""
-    return plain(rows) if rows.integer_rows is None else ExactMatrix.from_fractions(portable_rows(rows))
+    return rows.plain() if rows.integer_rows is None else Matrix.from_fractions(portable_rows(rows))
 
 
-def pointed(rays: ExactMatrix, w: NDArray[np.float64]) -> Condition:
+def pointed(rays: Matrix, w: NDArray[np.float64]) -> Condition:
     """w is positive on all generators."""
-    return Condition(_POINTED, BilinearForms(ExactMatrix(np.asarray(w, dtype=float)[None, :]), None, rays), ">")
+    return Condition(_POINTED, BilinearForms(Matrix(np.asarray(w, dtype=float)[None, :]), None, rays), ">")
 
 
 def prove(
-    A: ExactMatrix, X: Cone, B: ExactMatrix | None, U: Cone | None, *, discrete: bool
+    A: Matrix, X: Cone, B: Matrix | None, U: Cone | None, *, discrete: bool
 ) -> tuple[GeneratorProof, Crossing | None] | None:
     """Find the multipliers, or a supporting hyperplane that is crossed.
 
@@ -145,12 +143,12 @@ def prove(
     inverse = (np.linalg.pinv(frame.R) @ frame.to) / frame.heights[:, None]
     about_cone = GeneratorProof(w, inverse)
     search = _Search(rays, frame, Generators(rays, inverse))
-    found: dict[str, ExactMatrix] = {}
+    found: dict[str, Matrix] = {}
     sources = [("A", A, rays)] + ([] if B is None or U is None else [("B", B, portable(U.exact_rays))])
     for name, M, vectors in sources:
         free = name == "A" and not discrete
         try:
-            weights = search.weights(plain(M), vectors, free=free)
+            weights = search.weights(M.plain(), vectors, free=free)
         except TooLargeError:
             return None
         if isinstance(weights, tuple):
@@ -159,7 +157,7 @@ def prove(
     return GeneratorProof(w, inverse, found["A"], found.get("B")), None
 
 
-def combinations(X: Cone, proof: GeneratorProof, M: ExactMatrix, vectors: ExactMatrix) -> ExactMatrix | None:
+def combinations(X: Cone, proof: GeneratorProof, M: Matrix, vectors: Matrix) -> Matrix | None:
     """Q >= 0 with M x_j = R Q_j up to an error that the proof takes up; None if it does not exist or is not found.
 
     Parameters
@@ -167,8 +165,8 @@ def combinations(X: Cone, proof: GeneratorProof, M: ExactMatrix, vectors: ExactM
     X : Cone
     proof : GeneratorProof
         Knows a vector positive on X, and a right inverse.
-    M : ExactMatrix, shape (n, k)
-    vectors : ExactMatrix, shape (c, k)
+    M : Matrix, shape (n, k)
+    vectors : Matrix, shape (c, k)
     """
     rays = own_generators(X)
     frame = Frame.of(np.asarray(rays.values), proof.pointing)
@@ -184,14 +182,12 @@ def combinations(X: Cone, proof: GeneratorProof, M: ExactMatrix, vectors: ExactM
 class _Search:
     """Looks for nonnegative combinations of generators."""
 
-    def __init__(self, rays: ExactMatrix, frame: Frame, basis: Generators) -> None:
+    def __init__(self, rays: Matrix, frame: Frame, basis: Generators) -> None:
         self.rays, self.frame, self.basis = rays, frame, basis
         self.allowance = Allowance(LIMIT)
         self.digits = 0
 
-    def weights(
-        self, M: ExactMatrix, vectors: ExactMatrix, *, free: bool
-    ) -> ExactMatrix | tuple[NDArray[np.object_], int]:
+    def weights(self, M: Matrix, vectors: Matrix, *, free: bool) -> Matrix | tuple[NDArray[np.object_], int]:
         """Q with M x_j = R Q_j; or a vector h and some j, with h'M x_j < 0 and h'x >= 0 on the cone.
 
         `free`: the vectors are the generators, Q_jj may have any sign, and h'x_j = 0.
@@ -245,12 +241,12 @@ class _Search:
         return (closer, better) if better > _STRICT and (free or closer[j] > 0) else (p, margin)
 
     def _exact(
-        self, M: ExactMatrix, vectors: ExactMatrix, j: int, free: bool, count: int
+        self, M: Matrix, vectors: Matrix, j: int, free: bool, count: int
     ) -> NDArray[np.object_] | tuple[NDArray[np.object_], int]:
         """Column j in rational numbers, for one part in `count` of the work, or the reason why there is none."""
         N, n = self.rays.shape
         R = self.rays.fractions().T
-        image = M.fractions() @ ExactMatrix.from_fractions(vectors.fractions()[[j]]).fractions()[0]
+        image = M.fractions() @ Matrix.from_fractions(vectors.fractions()[[j]]).fractions()[0]
         if not image.any():
             return np.full(N, Fraction(0), dtype=object)
         matrix = np.concatenate([R, -R[:, [j]]], axis=1) if free else R
@@ -276,8 +272,8 @@ def _signed(N: int, discrete: bool) -> NDArray[np.bool_]:
     return np.ones((N, N), dtype=bool) if discrete else ~np.eye(N, dtype=bool)
 
 
-def _stacked(columns: list[NDArray]) -> ExactMatrix:
+def _stacked(columns: list[NDArray]) -> Matrix:
     if all(c.dtype != object for c in columns):
-        return ExactMatrix(np.array(columns).T)
-    rows = ExactMatrix.from_fractions(np.array([[Fraction(x) for x in c] for c in columns], dtype=object))
-    return transposed(rows)
+        return Matrix(np.array(columns).T)
+    rows = Matrix.from_fractions(np.array([[Fraction(x) for x in c] for c in columns], dtype=object))
+    return rows.T

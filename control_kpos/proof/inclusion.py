@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..exact.condition import Condition
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 
 # What is required of each matrix of a system, h being a facet of the cone it maps into.
 NAMES = {"A": "h'A x >= 0", "B": "h'B u >= 0", "C": "h'C x >= 0", "D": "h'D u >= 0"}
 
 
-def invariance_condition(A: ExactMatrix, X: Cone, *, discrete: bool) -> Condition:
+def invariance_condition(A: Matrix, X: Cone, *, discrete: bool) -> Condition:
     """h'A x_i >= 0: for all pairs in discrete time, for pairs with h'x_i = 0 in continuous time."""
     forms = BilinearForms(X.exact_facets, A, X.exact_rays)
     where = None
@@ -23,7 +23,7 @@ def invariance_condition(A: ExactMatrix, X: Cone, *, discrete: bool) -> Conditio
     return Condition(NAMES["A"], forms, ">=", where)
 
 
-def inclusion_condition(name: str, target: Cone, M: ExactMatrix, source: Cone) -> Condition:
+def inclusion_condition(name: str, target: Cone, M: Matrix, source: Cone) -> Condition:
     """M source in target, on facets of the target and generators of the source."""
     return Condition(name, BilinearForms(target.exact_facets, M, source.exact_rays), ">=")
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..errors import TooLargeError
 from ..exact.budget import require_seconds
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility
 
@@ -114,24 +114,24 @@ def nonnegative_combination(
 
 
 def multipliers(
-    A: ExactMatrix,
-    rays: ExactMatrix,
+    A: Matrix,
+    rays: Matrix,
     pointing: Array,
     *,
     discrete: bool = False,
-) -> ExactMatrix | None:
+) -> Matrix | None:
     """P with A R = R P and the signs that invariance asks for; None if there is none.
 
     Parameters
     ----------
-    A : ExactMatrix, shape (n, n)
-    rays : ExactMatrix, shape (N, n)
+    A : Matrix, shape (n, n)
+    rays : Matrix, shape (N, n)
     pointing : ndarray, shape (n,)
         Positive on every generator.
 
     Returns
     -------
-    ExactMatrix, shape (N, N), or None
+    Matrix, shape (N, N), or None
 
     Notes
     -----
@@ -158,16 +158,16 @@ def multipliers(
     stacked = _stack(columns)
     values = np.asarray(stacked.values)
     numerators = None if stacked.numerators is None else stacked.numerators.T
-    return ExactMatrix(values.T, None if stacked.radius is None else stacked.radius.T, numerators, stacked.denominator)
+    return Matrix(values.T, None if stacked.radius is None else stacked.radius.T, numerators, stacked.denominator)
 
 
-def _exact_row(m: ExactMatrix, j: int) -> NDArray:
+def _exact_row(m: Matrix, j: int) -> NDArray:
     if m.numerators is not None:
         return np.array([Fraction(x, m.denominator) for x in m.numerators[j]], dtype=object)
     return np.array([Fraction(x) for x in m.values[j].tolist()], dtype=object)
 
 
-def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None) -> NDArray | None:
+def _exact_column(rays: Matrix, target: NDArray, free: int | None) -> NDArray | None:
     """An exact combination, by rational arithmetic."""
     if rays.shape[1] > _EXACT_DIMENSION:
         return None
@@ -175,7 +175,7 @@ def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None) -> NDArr
     if free is not None:
         R = np.concatenate([R, -R[:, [free]]], axis=1)
     try:
-        x, _ = exact_feasibility(ExactMatrix.from_fractions(R), ExactMatrix.from_fractions(target))
+        x, _ = exact_feasibility(Matrix.from_fractions(R), Matrix.from_fractions(target))
     except TooLargeError:
         return None
     if x is None or free is None:
@@ -185,7 +185,7 @@ def _exact_column(rays: ExactMatrix, target: NDArray, free: int | None) -> NDArr
     return out
 
 
-def _stack(columns: list[NDArray]) -> ExactMatrix:
+def _stack(columns: list[NDArray]) -> Matrix:
     if all(c.dtype != object for c in columns):
-        return ExactMatrix(np.array(columns))
-    return ExactMatrix.from_fractions(np.array([[Fraction(x) for x in c] for c in columns], dtype=object))
+        return Matrix(np.array(columns))
+    return Matrix.from_fractions(np.array([[Fraction(x) for x in c] for c in columns], dtype=object))

@@ -24,7 +24,7 @@ from ..cones import (
 )
 from ..errors import CertificateFileError, KposError
 from ..exact.elimination import echelon
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.rational_programs import solve_exactly
 from .encoding import Written, exact_rows, nested_text
 
@@ -56,7 +56,7 @@ def _encode_factor(cone: Cone) -> dict[str, Any]:
     return out if Z is None else {**out, "w": nested_text(w.tolist()), "Z": nested_text(Z.tolist())}
 
 
-def encode_generators(rays: ExactMatrix, w: NDArray[np.float64]) -> Written:
+def encode_generators(rays: Matrix, w: NDArray[np.float64]) -> Written:
     """The cone of given generators, of which w is positive on all, without its facets."""
     rows = portable_rows(rays)
     out = {"rays": nested_text(rows.tolist()), "w": nested_text(w.tolist())}
@@ -64,18 +64,18 @@ def encode_generators(rays: ExactMatrix, w: NDArray[np.float64]) -> Written:
     return Written({"cone": [[1, out if Z is None else {**out, "Z": nested_text(Z.tolist())}]]})
 
 
-def given_generators(cone: Cone) -> ExactMatrix:
+def given_generators(cone: Cone) -> Matrix:
     """The generators that stand in a file, in the order in which they stand there."""
     if isinstance(cone, PolyhedralCone):
         return cone._conversion.generators
-    return ExactMatrix(cone.exact_rays.values.toarray()) if cone.exact_rays.is_sparse else cone.exact_rays
+    return Matrix(cone.exact_rays.values.toarray()) if cone.exact_rays.is_sparse else cone.exact_rays
 
 
-def portable_rows(m: ExactMatrix) -> Rationals:
+def portable_rows(m: Matrix) -> Rationals:
     """Rows as fractions: exactly, with lengths that are those of the doubles up to a power of two."""
     values = np.asarray(m.values.toarray() if m.is_sparse else m.values)
     if m.integer_rows is None:
-        return ExactMatrix(values, m.radius, m.numerators, m.denominator).fractions()
+        return Matrix(values, m.radius, m.numerators, m.denominator).fractions()
     ints = m.rows_as_integers(np.arange(m.shape[0]))
     out = np.empty(ints.shape, dtype=object)
     for k, (row, approx) in enumerate(zip(ints, values, strict=True)):
@@ -99,7 +99,7 @@ def right_inverse(cone: Cone, rays: Rationals) -> Rationals | None:
     return H / height[:, None]
 
 
-def spanning_inverse(exact_rays: ExactMatrix, rays: Rationals) -> Rationals | None:
+def spanning_inverse(exact_rays: Matrix, rays: Rationals) -> Rationals | None:
     """Z with rays' Z = I from n independent generators, or None where there is none that is short enough.
 
     The generators are far apart where floating point finds such, so that Z makes small errors no larger.
@@ -122,12 +122,12 @@ def spanning_inverse(exact_rays: ExactMatrix, rays: Rationals) -> Rationals | No
     return Z
 
 
-def independent(exact_rays: ExactMatrix, ints: NDArray[np.object_]) -> NDArray[np.intp]:
+def independent(exact_rays: Matrix, ints: NDArray[np.object_]) -> NDArray[np.intp]:
     """The largest number of independent generators, far from each other where floating point finds such.
 
     Parameters
     ----------
-    exact_rays : ExactMatrix, shape (N, n)
+    exact_rays : Matrix, shape (N, n)
     ints : ndarray of int, shape (N, n)
         The same as integers, each row up to a positive factor.
     """

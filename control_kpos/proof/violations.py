@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..exact.condition import Condition
-from ..exact.matrix import ExactMatrix, shown
+from ..exact.intake import shown
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from .encoding import register_record
 from .generators import SUPPORTING, own_generators, portable
@@ -74,13 +75,13 @@ class PlaneViolation(PositivityViolation):
             f"{self.ray}, {shown(self.generator)}: the product is {self.value:.3g} < 0"
         )
 
-    def conditions(self, target: Cone, M: ExactMatrix, source: Cone, *, invariance: bool) -> list[Condition] | None:
+    def conditions(self, target: Cone, M: Matrix, source: Cone, *, invariance: bool) -> list[Condition] | None:
         """The inequalities that it breaks, and those that make the plane a supporting one; None if it does not fit.
 
         Parameters
         ----------
         target, source : Cone
-        M : ExactMatrix, shape (target.dim, source.dim)
+        M : Matrix, shape (target.dim, source.dim)
         invariance : bool
             Target is source, and the generator must lie on the plane.
         """
@@ -88,9 +89,11 @@ class PlaneViolation(PositivityViolation):
         normal = self.exact_normal()
         if not 0 <= self.ray < rays.shape[0] or normal.shape[1] != target.dim:
             return None
-        generator = take_rows(rays, np.array([self.ray]))
+        generator = rays[np.array([self.ray])].dense()
         product = BilinearForms(normal, M, generator)
-        same = np.array_equal(self.normal, dense_row(normal)) and np.array_equal(self.generator, dense_row(generator))
+        same = np.array_equal(self.normal, normal.values[0].copy()) and np.array_equal(
+            self.generator, generator.values[0].copy()
+        )
         if not same or not abs(product.values[0, 0] - self.value) <= 1e-11 * product.magnitudes[0, 0]:
             return None
         out = [
@@ -101,51 +104,25 @@ class PlaneViolation(PositivityViolation):
             out.append(Condition("h'x = 0", BilinearForms(normal, None, generator), "=="))
         return out
 
-    def exact_normal(self) -> ExactMatrix:
+    def exact_normal(self) -> Matrix:
         """The normal as a 1 x n matrix."""
         return _row_of(self.normal_exact)
 
 
-def plane_violation(
-    condition: str, normal: NDArray[np.object_], ray: int, M: ExactMatrix, source: ExactMatrix
-) -> PlaneViolation:
+def plane_violation(condition: str, normal: NDArray[np.object_], ray: int, M: Matrix, source: Matrix) -> PlaneViolation:
     """The violation with an exact normal, of any length, and row `ray` of the generators `source`."""
     top = max(abs(Fraction(x)) for x in normal)
     power = Fraction(2) ** (top.numerator.bit_length() - top.denominator.bit_length())
     exact = tuple(Fraction(x) / power for x in normal)
-    h, x = _row_of(exact), take_rows(source, np.array([ray]))
+    h, x = _row_of(exact), source[np.array([ray])].dense()
     value = float(BilinearForms(h, M, x).values[0, 0])
-    return PlaneViolation(condition, -1, ray, dense_row(h), dense_row(x), value, exact)
+    return PlaneViolation(condition, -1, ray, h.values[0].copy(), x.values[0].copy(), value, exact)
 
 
-def _row_of(numbers: tuple[Fraction, ...]) -> ExactMatrix:
+def _row_of(numbers: tuple[Fraction, ...]) -> Matrix:
     row = np.empty((1, len(numbers)), dtype=object)
     row[0] = numbers
-    return ExactMatrix.from_fractions(row)
-
-
-def take_rows(m: ExactMatrix, index: NDArray[np.intp]) -> ExactMatrix:
-    """Some rows of a two-dimensional exact matrix, dense."""
-    values = m.values[index]
-    values = values.toarray() if m.is_sparse else np.asarray(values)
-    if m.is_double:
-        return ExactMatrix(values)
-    radius = None if m.radius is None else m.radius[index]
-    return ExactMatrix(values, radius, integer_rows=_RowsOf(m, index))
-
-
-@dataclass(frozen=True)
-class _RowsOf:
-    matrix: ExactMatrix
-    index: NDArray[np.intp]
-
-    def __call__(self, index: NDArray[np.intp]) -> Any:
-        return self.matrix.rows_as_integers(self.index[index])
-
-
-def dense_row(m: ExactMatrix) -> NDArray[np.float64]:
-    """The single row of a dense 1 x n matrix."""
-    return np.array(m.values[0], dtype=float)
+    return Matrix.from_fractions(row)
 
 
 def parallel(a: Any, b: NDArray[np.float64]) -> bool:

@@ -24,12 +24,7 @@ from ..cones import (
     orthant,
 )
 from ..errors import TooLargeError
-from ..exact.matrix import (
-    ExactMatrix,
-    integers_of_doubles,
-    pick,
-    plain,
-)
+from ..exact.matrix import Matrix, integers_of_doubles
 from ..exact.rational_programs import exact_feasibility, solve_exactly
 from .encoding import encode_triplets, nested_text, number_text
 from .portable_cones import (
@@ -77,21 +72,21 @@ class Prover:
     def inclusion(
         self,
         target: Cone,
-        M: ExactMatrix,
+        M: Matrix,
         source: Cone,
         *,
         invariance: bool = False,
-        source_rays: ExactMatrix | None = None,
+        source_rays: Matrix | None = None,
     ) -> Any:
         """Weights of M x_i, column by column, as JSON data; None for an orthant, where M x_i are the weights.
 
         Parameters
         ----------
         target, source : Cone
-        M : ExactMatrix, shape (target.dim, source.dim)
+        M : Matrix, shape (target.dim, source.dim)
         invariance : bool
             Target is source, and the weights on the diagonal are free.
-        source_rays : ExactMatrix, shape (N, n), or None
+        source_rays : Matrix, shape (N, n), or None
             The generators of the source, a cone without factors, if the file does not have its `rays`.
 
         Raises
@@ -117,9 +112,9 @@ class Prover:
         self._count(entries)
         return _encoded(entries, (target.n_rays, source.n_rays))
 
-    def _images(self, target: Cone, M: ExactMatrix, rays: ExactMatrix) -> Any:
+    def _images(self, target: Cone, M: Matrix, rays: Matrix) -> Any:
         """Weights of M x for generators x of a cone of which nothing else is known."""
-        images = plain(M).fractions() @ rays.fractions().T
+        images = M.plain().fractions() @ rays.fractions().T
         entries: list[tuple[int, int, Any]] = []
         for block in _blocks(target):
             W = self._weights(block.cone, images[block.row : block.row + block.cone.dim], None)
@@ -141,15 +136,15 @@ class Prover:
         self._count(out)
         return _encoded(out, (target.n_rays, 1))
 
-    def repaired(self, rays: ExactMatrix, images: Rationals, guess: ExactMatrix, *, invariance: bool = False) -> Any:
+    def repaired(self, rays: Matrix, images: Rationals, guess: Matrix, *, invariance: bool = False) -> Any:
         """Weights of vectors in a cone of which generators are all that is known, as JSON data.
 
         Parameters
         ----------
-        rays : ExactMatrix, shape (N, n)
+        rays : Matrix, shape (N, n)
         images : ndarray of Fraction, shape (n, c)
             The vectors, one a column.
-        guess : ExactMatrix, shape (N, c)
+        guess : Matrix, shape (N, c)
             Weights up to rounding.
         invariance : bool
             c = N, and the weights on the diagonal are free.
@@ -173,14 +168,14 @@ class Prover:
         return _encoded(entries, weights.shape)
 
     def repaired_map(
-        self, rays: ExactMatrix, M: ExactMatrix, guess: sp.csr_array, support: NDArray[np.intp], *, invariance: bool
+        self, rays: Matrix, M: Matrix, guess: sp.csr_array, support: NDArray[np.intp], *, invariance: bool
     ) -> Any:
         """Weights of M x for every generator x in terms of the generators, from sparse ones, as JSON data.
 
         Parameters
         ----------
-        rays : ExactMatrix, shape (N, n)
-        M : ExactMatrix, shape (n, n)
+        rays : Matrix, shape (N, n)
+        M : Matrix, shape (n, n)
         guess : csr_array, shape (N, N)
             Weights up to rounding, positive in the rows of `support`.
         support : ndarray of int
@@ -195,7 +190,7 @@ class Prover:
         coo = guess.tocoo()
         weights, exponent = integers_of_doubles(coo.data)
         unit = Fraction(2) ** int(exponent.item())
-        basis = support[independent(pick(rays, support), rows[support])]
+        basis = support[independent(rays[support], rows[support])]
         short = len(basis) == rays.shape[1] <= LARGE
         inverse = solve_exactly(rows[basis].T, np.eye(len(basis), dtype=int).astype(object)) if short else None
         if inverse is None:
@@ -298,7 +293,7 @@ def _blocks(cone: Cone) -> list[_Block]:
     return out
 
 
-def _pieces(M: ExactMatrix, targets: list[_Block], sources: list[_Block]) -> Iterator[tuple[_Block, _Block, Rationals]]:
+def _pieces(M: Matrix, targets: list[_Block], sources: list[_Block]) -> Iterator[tuple[_Block, _Block, Rationals]]:
     """Blocks of M that are not zero, as fractions."""
     if not M.is_sparse:
         full = M.fractions()
@@ -334,19 +329,19 @@ def _encoded(entries: list[tuple[int, int, Any]], shape: tuple[int, int]) -> dic
     return {"matrix": full}
 
 
-def violation(matrix: str, normal: ExactMatrix, facet: int, ray: int) -> dict[str, Any]:
+def violation(matrix: str, normal: Matrix, facet: int, ray: int) -> dict[str, Any]:
     """A broken inclusion: the matrix, the exact normal, and the number of the generator."""
     row = normal.rows_as_integers(np.array([facet]))[0]
     entries = [(int(j), 0, int(row[j])) for j in np.flatnonzero(row)]
     return {"matrix": matrix, "normal": encode_triplets(entries, (len(row), 1)), "ray": int(ray)}
 
 
-def drift(A: ExactMatrix, x: Rationals, discrete: bool, rate: Fraction = Fraction(0)) -> Rationals:
+def drift(A: Matrix, x: Rationals, discrete: bool, rate: Fraction = Fraction(0)) -> Rationals:
     """A x + rate x, with A - I for A in discrete time."""
     return product(A, x) + (rate - discrete) * x
 
 
-def product(M: ExactMatrix, x: Rationals) -> Rationals:
+def product(M: Matrix, x: Rationals) -> Rationals:
     """M x exactly."""
     if not M.is_sparse:
         return M.fractions() @ x

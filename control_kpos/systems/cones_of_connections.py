@@ -30,7 +30,7 @@ from ..cones import (
     orthant,
     product,
 )
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..exact.rational_programs import solve_exactly
 from ..theorems.stability import linear_lyapunov
 from .rounding import maps_into
@@ -88,7 +88,7 @@ def opposite(cone: Cone) -> Cone:
     return -cone if cone.dim else cone
 
 
-def image(M: ExactMatrix, cone: Cone) -> Cone | None:
+def image(M: Matrix, cone: Cone) -> Cone | None:
     """A proper cone that holds M y for y in the cone: an orthant or its negative, else the image itself."""
     if not M.shape[0]:
         return nonnegative(0)
@@ -96,7 +96,7 @@ def image(M: ExactMatrix, cone: Cone) -> Cone | None:
     return _signed_orthant(M.shape[0], sign) if sign else _proper(cone.transform(exact_rows(M)))
 
 
-def preimage(M: ExactMatrix, cone: Cone) -> Cone | None:
+def preimage(M: Matrix, cone: Cone) -> Cone | None:
     """A proper cone of vectors u with M u in the cone: an orthant or its negative, else all of them."""
     if not M.shape[1]:
         return nonnegative(0)
@@ -111,7 +111,7 @@ def _orthant_sign(cone: Cone) -> int:
     return -1 if cone == opposite(nonnegative(cone.dim)) else 0
 
 
-def _common_sign(M: ExactMatrix) -> int:
+def _common_sign(M: Matrix) -> int:
     """1 if all entries are >= 0, -1 if all are <= 0, else 0."""
     return 1 if (M.values >= 0).all() else -1 if (M.values <= 0).all() else 0
 
@@ -124,7 +124,7 @@ def _proper(cone: Cone) -> Cone | None:
     return cone if cone.is_proper else None
 
 
-def exact_rows(M: ExactMatrix) -> NDArray[Any]:
+def exact_rows(M: Matrix) -> NDArray[Any]:
     """M as an array that loses nothing: doubles if they are exact, else fractions."""
     return np.asarray(M.values) if M.is_double else M.fractions()
 
@@ -167,16 +167,16 @@ def _is_siso(s: Model) -> bool:
 
 def _spread(s: Model, outputs: int, inputs: int) -> Model | None:
     """A system with one input and one output between all inputs and all outputs, as python-control does it."""
-    return output_gain(copies(s, inputs), ExactMatrix(np.ones((outputs, inputs))))
+    return output_gain(copies(s, inputs), Matrix(np.ones((outputs, inputs))))
 
 
 def select(s: Model, inputs: Sequence[int], outputs: Sequence[int]) -> Model | None:
     """Some inputs and outputs, given by their numbers."""
-    chosen = output_gain(s, ExactMatrix(np.eye(s.Y.dim)[outputs]))
-    return None if chosen is None else input_gain(chosen, ExactMatrix(np.eye(s.U.dim)[:, inputs]))
+    chosen = output_gain(s, Matrix(np.eye(s.Y.dim)[outputs]))
+    return None if chosen is None else input_gain(chosen, Matrix(np.eye(s.U.dim)[:, inputs]))
 
 
-def output_gain(s: Model, M: ExactMatrix) -> Model | None:
+def output_gain(s: Model, M: Matrix) -> Model | None:
     """M s: outputs multiplied by M."""
     if _is_siso(s):
         s = copies(s, M.shape[1])
@@ -189,7 +189,7 @@ def output_gain(s: Model, M: ExactMatrix) -> Model | None:
     return Model(s.X, s.U, Y, (A, B, M.fractions() @ C, M.fractions() @ D))
 
 
-def input_gain(s: Model, M: ExactMatrix) -> Model | None:
+def input_gain(s: Model, M: Matrix) -> Model | None:
     """s M: inputs multiplied by M before they enter."""
     if _is_siso(s):
         s = copies(s, M.shape[0])
@@ -214,7 +214,7 @@ def scale(s: Model, factor: float) -> Model:
     return Model(X, s.U, Y, (A, B * Fraction(factor), C, D * Fraction(factor)))
 
 
-def add_gain(s: Model, M: ExactMatrix) -> Model | None:
+def add_gain(s: Model, M: Matrix) -> Model | None:
     """s + M: M joins the direct term."""
     if _is_siso(s) and M.shape != (1, 1):
         spread = _spread(s, *M.shape)
@@ -270,13 +270,13 @@ def series(outer: Model, inner: Model) -> Model | None:
     return Model(X, inner.U, outer.Y, (A, np.vstack([B2, B1 @ D2]), np.hstack([D1 @ C2, C1]), D1 @ D2))
 
 
-def feedback(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign: float) -> Model | None:
+def feedback(plant: Model, other: Model, D1: Matrix, D2: Matrix, sign: float) -> Model | None:
     """The plant with u = r + sign y2, where the other system maps the plant's y to y2.
 
     Parameters
     ----------
     plant, other : Model
-    D1, D2 : ExactMatrix
+    D1, D2 : Matrix
         Direct terms of the plant and of the other system.
     sign : float
         Gain in the feedback path, of any size.
@@ -293,9 +293,9 @@ def feedback(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign:
     return _closed(plant, other, D1, D2, sign)
 
 
-def feedback_gain(plant: Model, K: ExactMatrix, D1: ExactMatrix, sign: float) -> Model | None:
+def feedback_gain(plant: Model, K: Matrix, D1: Matrix, sign: float) -> Model | None:
     """The plant with u = r + sign K y for a matrix K."""
-    signed = ExactMatrix.from_fractions(K.fractions() * Fraction(sign))
+    signed = Matrix.from_fractions(K.fractions() * Fraction(sign))
     if not maps_into(signed, plant.Y, plant.U):
         return None
     none = nonnegative(0)
@@ -304,12 +304,12 @@ def feedback_gain(plant: Model, K: ExactMatrix, D1: ExactMatrix, sign: float) ->
     return _closed(plant, Model(none, plant.Y, plant.U, gain), D1, K, sign)
 
 
-def _closed(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign: float) -> Model | None:
+def _closed(plant: Model, other: Model, D1: Matrix, D2: Matrix, sign: float) -> Model | None:
     k = Fraction(sign)
     loop = None
     if k and np.any(D1.values) and np.any(D2.values):
         loop = k * (D2.fractions() @ D1.fractions())
-        if not linear_lyapunov(ExactMatrix.from_fractions(loop), plant.U, discrete=True):
+        if not linear_lyapunov(Matrix.from_fractions(loop), plant.U, discrete=True):
             return None
     X = stacked(plant.X, other.X)
     if plant.matrices is None or other.matrices is None:
@@ -326,7 +326,7 @@ def _closed(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, sign: 
     return Model(X, plant.U, plant.Y, (A, np.vstack([B1 @ E, B2 @ D]), C, D))
 
 
-def lower_lft(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, n_u: int, n_y: int) -> Model | None:
+def lower_lft(plant: Model, other: Model, D1: Matrix, D2: Matrix, n_u: int, n_y: int) -> Model | None:
     """The plant with its last n_y outputs and n_u inputs closed through the first inputs and outputs of the other.
 
     ::
@@ -336,19 +336,19 @@ def lower_lft(plant: Model, other: Model, D1: ExactMatrix, D2: ExactMatrix, n_u:
                                            w' ---> [       ] ---> z'
     """
     both = append(plant, other)
-    direct = ExactMatrix.from_fractions(_diagonal(D1.fractions(), D2.fractions()))
+    direct = Matrix.from_fractions(_diagonal(D1.fractions(), D2.fractions()))
     m, q = plant.U.dim, plant.Y.dim
     K = np.zeros((both.U.dim, both.Y.dim))
     K[np.arange(m - n_u, m), np.arange(q, q + n_u)] = 1
     K[np.arange(m, m + n_y), np.arange(q - n_y, q)] = 1
-    loop = feedback_gain(both, ExactMatrix(K), direct, 1)
+    loop = feedback_gain(both, Matrix(K), direct, 1)
     if loop is None:
         return None
     inputs = [*range(m - n_u), *range(m + n_y, both.U.dim)]
     return select(loop, inputs, [*range(q - n_y), *range(q + n_u, both.Y.dim)])
 
 
-def transform(s: Model, T: ExactMatrix, timescale: float, inverse: bool) -> Model | None:
+def transform(s: Model, T: Matrix, timescale: float, inverse: bool) -> Model | None:
     """New states z = T x, or x = T z with `inverse`, and a clock that shows timescale * t.
 
     Returns None if T is singular or time would run backwards.
@@ -390,6 +390,6 @@ def _diagonal(a: Rationals, b: Rationals) -> Rationals:
 
 
 def _inverse(M: Rationals) -> Rationals | None:
-    integers, factor = ExactMatrix.from_fractions(M).as_integers()
+    integers, factor = Matrix.from_fractions(M).as_integers()
     solution = solve_exactly(integers, np.eye(len(M), dtype=int).astype(object))
     return None if solution is None else solution[0] * (1 / (Fraction(solution[1]) * factor))

@@ -28,17 +28,14 @@ from ..errors import (
 )
 from ..exact.intake import (
     choice,
+    exact_matrix,
     flag,
     found,
     real_number,
+    require_shape,
     whole_number,
 )
-from ..exact.matrix import (
-    ExactMatrix,
-    dense,
-    exact_matrix,
-    require_shape,
-)
+from ..exact.matrix import Matrix, dense
 from ..theorems.positivity import PositivityCertificate
 from . import cones_of_connections as connections
 from .cones_of_connections import Model
@@ -64,7 +61,7 @@ class ConeOperations(StateSpace):
         """The cones, and exact matrices if they are to be tracked."""
 
     @abstractmethod
-    def _exact(self) -> dict[str, ExactMatrix]:
+    def _exact(self) -> dict[str, Matrix]:
         """Matrices that doubles cannot hold."""
 
     @abstractmethod
@@ -108,7 +105,7 @@ class ConeOperations(StateSpace):
                 model = rule(*(s._model(True) for s in operands))
         return self._with_cones(result, model)
 
-    def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, ExactMatrix], Model | None]) -> Any:
+    def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, Matrix], Model | None]) -> Any:
         """Cones of s * factor or factor * s for a number or an array."""
         if isinstance(factor, numbers.Real):
             return self._adopt(result, lambda s: connections.scale(s, float(factor)))
@@ -275,8 +272,8 @@ class ConeOperations(StateSpace):
         D1, D2 = self._direct(), other._direct()
         return self._adopt(result, lambda s1, s2: connections.lower_lft(s1, s2, D1, D2, n_u, n_y), other)
 
-    def _direct(self) -> ExactMatrix:
-        return self._exact().get("D") or ExactMatrix(self.D)
+    def _direct(self) -> Matrix:
+        return self._exact().get("D") or Matrix(self.D)
 
     def __getitem__(self, key: Any) -> StateSpace:
         result = super().__getitem__(key)
@@ -420,7 +417,7 @@ def _ports(operand: Any) -> str:
     return f"the array is {' x '.join(map(str, shape))}" if shape else f"the other operand is {operand!r}"
 
 
-def _gain(factor: Any) -> ExactMatrix | None:
+def _gain(factor: Any) -> Matrix | None:
     """A number or array as a matrix; None if it is no finite real matrix."""
     if isinstance(factor, ct.InputOutputSystem):
         return None

@@ -23,8 +23,8 @@ from ..errors import (
     ShapeError,
     TimebaseError,
 )
-from ..exact.intake import found, whole_number
-from ..exact.matrix import ExactMatrix, dense, exact_matrix
+from ..exact.intake import exact_matrix, found, whole_number
+from ..exact.matrix import Matrix, dense
 from .cones_of_connections import image, nonnegative, preimage
 
 # Names for more signals than this would take gigabytes.
@@ -47,7 +47,7 @@ class Removal:
     constant: NDArray[np.bool_]
     kept: NDArray[np.intp]
 
-    def matrix(self, name: str, m: ExactMatrix, width: int) -> ExactMatrix:
+    def matrix(self, name: str, m: Matrix, width: int) -> Matrix:
         """What remains of A, B or C, given flat or not; `width` is the number of inputs or outputs."""
         every = np.arange(width)
         shape, rows, columns = {
@@ -55,14 +55,14 @@ class Removal:
             "B": ((self.full, width), self.kept, every),
             "C": ((width, self.full), every, self.kept),
         }[name]
-        return ExactMatrix.from_fractions(m.fractions().reshape(shape)[np.ix_(rows, columns)])
+        return Matrix.from_fractions(m.fractions().reshape(shape)[np.ix_(rows, columns)])
 
     def cone(self, X: Cone) -> Cone:
         """X where the constant states are 0, seen from the states that are kept."""
         axes = np.eye(self.full)
         moving = np.flatnonzero(~self.constant)
-        section = preimage(ExactMatrix(axes[:, moving]), X)
-        shadow = None if section is None else image(ExactMatrix(axes[self.kept][:, moving]), section)
+        section = preimage(Matrix(axes[:, moving]), X)
+        shadow = None if section is None else image(Matrix(axes[self.kept][:, moving]), section)
         if shadow is None:
             raise NotProperConeError(
                 f"X: what is left of it after useless states are removed is not proper; keep states "
@@ -71,13 +71,13 @@ class Removal:
         return shadow
 
 
-def read_matrix(data: Any, name: str) -> tuple[Any, ExactMatrix | None]:
+def read_matrix(data: Any, name: str) -> tuple[Any, Matrix | None]:
     """Values for python-control to read, and the exact matrix if they are not exact.
 
     Doubles are passed on as they come, so that python-control decides what 0, a vector or [] means.
     """
     ndim = 2
-    if not isinstance(data, ExactMatrix) and not sp.issparse(data):
+    if not isinstance(data, Matrix) and not sp.issparse(data):
         array = _as_array(data)
         if array is not None and array.ndim > 2:
             raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")

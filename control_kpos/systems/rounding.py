@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cones import Cone, Orthant
-from ..exact.matrix import ExactMatrix
+from ..exact.matrix import Matrix
 from ..proof.inclusion import inclusion_condition, invariance_condition
 
 # Sizes of epsilon tried, in units of the largest entry; thin cones need more than a rounding error.
@@ -27,7 +27,7 @@ _STEPS = tuple(2.0**k for k in range(-54, -28, 2))
 LAST_DIGITS = 2.0**-46
 
 
-def maps_into(M: ExactMatrix, source: Cone, target: Cone, *, flow: bool = False) -> bool:
+def maps_into(M: Matrix, source: Cone, target: Cone, *, flow: bool = False) -> bool:
     """True if M source lies in target, by proven signs; with `flow`, if e^{Mt} keeps the source for t >= 0."""
     if not source.dim or not target.dim:
         return True
@@ -69,7 +69,7 @@ def rounded_into(
     ndarray, shape (m, n), or None
         M itself if it will do; None if nothing within `most`, by default 1e-9, does.
     """
-    if maps_into(ExactMatrix(M), source, target, flow=flow):
+    if maps_into(Matrix(M), source, target, flow=flow):
         return M
     size = max(size, float(np.abs(M).max()))
     if isinstance(source, Orthant) and isinstance(target, Orthant):  # keeps zeros
@@ -78,7 +78,7 @@ def rounded_into(
     inward = np.outer(target.interior_point, source.dual.interior_point)
     for step in (s for s in _STEPS if s <= most):
         moved = M + step * size * inward
-        if maps_into(ExactMatrix(moved), source, target, flow=flow):
+        if maps_into(Matrix(moved), source, target, flow=flow):
             return moved
     return None
 
@@ -93,7 +93,7 @@ def round_towards(result: Any, model: Any, operands: Sequence[Any], **limits: fl
     missed = [
         (name, source, target, flow)
         for name, source, target, flow in maps
-        if not maps_into(ExactMatrix(getattr(result, name)), source, target, flow=flow)
+        if not maps_into(Matrix(getattr(result, name)), source, target, flow=flow)
     ]
     if not missed or not all(s.cone_positivity() for s in operands):
         return True

@@ -27,7 +27,8 @@ from ..errors import (
     ShapeError,
     UndecidedError,
 )
-from ..exact.matrix import ExactMatrix, dense, exact_matrix
+from ..exact.intake import exact_matrix
+from ..exact.matrix import Matrix, dense
 from ..proof.certificate import Status
 from ..theorems.dissipativity import DissipativityCertificate, dissipativity
 from ..theorems.gains import induced_gain
@@ -120,7 +121,7 @@ class ConeStateSpace(ConeOperations):
         **names: Any,
     ) -> None:
         source = args[0] if len(args) == 1 else None
-        exact: Mapping[str, ExactMatrix] = {}
+        exact: Mapping[str, Matrix] = {}
         if len(args) in (4, 5):
             read = [read_matrix(data, name) for data, name in zip(args[:4], _MATRICES, strict=True)]
             exact = {name: m for name, (_, m) in zip(_MATRICES, read, strict=True) if m is not None}
@@ -162,11 +163,11 @@ class ConeStateSpace(ConeOperations):
             read_cone(Y, "Y", self.noutputs, "outputs"),
         )
 
-    def _as_stored(self, name: str, m: ExactMatrix, removal: Removal | None) -> ExactMatrix:
+    def _as_stored(self, name: str, m: Matrix, removal: Removal | None) -> Matrix:
         """Exact data in the shape python-control has given to the matrix."""
         if removal is not None and name != "D":
             return removal.matrix(name, m, self.ninputs if name == "B" else self.noutputs)
-        return ExactMatrix.from_fractions(m.fractions().reshape(getattr(self, name).shape))
+        return Matrix.from_fractions(m.fractions().reshape(getattr(self, name).shape))
 
     # -- cones and verdicts
 
@@ -286,7 +287,7 @@ class ConeStateSpace(ConeOperations):
     def _discrete(self) -> bool:
         return bool(self.dt)  # None and 0 are continuous time
 
-    def _exact(self) -> dict[str, ExactMatrix]:
+    def _exact(self) -> dict[str, Matrix]:
         """Exact data of those matrices that have not been assigned or changed since they were given."""
         out = {}
         for name, (array, exact) in self._given.items():
@@ -294,7 +295,7 @@ class ConeStateSpace(ConeOperations):
                 out[name] = exact
         return out
 
-    def _data(self) -> tuple[ExactMatrix, ...]:
+    def _data(self) -> tuple[Matrix, ...]:
         """A, B, C, D as they are now."""
         exact = self._exact()
         return tuple(exact.get(name) or exact_matrix(getattr(self, name), name) for name in _MATRICES)
@@ -306,8 +307,8 @@ class ConeStateSpace(ConeOperations):
         A, B, C, D = self._data()
         X = self.X
         if A.shape == (0, 0):
-            A = ExactMatrix(np.array([[0.0 if self._discrete else -1.0]]))
-            B, C = ExactMatrix(np.zeros((1, self.ninputs))), ExactMatrix(np.zeros((self.noutputs, 1)))
+            A = Matrix(np.array([[0.0 if self._discrete else -1.0]]))
+            B, C = Matrix.zeros(1, self.ninputs), Matrix.zeros(self.noutputs, 1)
             X = nonnegative(1)
         return A, B, C, D, X, self.U, self.Y
 
@@ -329,7 +330,7 @@ class ConeStateSpace(ConeOperations):
         if model.matrices is None or model.matrices[0].shape != result.A.shape:
             return ConeStateSpace(result, **cones)
         labels = {"inputs": result.input_labels, "outputs": result.output_labels, "states": result.state_labels}
-        data = (ExactMatrix.from_fractions(m) for m in model.matrices)
+        data = (Matrix.from_fractions(m) for m in model.matrices)
         return ConeStateSpace(*data, result.dt, name=result.name, **labels, **cones)
 
     def _remove_useless_states(self) -> None:
@@ -389,7 +390,7 @@ class ConeStateSpace(ConeOperations):
         return "\n\n".join([super().__str__(), *(f"{n}: {_described(c)}" for n, c in self._shown_cones().items())])
 
 
-def _fractions(m: ExactMatrix) -> str:
+def _fractions(m: Matrix) -> str:
     """Fractions as text that can be read back, decimals with all digits if the fractions are long."""
     text = m.fractions().astype(str)
     if max(map(len, text.ravel())) <= _LONGEST_FRACTION:

@@ -24,14 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold
-from ..exact.matrix import (
-    ExactMatrix,
-    concatenate,
-    exact_matrix,
-    identity,
-    require_shape,
-    shown,
-)
+from ..exact.intake import exact_matrix, require_shape, shown
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
 from ..proof.encoding import register_record
@@ -49,7 +43,7 @@ from .positivity import (
     System,
     cone_positivity,
 )
-from .stability import exact_row, transpose
+from .stability import exact_row
 from .storage_candidates import storage_candidates, supply_witness
 
 Rationals = tuple[Fraction, ...]
@@ -191,10 +185,10 @@ class DissipativityCertificate(ClaimOnPositivity):
 
 
 def dissipativity(
-    A: ArrayLike | ExactMatrix | Any,
-    B: ArrayLike | ExactMatrix | Any,
-    C: ArrayLike | ExactMatrix | Any,
-    D: ArrayLike | ExactMatrix | Any,
+    A: ArrayLike | Matrix | Any,
+    B: ArrayLike | Matrix | Any,
+    C: ArrayLike | Matrix | Any,
+    D: ArrayLike | Matrix | Any,
     X: Cone | ArrayLike,
     U: Cone | ArrayLike,
     Y: Cone | ArrayLike,
@@ -337,7 +331,7 @@ def _supply(data: ArrayLike, name: str, size: int, what: str) -> NDArray[np.floa
 # -- inequalities
 
 
-def _state_forms(p: System, v: ExactMatrix, q: ExactMatrix, rate: float = 0.0) -> BilinearForms:
+def _state_forms(p: System, v: Matrix, q: Matrix, rate: float = 0.0) -> BilinearForms:
     """(v'A + rate v' - q'C) x_i, with A - I for A in discrete time."""
     if not np.isfinite(rate):
         raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
@@ -345,42 +339,42 @@ def _state_forms(p: System, v: ExactMatrix, q: ExactMatrix, rate: float = 0.0) -
     rows, blocks = [v, -q], [p.A, p.C]
     for factor in ([-1.0] if p.discrete else []) + ([rate] if rate else []):
         rows.append(v)
-        blocks.append(ExactMatrix(identity(n, sparse=p.A.is_sparse).values * factor))
-    return BilinearForms(concatenate(rows, -1), concatenate(blocks, -2), p.X.exact_rays)
+        blocks.append(Matrix(Matrix.identity(n, sparse=p.A.is_sparse).values * factor))
+    return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), p.X.exact_rays)
 
 
-def _input_forms(p: System, v: ExactMatrix, q: ExactMatrix, r: ExactMatrix) -> BilinearForms:
+def _input_forms(p: System, v: Matrix, q: Matrix, r: Matrix) -> BilinearForms:
     """(v'B - r' - q'D) u_j."""
     m = r.shape[1]
-    blocks = [p.B, identity(m, sparse=p.B.is_sparse), p.D]
-    return BilinearForms(concatenate([v, -r, -q], -1), concatenate(blocks, -2), p.U.exact_rays)
+    blocks = [p.B, Matrix.identity(m, sparse=p.B.is_sparse), p.D]
+    return BilinearForms(Matrix.join([v, -r, -q], -1), Matrix.join(blocks, -2), p.U.exact_rays)
 
 
-def _motion_forms(p: System, x: ExactMatrix, u: ExactMatrix) -> BilinearForms:
+def _motion_forms(p: System, x: Matrix, u: Matrix) -> BilinearForms:
     """h'(A x + B u), with A - I for A in discrete time, for the facets h of X."""
-    rows, blocks = [x, u], [transpose(p.A), transpose(p.B)]
+    rows, blocks = [x, u], [p.A.T, p.B.T]
     if p.discrete:
         rows.append(x)
-        blocks.append(-identity(p.A.shape[0], sparse=p.A.is_sparse))
-    return BilinearForms(concatenate(rows, -1), concatenate(blocks, -2), p.X.exact_facets)
+        blocks.append(-Matrix.identity(p.A.shape[0], sparse=p.A.is_sparse))
+    return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), p.X.exact_facets)
 
 
 def _supply_forms(
     p: System,
-    x: ExactMatrix,
-    u: ExactMatrix,
+    x: Matrix,
+    u: Matrix,
     q: NDArray[np.float64],
     r: NDArray[np.float64] | None,
 ) -> BilinearForms:
     """q'(C x + D u) + r'u."""
     m = u.shape[1]
     r = np.zeros(m) if r is None else np.asarray(r, dtype=float)
-    top = concatenate([transpose(p.C), ExactMatrix(np.zeros((p.A.shape[0], m)))], -1)
-    low = concatenate([transpose(p.D), identity(m)], -1)
-    return BilinearForms(concatenate([x, u], -1), concatenate([top, low], -2), exact_row(np.concatenate([q, r])))
+    top = Matrix.join([p.C.T, Matrix.zeros(p.A.shape[0], m)], -1)
+    low = Matrix.join([p.D.T, Matrix.identity(m)], -1)
+    return BilinearForms(Matrix.join([x, u], -1), Matrix.join([top, low], -2), exact_row(np.concatenate([q, r])))
 
 
-def proven_rate(p: System, v: ExactMatrix, q: ExactMatrix) -> float:
+def proven_rate(p: System, v: Matrix, q: Matrix) -> float:
     """The largest rate in floating point that v proves, rounded down."""
     with np.errstate(all="ignore"):
         drift, value = _state_forms(p, v, q).values, BilinearForms(v, None, p.X.exact_rays).values

@@ -15,24 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone
 from ..errors import DataError, KposError, UndecidedError
-from ..exact.intake import choice
-from ..exact.matrix import (
-    ExactMatrix,
-    dense,
-    exact_matrix,
-    require_shape,
-    shown,
-)
+from ..exact.intake import choice, exact_matrix, require_shape, shown
+from ..exact.matrix import Matrix, dense
 from ..proof.certificate import Status
 from .positivity import PositivityCertificate, cone_positivity
 from .stability import lyapunov_on
 
 
 def induced_gain(
-    A: ArrayLike | ExactMatrix | Any,
-    B: ArrayLike | ExactMatrix | Any,
-    C: ArrayLike | ExactMatrix | Any,
-    D: ArrayLike | ExactMatrix | Any,
+    A: ArrayLike | Matrix | Any,
+    B: ArrayLike | Matrix | Any,
+    C: ArrayLike | Matrix | Any,
+    D: ArrayLike | Matrix | Any,
     X: Cone | ArrayLike,
     U: Cone | ArrayLike,
     Y: Cone | ArrayLike,

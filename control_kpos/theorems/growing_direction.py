@@ -17,14 +17,7 @@ from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.enclosure import Generators
-from ..exact.matrix import (
-    ExactMatrix,
-    concatenate,
-    identity,
-    pick,
-    plain,
-    transposed,
-)
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.encoding import register_record
 from ..proof.generators import GeneratorProof, combinations, own_generators
@@ -57,58 +50,51 @@ class InstabilityCombination(InstabilityDirection):
 
     Attributes
     ----------
-    weights : ExactMatrix, shape (2, N)
+    weights : Matrix, shape (2, N)
         x and A x (A x - x) as combinations of the generators, up to an error that the proof takes up.
     """
 
-    weights: ExactMatrix | None = None
+    weights: Matrix | None = None
 
 
 # -- inequalities
 
 
-def exact_row(v: NDArray[np.float64], exact: tuple[Fraction, ...] | None = None) -> ExactMatrix:
+def exact_row(v: NDArray[np.float64], exact: tuple[Fraction, ...] | None = None) -> Matrix:
     """A vector as a 1 x n exact matrix; DataError if the doubles are not the rounding of `exact`."""
     v = np.asarray(v, dtype=float)
     if v.ndim != 1 or not np.isfinite(v).all():
         raise DataError("a vector of finite numbers is needed.")
     if exact is None:
-        return ExactMatrix(v[None, :])
+        return Matrix(v[None, :])
     if len(exact) != len(v) or any(float(b) != a for a, b in zip(v.tolist(), exact, strict=True)):
         raise DataError("the exact vector does not round to the doubles beside it.")
     out = np.empty((1, len(v)), dtype=object)
     out[0] = exact
-    return ExactMatrix.from_fractions(out)
+    return Matrix.from_fractions(out)
 
 
-def drift_forms(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
+def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
     """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
     if not np.isfinite(rate):
         raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
     n = A.shape[0]
     blocks = [A]
     if discrete:
-        blocks.append(-identity(n, sparse=A.is_sparse))
+        blocks.append(-Matrix.identity(n, sparse=A.is_sparse))
     if rate:
-        blocks.append(ExactMatrix(identity(n, sparse=A.is_sparse).values * rate))
+        blocks.append(Matrix(Matrix.identity(n, sparse=A.is_sparse).values * rate))
     if len(blocks) == 1:
         return BilinearForms(v, A, rays)
-    return BilinearForms(concatenate([v] * len(blocks), -1), concatenate(blocks, -2), rays)
+    return BilinearForms(Matrix.join([v] * len(blocks), -1), Matrix.join(blocks, -2), rays)
 
 
-def transpose(A: ExactMatrix) -> ExactMatrix:
-    """A' as exact data."""
-    nums = None if A.numerators is None else A.numerators.T
-    values = A.values.T.tocsr() if A.is_sparse else A.values.T
-    return ExactMatrix(values, None if A.radius is None else A.radius.T, nums, A.denominator)
-
-
-def transposed_drift(x: ExactMatrix, A: ExactMatrix, X: Cone, discrete: bool, rate: float = 0.0) -> BilinearForms:
+def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: float = 0.0) -> BilinearForms:
     """h'A x + rate h'x for the facets h, with A - I for A in discrete time."""
-    return drift_forms(x, transpose(A), X.exact_facets, discrete, rate)
+    return drift_forms(x, A.T, X.exact_facets, discrete, rate)
 
 
-def instability_conditions(A: ExactMatrix, X: Cone, discrete: bool, w: InstabilityDirection) -> list[Condition]:
+def instability_conditions(A: Matrix, X: Cone, discrete: bool, w: InstabilityDirection) -> list[Condition]:
     """x in X and A x in X (A x - x in X), on the facets of X."""
     x = exact_row(w.x, w.exact)
     return [
@@ -118,31 +104,31 @@ def instability_conditions(A: ExactMatrix, X: Cone, discrete: bool, w: Instabili
 
 
 def combination_conditions(
-    A: ExactMatrix, X: Cone, discrete: bool, w: InstabilityCombination, proof: GeneratorProof
+    A: Matrix, X: Cone, discrete: bool, w: InstabilityCombination, proof: GeneratorProof
 ) -> list[Condition]:
     """x in X and A x in X (A x - x in X), on generators of a cone that `proof` shows to be proper."""
     rays, x = own_generators(X), exact_row(w.x, w.exact)
     if w.weights is None or w.weights.shape != (2, rays.shape[0]):
         raise DataError("there must be two weights for every generator.")
     basis, everywhere = Generators(rays, proof.right_inverse), np.ones((rays.shape[0], 1), dtype=bool)
-    eye = identity(X.dim)
-    terms = {"x = R q": [(eye, x)], "A x = R q": [(plain(A), x), *([(-eye, x)] if discrete else [])]}
-    columns = (transposed(pick(w.weights, np.array([k]))) for k in range(2))
+    eye = Matrix.identity(X.dim)
+    terms = {"x = R q": [(eye, x)], "A x = R q": [(A.plain(), x), *([(-eye, x)] if discrete else [])]}
+    columns = (w.weights[np.array([k])].T for k in range(2))
     return [
         basis.combination(name, term, q, everywhere) for (name, term), q in zip(terms.items(), columns, strict=True)
     ]
 
 
 def growing_combination(
-    A: ExactMatrix, X: Cone, discrete: bool, x: InstabilityDirection, proof: GeneratorProof
+    A: Matrix, X: Cone, discrete: bool, x: InstabilityDirection, proof: GeneratorProof
 ) -> InstabilityCombination | None:
     """Weights that show growth along x, not yet proven; None if there are none."""
     row, shift = exact_row(x.x, x.exact), np.eye(X.dim, dtype=int).astype(object) * int(discrete)
-    moved = ExactMatrix.from_fractions(plain(A).fractions() - shift)
-    found = [combinations(X, proof, M, row) for M in (identity(X.dim), moved)]
+    moved = Matrix.from_fractions(A.plain().fractions() - shift)
+    found = [combinations(X, proof, M, row) for M in (Matrix.identity(X.dim), moved)]
     if found[0] is None or found[1] is None:
         return None
-    weights = concatenate([transposed(found[0]), transposed(found[1])], -2)
+    weights = Matrix.join([found[0].T, found[1].T], -2)
     return InstabilityCombination(x.x, x.exact, weights)
 
 

@@ -21,7 +21,7 @@ from scipy.linalg import lapack
 from ..cones import Cone
 from ..cones.polyhedral import has_open_facets
 from ..errors import TooLargeError
-from ..exact.matrix import ExactMatrix, dense
+from ..exact.matrix import Matrix, dense
 from ..exact.rational_programs import exact_feasibility
 
 Vector = NDArray[np.float64]
@@ -41,14 +41,14 @@ class ScaledProblem:
 
     Parameters
     ----------
-    A : ExactMatrix, shape (n, n)
+    A : Matrix, shape (n, n)
     X : Cone
     discrete : bool
     balanced : bool
         Also balance the rows and columns of S against each other.
     """
 
-    def __init__(self, A: ExactMatrix, X: Cone, discrete: bool, *, balanced: bool = False) -> None:
+    def __init__(self, A: Matrix, X: Cone, discrete: bool, *, balanced: bool = False) -> None:
         self.A, self.X, self.discrete = A, X, discrete
         self.n = A.shape[0]
         self.rays = _dense_if_small(X.exact_rays.values)
@@ -210,7 +210,7 @@ class ScaledProblem:
         yield (exact * (shares * units)[:, None]).sum(axis=0)
 
 
-def decide_exactly(A: ExactMatrix, X: Cone, discrete: bool) -> tuple[bool, NDArray[np.object_]] | None:
+def decide_exactly(A: Matrix, X: Cone, discrete: bool) -> tuple[bool, NDArray[np.object_]] | None:
     """Settle stability of a K-positive A in rational arithmetic.
 
     Returns
@@ -224,7 +224,7 @@ def decide_exactly(A: ExactMatrix, X: Cone, discrete: bool) -> tuple[bool, NDArr
     if n > _RATIONAL_ROWS:
         return None
     rays = X.exact_rays.rows_as_integers(np.arange(p)).T
-    dense_A = ExactMatrix(dense(A.values), A.radius, A.numerators, A.denominator)
+    dense_A = Matrix(dense(A.values), A.radius, A.numerators, A.denominator)
     S = dense_A.fractions()
     if discrete:
         S = S - np.eye(n, dtype=int).astype(object)
@@ -263,7 +263,7 @@ def _powers_of_two(sizes: Vector) -> Vector:
     return np.ldexp(1.0, np.clip(exponent, -1000, 1000).astype(int))
 
 
-def _balancing_units(A: ExactMatrix, units: Vector) -> Vector:
+def _balancing_units(A: Matrix, units: Vector) -> Vector:
     """Powers of two that balance the matrix; ones for sparse matrices."""
     scaled = dense(A.values) / units[:, None] * units if not A.is_sparse else np.array([[np.inf]])
     if not np.isfinite(scaled).all():

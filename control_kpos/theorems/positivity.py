@@ -25,13 +25,8 @@ from ..cones import Cone, as_cone
 from ..cones.polyhedral import has_open_facets
 from ..errors import DataError
 from ..exact.condition import Condition
-from ..exact.intake import flag
-from ..exact.matrix import (
-    ExactMatrix,
-    exact_matrix,
-    plain,
-    require_shape,
-)
+from ..exact.intake import exact_matrix, flag, require_shape
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Status
 from ..proof.generators import (
@@ -45,8 +40,7 @@ from ..proof.inclusion import NAMES, invariance_condition
 from ..proof.portable_cones import encode_generators
 from ..proof.violations import PlaneViolation as PlaneViolation
 from ..proof.violations import PositivityViolation as PositivityViolation
-from ..proof.violations import dense_row, parallel, plane_violation
-from ..proof.violations import take_rows as take_rows
+from ..proof.violations import parallel, plane_violation
 from ..proof.weights import Prover, violation
 
 _WEIGHTS = {"A": "P", "B": "N", "C": "L", "D": "K"}
@@ -56,10 +50,10 @@ _MEANING = {NAMES["A"]: "A X in X", NAMES["B"]: "B U in X", NAMES["C"]: "C X in 
 class System(NamedTuple):
     """Matrices and cones of a system with inputs and outputs."""
 
-    A: ExactMatrix
-    B: ExactMatrix
-    C: ExactMatrix
-    D: ExactMatrix
+    A: Matrix
+    B: Matrix
+    C: Matrix
+    D: Matrix
     X: Cone
     U: Cone
     Y: Cone
@@ -72,7 +66,7 @@ class PositivityCertificate(Certificate):
 
     Attributes
     ----------
-    A, B, C, D : ExactMatrix, or None for a system without inputs or outputs
+    A, B, C, D : Matrix, or None for a system without inputs or outputs
         The data the verdict is about.
     X, U, Y : Cone, or None
     discrete : bool
@@ -86,11 +80,11 @@ class PositivityCertificate(Certificate):
     claim: ClassVar[str] = "positive"
     no_margin: ClassVar[frozenset[str]] = NO_MARGIN
 
-    A: ExactMatrix
+    A: Matrix
     X: Cone
-    B: ExactMatrix | None = None
-    C: ExactMatrix | None = None
-    D: ExactMatrix | None = None
+    B: Matrix | None = None
+    C: Matrix | None = None
+    D: Matrix | None = None
     U: Cone | None = None
     Y: Cone | None = None
     discrete: bool = False
@@ -117,7 +111,7 @@ class PositivityCertificate(Certificate):
             out.append(Condition(NAMES[name], BilinearForms(target.exact_facets, matrix, generators), ">="))
         return out
 
-    def maps(self) -> dict[str, tuple[Cone, ExactMatrix, Cone]]:
+    def maps(self) -> dict[str, tuple[Cone, Matrix, Cone]]:
         """The inclusions claimed: target, matrix and source by the name of the matrix."""
         maps = {"A": (self.X, self.A, self.X), "B": (self.X, self.B, self.U), "C": (self.Y, self.C, self.X)}
         maps["D"] = (self.Y, self.D, self.U)
@@ -136,16 +130,16 @@ class PositivityCertificate(Certificate):
         condition = next((c for c in self.conditions() if _MEANING.get(c.name) == w.condition), None)
         if condition is None:
             return None
-        normal = take_rows(condition.forms.left, np.array([w.facet]))
-        generator = take_rows(condition.forms.right, np.array([w.ray]))
+        normal = condition.forms.left[np.array([w.facet])].dense()
+        generator = condition.forms.right[np.array([w.ray])].dense()
         product = BilinearForms(normal, condition.forms.middle, generator)
         out = [Condition(f"{w.condition}: z < 0", product, "<")]
         if w.condition == "A X in X" and not self.discrete:
             out.append(Condition("h'x = 0", BilinearForms(normal, None, generator), "=="))
-        same = parallel(w.normal, dense_row(normal)) and parallel(w.generator, dense_row(generator))
+        same = parallel(w.normal, normal.values[0].copy()) and parallel(w.generator, generator.values[0].copy())
         if not same or condition.forms.middle is None:
             return None
-        own = BilinearForms(ExactMatrix(w.normal[None]), condition.forms.middle, ExactMatrix(w.generator[None]))
+        own = BilinearForms(Matrix(w.normal[None]), condition.forms.middle, Matrix(w.generator[None]))
         rounding = 1e-11 * abs(w.value) + 1e-14 * own.magnitudes[0, 0]
         return out if abs(own.values[0, 0] - w.value) <= rounding else None
 
@@ -175,7 +169,7 @@ class PositivityCertificate(Certificate):
                 weights = prover.inclusion(target, matrix, source, invariance=free, source_rays=rays)
             else:
                 vectors = portable(source.exact_rays) if rays is None else rays
-                images = plain(matrix).fractions() @ vectors.fractions().T
+                images = matrix.plain().fractions() @ vectors.fractions().T
                 weights = prover.repaired(own_generators(target), images, guess, invariance=free)
             out[_WEIGHTS[name]] = weights
         return out
@@ -207,7 +201,7 @@ class PositivityCertificate(Certificate):
 
 
 def state_positivity(
-    A: ArrayLike | ExactMatrix | Any, X: Cone | ArrayLike, *, discrete: bool = False
+    A: ArrayLike | Matrix | Any, X: Cone | ArrayLike, *, discrete: bool = False
 ) -> PositivityCertificate:
     """Decide whether x' = A x (or x[k+1] = A x[k]) keeps the cone X invariant.
 
@@ -249,10 +243,10 @@ def state_positivity(
 
 
 def cone_positivity(
-    A: ArrayLike | ExactMatrix | Any,
-    B: ArrayLike | ExactMatrix | Any | None,
-    C: ArrayLike | ExactMatrix | Any | None,
-    D: ArrayLike | ExactMatrix | Any | None,
+    A: ArrayLike | Matrix | Any,
+    B: ArrayLike | Matrix | Any | None,
+    C: ArrayLike | Matrix | Any | None,
+    D: ArrayLike | Matrix | Any | None,
     X: Cone | ArrayLike,
     U: Cone | ArrayLike | None = None,
     Y: Cone | ArrayLike | None = None,
@@ -299,7 +293,7 @@ def cone_positivity(
             continue
         exact = exact_matrix(matrix, name)
         if name == "D" and exact.shape == (1, 1) and not np.any(exact.values) and (target.dim, source.dim) != (1, 1):
-            exact = ExactMatrix(np.zeros((target.dim, source.dim)))  # D = 0, as in control.ss
+            exact = Matrix.zeros(target.dim, source.dim)  # D = 0, as in control.ss
         data[name] = require_shape(exact, name, (target.dim, source.dim), _sizes(name, n))
     for name, cone in (("U", U), ("Y", Y)):
         if cone is not None:
@@ -363,7 +357,7 @@ def positivity_from_generators(**data: Any) -> PositivityCertificate | None:
         _, matrix, source = s.maps()[crossing.matrix]
         vectors = own_generators(s.X) if crossing.matrix == "A" else portable(source.exact_rays)
         condition = _MEANING[NAMES[crossing.matrix]]
-        settled, witness = s, plane_violation(condition, crossing.normal, crossing.ray, plain(matrix), vectors)
+        settled, witness = s, plane_violation(condition, crossing.normal, crossing.ray, matrix.plain(), vectors)
     if witness is not None:
         settled = PositivityCertificate.settle(**data, generator_proof=proof, witness=witness)
     return None if settled.status is Status.UNDECIDED else settled
@@ -388,13 +382,15 @@ def _worst(conditions: Sequence[Condition]) -> PositivityViolation | None:
     if not found:
         return None
     _, condition, (facet, ray) = min(found, key=lambda item: item[0])
-    normal = take_rows(condition.forms.left, np.array([facet]))
-    generator = take_rows(condition.forms.right, np.array([ray]))
+    normal = condition.forms.left[np.array([facet])].dense()
+    generator = condition.forms.right[np.array([ray])].dense()
     value = float(BilinearForms(normal, condition.forms.middle, generator).values[0, 0])
-    return PositivityViolation(_MEANING[condition.name], facet, ray, dense_row(normal), dense_row(generator), value)
+    return PositivityViolation(
+        _MEANING[condition.name], facet, ray, normal.values[0].copy(), generator.values[0].copy(), value
+    )
 
 
-def square_matrix(A: ArrayLike | ExactMatrix | Any, X: Cone, name: str = "A") -> ExactMatrix:
+def square_matrix(A: ArrayLike | Matrix | Any, X: Cone, name: str = "A") -> Matrix:
     """A as exact data, square and of the size of the proper cone X."""
     X.require_proper("X")
     exact = exact_matrix(A, name)

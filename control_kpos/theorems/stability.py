@@ -24,7 +24,7 @@ from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold
 from ..exact.intake import choice
-from ..exact.matrix import ExactMatrix, pick, transposed
+from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
 from ..proof.generators import NO_MARGIN, own_generators
@@ -45,7 +45,6 @@ from .growing_direction import (
     transposed_drift,
 )
 from .growing_direction import exact_row as exact_row
-from .growing_direction import transpose as transpose
 from .lyapunov_candidates import ScaledProblem, SingularMatrixError, decide_exactly
 from .positivity import (
     ClaimOnPositivity,
@@ -97,7 +96,7 @@ class LyapunovCertificate(ClaimOnPositivity):
     slow_direction_exact: tuple[Fraction, ...] | None = None
 
     @property
-    def A(self) -> ExactMatrix:
+    def A(self) -> Matrix:
         """The matrix the verdict is about."""
         return self.positivity.A
 
@@ -161,7 +160,7 @@ class LyapunovCertificate(ClaimOnPositivity):
         moved = drift(self.A, x, self.discrete)
         if isinstance(w, InstabilityCombination) and w.weights is not None:
             rays = own_generators(self.X)
-            shares = (transposed(pick(w.weights, np.array([k]))) for k in range(2))
+            shares = (w.weights[np.array([k])].T for k in range(2))
             found = [prover.repaired(rays, y[:, None], q) for y, q in zip((x, moved), shares, strict=True)]
         else:
             found = [prover.vector(self.X, y) for y in (x, moved)]
@@ -198,7 +197,7 @@ class LyapunovCertificate(ClaimOnPositivity):
 
 
 def linear_lyapunov(
-    A: ArrayLike | ExactMatrix | Any,
+    A: ArrayLike | Matrix | Any,
     X: Cone | ArrayLike,
     *,
     discrete: bool = False,
@@ -336,7 +335,7 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
 # -- inequalities
 
 
-def proven_rate(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: bool) -> float:
+def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:
     """The largest decay rate in floating point that v proves, min_i -(v'A x_i) / (v'x_i) rounded down."""
     with np.errstate(all="ignore"):
         drift, value = drift_forms(v, A, rays, discrete).values, BilinearForms(v, None, rays).values
@@ -351,7 +350,7 @@ def proven_rate(v: ExactMatrix, A: ExactMatrix, rays: ExactMatrix, discrete: boo
     return 0.0
 
 
-def _is_lyapunov(v: ExactMatrix, A: ExactMatrix, X: Cone, discrete: bool) -> bool:
+def _is_lyapunov(v: Matrix, A: Matrix, X: Cone, discrete: bool) -> bool:
     return all_hold(
         [
             Condition(_POSITIVE, BilinearForms(v, None, X.exact_rays), ">"),
@@ -360,14 +359,14 @@ def _is_lyapunov(v: ExactMatrix, A: ExactMatrix, X: Cone, discrete: bool) -> boo
     )
 
 
-def _slow_conditions(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix, bound: float) -> list[Condition]:
+def _slow_conditions(A: Matrix, X: Cone, discrete: bool, row: Matrix, bound: float) -> list[Condition]:
     return [
         Condition(_SLOW_IN, BilinearForms(row, None, X.exact_facets), ">="),
         Condition(_SLOW, transposed_drift(row, A, X, discrete, bound), ">="),
     ]
 
 
-def _proven_bound(A: ExactMatrix, X: Cone, discrete: bool, row: ExactMatrix) -> float | None:
+def _proven_bound(A: Matrix, X: Cone, discrete: bool, row: Matrix) -> float | None:
     """The smallest bound on decay rates that x proves, rounded up; None if x proves nothing."""
     with np.errstate(all="ignore"):
         inside = BilinearForms(row, None, X.exact_facets).values

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import TooLargeError
-from ..exact.matrix import ExactMatrix, dense
+from ..exact.matrix import Matrix, dense
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility
 from .lyapunov_candidates import ScaledProblem, SingularMatrixError
@@ -148,7 +148,7 @@ def supply_witness(p: System, q: Vector, r: Vector | None) -> tuple[Rationals | 
     (v, ., .) or (None, x, u) with x = X b and u = U c, or None where the problem is too large.
     """
     A, B, C, D = (
-        ExactMatrix(dense(m.values), m.radius, m.numerators, m.denominator).fractions() for m in (p.A, p.B, p.C, p.D)
+        Matrix(dense(m.values), m.radius, m.numerators, m.denominator).fractions() for m in (p.A, p.B, p.C, p.D)
     )
     n, m = B.shape
     if n > _RATIONAL_ROWS:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...cones import Cone, product
 from ...exact.budget import OutOfTimeError, limited_to, seconds_left
-from ...exact.matrix import ExactMatrix, dense
+from ...exact.matrix import Matrix, dense
 from ...networks.certificate import NetworkCertificate
 from ...networks.certify import violation
 from ...networks.model import NetworkModel, NodeStack
@@ -71,9 +71,9 @@ def explain_failure(
 
 def beyond_gains(model: NetworkModel) -> DesignResult | None:
     """REFUTED if a link, or an input or output of a node, leaves the cones: no local gain changes those."""
-    still = [replace(s, A=ExactMatrix(-np.broadcast_to(np.eye(s.sizes[0]), s.A.shape))) for s in model.stacks]
+    still = [replace(s, A=Matrix(-np.broadcast_to(np.eye(s.sizes[0]), s.A.shape))) for s in model.stacks]
     if model.discrete:
-        still = [replace(s, A=ExactMatrix(np.zeros(s.A.shape))) for s in model.stacks]
+        still = [replace(s, A=Matrix(np.zeros(s.A.shape))) for s in model.stacks]
     found = violation(replace(model, stacks=tuple(still)), None)
     if found is None:
         return None
@@ -177,15 +177,15 @@ def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int,
             target[place] = part
         pattern[u, x] = True
     W = model.coupling
-    links = (ExactMatrix(dense(W.values)) if W.is_double else W).fractions()
+    links = (Matrix(dense(W.values)) if W.is_double else W).fractions()
     A, B, C = whole
     return Plant(
         None,  # type: ignore[arg-type]
         product(factors),
-        (ExactMatrix.from_fractions(A),),
-        (ExactMatrix.from_fractions(B),),
+        (Matrix.from_fractions(A),),
+        (Matrix.from_fractions(B),),
         discrete=model.discrete,
         gain_bound=bound,
         pattern=pattern,
-        coupling=ExactMatrix.from_fractions(B @ links @ C),
+        coupling=Matrix.from_fractions(B @ links @ C),
     )

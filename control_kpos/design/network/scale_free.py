@@ -18,8 +18,8 @@ from numpy.typing import ArrayLike
 
 from ...cones import Cone, orthant
 from ...errors import DataError, ShapeError
-from ...exact.intake import real_number
-from ...exact.matrix import ExactMatrix, exact_matrix
+from ...exact.intake import exact_matrix, real_number
+from ...exact.matrix import Matrix
 from ...networks.any_size import out_weight_certificate
 from ...progress import Reporter, Target
 from ...proof.certificate import Status
@@ -110,7 +110,7 @@ def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> D
             message="B must lie in X and C in X*, which no feedback changes; choose another cone.",
         )
     product = exact_matrix([[weight]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
-    plant = replace(plant, coupling=ExactMatrix.from_fractions(product))
+    plant = replace(plant, coupling=Matrix.from_fractions(product))
     result = design_on_simplicial(plant, target, lp)
     if not result:
         return result

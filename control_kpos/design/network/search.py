@@ -19,8 +19,8 @@ from ...errors import (
     ShapeError,
 )
 from ...exact.budget import OVERTIME, OutOfTimeError, seconds_left
-from ...exact.intake import flag, items
-from ...exact.matrix import HALF_ULP, ExactMatrix, vector
+from ...exact.intake import flag, items, vector
+from ...exact.matrix import HALF_ULP, Matrix
 from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, NodeStack, gather
 from ...networks.network import ConeNetwork
@@ -124,7 +124,7 @@ def network_feedback(
         single = isinstance(systems, (NodeStack, ConeStateSpace))
         given = [systems] if single else items(systems, "systems")
         stacks, members, dt = gather(given)
-        empty = NetworkModel(stacks, members, ExactMatrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
+        empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
         bound = _read_bound(gain_bound, model)
@@ -313,12 +313,10 @@ def _closed(model: NetworkModel, gains: list[Floats]) -> tuple[NetworkModel, boo
     for s, F in zip(model.stacks, gains, strict=True):
         if exact:
             A, B = s.A.fractions(), s.B.fractions()
-            K = ExactMatrix(np.ascontiguousarray(F)).fractions()
-            loop = ExactMatrix.from_fractions(
-                np.array([a + b @ k for a, b, k in zip(A, B, K, strict=True)], dtype=object)
-            )
+            K = Matrix(np.ascontiguousarray(F)).fractions()
+            loop = Matrix.from_fractions(np.array([a + b @ k for a, b, k in zip(A, B, K, strict=True)], dtype=object))
         else:
-            loop = ExactMatrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
+            loop = Matrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
         stacks.append(replace(s, A=loop))
     return replace(model, stacks=tuple(stacks)), exact
 

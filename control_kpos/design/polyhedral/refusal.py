@@ -18,7 +18,7 @@ from ...cones import Cone
 from ...errors import DataError, TooLargeError
 from ...exact.budget import OVERTIME, seconds_left
 from ...exact.condition import Condition
-from ...exact.matrix import ExactMatrix, identity
+from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_feasibility
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
@@ -54,8 +54,8 @@ class NoInvariance(Certificate):
 
     Attributes
     ----------
-    A, B : tuple of ExactMatrix
-    R : ExactMatrix
+    A, B : tuple of Matrix
+    R : Matrix
         The gain acts on R x: the identity for state feedback, C for output feedback.
     pattern : ndarray, shape (m, rows of R)
         1 where the gain may differ from zero.
@@ -66,9 +66,9 @@ class NoInvariance(Certificate):
 
     claim: ClassVar[str] = "invariant gain exists"
 
-    A: tuple[ExactMatrix, ...]
-    B: tuple[ExactMatrix, ...]
-    R: ExactMatrix
+    A: tuple[Matrix, ...]
+    B: tuple[Matrix, ...]
+    R: Matrix
     pattern: NDArray[np.float64]
     X: Cone
     discrete: bool
@@ -86,13 +86,13 @@ class NoInvariance(Certificate):
         numbers = np.array(w.weights, dtype=object)
         if numbers.shape != (len(rows),):
             return None
-        row = ExactMatrix.from_fractions(numbers[None, :])
+        row = Matrix.from_fractions(numbers[None, :])
         return [
-            Condition("multipliers >= 0", BilinearForms(row, None, identity(len(rows))), ">="),
-            Condition("combination of slopes = 0", BilinearForms(row, None, ExactMatrix.from_fractions(rows.T)), "=="),
+            Condition("multipliers >= 0", BilinearForms(row, None, Matrix.identity(len(rows))), ">="),
+            Condition("combination of slopes = 0", BilinearForms(row, None, Matrix.from_fractions(rows.T)), "=="),
             Condition(
                 "combination of constants < 0",
-                BilinearForms(row, None, ExactMatrix.from_fractions(constants[None, :])),
+                BilinearForms(row, None, Matrix.from_fractions(constants[None, :])),
                 "<",
             ),
         ]
@@ -131,7 +131,7 @@ def no_invariance(plant: Plant) -> NoInvariance | None:
     data = {
         "A": plant.A,
         "B": plant.B,
-        "R": identity(plant.n) if plant.C is None else plant.C,
+        "R": Matrix.identity(plant.n) if plant.C is None else plant.C,
         "pattern": pattern,
         "X": plant.X,
         "discrete": plant.discrete,
@@ -145,8 +145,8 @@ def no_invariance(plant: Plant) -> NoInvariance | None:
     right = np.array([0] * rows.shape[1] + [-1], dtype=object)
     try:
         weights, _ = exact_feasibility(
-            ExactMatrix.from_fractions(matrix),
-            ExactMatrix.from_fractions(right),
+            Matrix.from_fractions(matrix),
+            Matrix.from_fractions(right),
         )
     except (TooLargeError, DataError):
         return None

@@ -19,7 +19,7 @@ from ...cones import Cone
 from ...errors import DataError, TooLargeError
 from ...exact.budget import OVERTIME, seconds_left
 from ...exact.condition import Condition
-from ...exact.matrix import ExactMatrix, identity
+from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_feasibility
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
@@ -75,7 +75,7 @@ class NoFeedback(Certificate):
 
     Attributes
     ----------
-    A, B : tuple of ExactMatrix
+    A, B : tuple of Matrix
         Vertices of the plant.
     X : Cone
         Simplicial.
@@ -86,22 +86,22 @@ class NoFeedback(Certificate):
         |F x_k| <= gain_bound at the generators, read up to a relative 1e-9.
     free : ndarray, shape (n, m)
         1 where F x_k may differ from zero.
-    coupling : ExactMatrix or None
+    coupling : Matrix or None
         Stability was asked of A + B F + coupling.
     witness : Multipliers
     """
 
     claim: ClassVar[str] = "feedback exists"
 
-    A: tuple[ExactMatrix, ...]
-    B: tuple[ExactMatrix, ...]
+    A: tuple[Matrix, ...]
+    B: tuple[Matrix, ...]
     X: Cone
     discrete: bool
     rate: float
     gain_bound: NDArray[np.float64] | None
     free: NDArray[np.float64]
-    coupling: ExactMatrix | None = None
-    ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None
+    coupling: Matrix | None = None
+    ports: tuple[Matrix, Matrix, Cone] | None = None
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities that prove the claim."""
@@ -117,18 +117,18 @@ class NoFeedback(Certificate):
         numbers = np.concatenate(groups)
         if numbers.size != len(system):
             return None
-        row = ExactMatrix.from_fractions(numbers[None, :])
+        row = Matrix.from_fractions(numbers[None, :])
         strict = np.concatenate(
             [np.zeros(len(groups[0]), dtype=int), np.ones(len(numbers) - len(groups[0]), dtype=int)]
         )
         return [
-            Condition("multipliers >= 0", BilinearForms(row, None, identity(numbers.size)), ">="),
+            Condition("multipliers >= 0", BilinearForms(row, None, Matrix.identity(numbers.size)), ">="),
             Condition(
                 "sum of strict multipliers > 0",
-                BilinearForms(row, None, ExactMatrix(strict[None, :].astype(float))),
+                BilinearForms(row, None, Matrix(strict[None, :].astype(float))),
                 ">",
             ),
-            Condition("combination = 0", BilinearForms(row, None, ExactMatrix.from_fractions(system.T)), "=="),
+            Condition("combination = 0", BilinearForms(row, None, Matrix.from_fractions(system.T)), "=="),
         ]
 
     def _rows(self) -> NDArray[np.object_]:
@@ -166,7 +166,7 @@ class NoFeedback(Certificate):
         )
 
 
-def _entries(plant: Plant, ports: tuple[ExactMatrix, ExactMatrix, Cone] | None) -> int:
+def _entries(plant: Plant, ports: tuple[Matrix, Matrix, Cone] | None) -> int:
     """About as many as `exact_inequalities` has."""
     n, m = plant.n, plant.m
     rows = n * n * len(plant.A) + (0 if plant.gain_bound is None else 2 * n * m)
@@ -188,7 +188,7 @@ def homogeneous_rows(
     return rows[:, kept], kept
 
 
-def exact_inequalities(plant: Plant, ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None) -> Inequalities:
+def exact_inequalities(plant: Plant, ports: tuple[Matrix, Matrix, Cone] | None = None) -> Inequalities:
     """The inequalities of a design in integers and fractions."""
     facets, rays = exact_geometry(plant)
     pairs = [(_rational(A), _rational(B)) for A, B in zip(plant.A, plant.B, strict=True)]
@@ -218,7 +218,7 @@ def output_rows(
     return rows, [("output", int(a), int(b)) for a, b in zip(i, k, strict=True)] if rows.dtype == object else []
 
 
-def _rational(M: ExactMatrix) -> NDArray[np.object_]:
+def _rational(M: Matrix) -> NDArray[np.object_]:
     return M.fractions()
 
 
@@ -232,7 +232,7 @@ def _lengths(X: Cone, integer_rays: NDArray[np.object_]) -> NDArray[np.object_]:
 def decide(
     plant: Plant,
     rate: float,
-    ports: tuple[ExactMatrix, ExactMatrix, Cone] | None = None,
+    ports: tuple[Matrix, Matrix, Cone] | None = None,
 ) -> tuple[NoFeedback | None, NDArray[np.object_] | None]:
     """Exactly one of a proof that no gain exists and an exact solution; neither if that takes too long.
 
@@ -258,8 +258,8 @@ def decide(
         right = np.array([0] * rows.shape[1] + [1], dtype=object)
         try:
             multipliers, solution = exact_feasibility(
-                ExactMatrix.from_fractions(matrix),
-                ExactMatrix.from_fractions(right),
+                Matrix.from_fractions(matrix),
+                Matrix.from_fractions(right),
             )
         except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
             return None, None

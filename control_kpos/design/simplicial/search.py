@@ -16,7 +16,7 @@ import numpy as np
 from ...cones import Cone
 from ...errors import DataError
 from ...exact.budget import OutOfTimeError, seconds_left
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...proof.certificate import Certificate, Status
 from ...systems.statespace import ConeStateSpace
 from ..accept import Accepted, accept, closed_loop
@@ -190,7 +190,7 @@ def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest |
     return None if slowest is None and bound is None else Nearest(slowest, bound)
 
 
-def port_data(plant: Plant) -> tuple[ExactMatrix, ExactMatrix, Cone] | None:
+def port_data(plant: Plant) -> tuple[Matrix, Matrix, Cone] | None:
     """(C, D, Y) if outputs are to stay in Y."""
     if not plant.ports:
         return None
@@ -231,8 +231,8 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
     )
 
 
-def _exact_product(K: Any, C: ExactMatrix) -> Any:
-    return ExactMatrix.from_fractions(ExactMatrix(np.asarray(K, dtype=float)).fractions() @ C.fractions())
+def _exact_product(K: Any, C: Matrix) -> Any:
+    return Matrix.from_fractions(Matrix(np.asarray(K, dtype=float)).fractions() @ C.fractions())
 
 
 def _proven_rate(certificate: Certificate) -> float:

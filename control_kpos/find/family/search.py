@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...exact.budget import OutOfTimeError, seconds_left
-from ...exact.matrix import ExactMatrix, pick
+from ...exact.matrix import Matrix
 from ...exact.programs import solve
 from ...proof.multipliers import multipliers, pointing_functional
 from ..certificate import ConeCertificate
 from ..impossible.filters import family_obstruction
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import Modes, modes
-from ..one_matrix.search import as_stack, balancing_units, flatness
+from ..one_matrix.search import balancing_units, flatness
 from ..reduction import extreme_generators
 from .commutator import simplicial_descent
 from .moving import moving_descent
@@ -38,7 +38,7 @@ class Effort:
 
 
 def find_common(
-    matrices: ExactMatrix,
+    matrices: Matrix,
     *,
     discrete: bool,
     max_rays: int | None,
@@ -98,7 +98,7 @@ def _separators(certificate: ConeCertificate) -> Array | None:
     return separators if len(index) == rays.shape[0] else None
 
 
-def _units(matrices: ExactMatrix) -> Array:
+def _units(matrices: Matrix) -> Array:
     """Powers of two in which all matrices together are balanced."""
     return balancing_units(np.abs(matrices.values).max(axis=0))
 
@@ -165,20 +165,20 @@ def _corners(dim: int, count: int, rng: np.random.Generator) -> Array:
     return turn @ simplex
 
 
-def _roundings(R: Array, units: Array, margin: float) -> Iterator[ExactMatrix]:
+def _roundings(R: Array, units: Array, margin: float) -> Iterator[Matrix]:
     """The generators as doubles, and as simple fractions where there is no margin to spare."""
     rays = (R / np.abs(R).max(axis=0)).T * units
     if margin > 1e-9:
-        yield ExactMatrix(np.ascontiguousarray(rays))
+        yield Matrix(np.ascontiguousarray(rays))
     if margin < 1e-6:
         for most in _DENOMINATORS:
             scaled = rays / np.abs(rays).max(axis=1, keepdims=True)
             rows = [[Fraction(float(x)).limit_denominator(most) for x in row] for row in scaled]
             if np.linalg.matrix_rank(np.array(rows, dtype=float)) == rays.shape[1]:
-                yield ExactMatrix.from_fractions(np.array(rows, dtype=object))
+                yield Matrix.from_fractions(np.array(rows, dtype=object))
 
 
-def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ConeCertificate:
+def _proven(matrices: Matrix, rays: Matrix, units: Array, discrete: bool) -> ConeCertificate:
     """The certificate for these generators, with a common Lyapunov vector if there is one."""
     values = np.asarray(rays.values)
     pointing = pointing_functional(values / units) / units
@@ -187,11 +187,11 @@ def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bo
     if quick is None:
         found = []
         for s in range(matrices.shape[0]):
-            P = multipliers(pick(matrices, s), rays, pointing, discrete=discrete)
+            P = multipliers(matrices[s], rays, pointing, discrete=discrete)
             if P is None:
                 return ConeCertificate.settle(matrices=matrices, discrete=discrete)
             found.append(P)
-        quick = as_stack(found)
+        quick = Matrix.stack(found)
     data = {
         "matrices": matrices,
         "discrete": discrete,
@@ -210,7 +210,7 @@ def _proven(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bo
     return with_vector if with_vector else certificate
 
 
-def _solved(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bool) -> ExactMatrix | None:
+def _solved(matrices: Matrix, rays: Matrix, units: Array, discrete: bool) -> Matrix | None:
     """Multipliers of a simplicial cone, if they are well away from zero."""
     n = rays.shape[1]
     if rays.shape[0] != n:
@@ -218,7 +218,7 @@ def _solved(matrices: ExactMatrix, rays: ExactMatrix, units: Array, discrete: bo
     R = (np.asarray(rays.values) / units).T
     P = np.linalg.solve(R, (np.asarray(matrices.values) * units / units[:, None]) @ R)
     free = P[:, np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)]
-    return ExactMatrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
+    return Matrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
 
 
 def common_vector(matrices: Array, rays: Array, *, discrete: bool) -> Array | None:

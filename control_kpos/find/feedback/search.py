@@ -5,7 +5,7 @@ spectrum is invariant; so a cone and a gain always exist.  Existence is cheap, r
 perturbed loops keep a cone only if the dominant pole stays real and well separated.  From pole patterns with an
 isolated dominant pole, from gentle to aggressive, cone and gain are therefore moved together (`joint`) until all
 vertices are served.  At the cone the smallest gain is then found by the linear program of
-`control_kpos.synthesis`, for all vertices at once.
+`control_kpos.design`, for all vertices at once.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from ...exact.budget import (
     require_seconds,
     seconds_left,
 )
-from ...exact.intake import items, seconds, whole_number
-from ...exact.matrix import ExactMatrix, exact_matrix
+from ...exact.intake import exact_matrix, items, seconds, whole_number
+from ...exact.matrix import Matrix
 from ...progress import Reporter, Target
 from ...proof.certificate import Certificate, Status
 from ...systems.statespace import ConeStateSpace
@@ -46,7 +46,7 @@ from .joint import joint_descent
 from .placement import placed
 
 Array = NDArray[np.float64]
-Pair = tuple[ExactMatrix, ExactMatrix]
+Pair = tuple[Matrix, Matrix]
 
 # Random pole patterns of the robust search after the ones listed.
 _RANDOM = 1000
@@ -222,10 +222,10 @@ def _search(
 def _is_within_reach(R: Array) -> bool:
     """Whether the facets of the cone can be computed in the time that is left."""
     seconds = (len(R) / 60) ** 6.5 * _SECONDS_FOR_SIXTY
-    return seconds < seconds_left() or simplicial_facets(ExactMatrix(np.ascontiguousarray(R.T))) is not None
+    return seconds < seconds_left() or simplicial_facets(Matrix(np.ascontiguousarray(R.T))) is not None
 
 
-def _plant(item: Any, name: str) -> tuple[ExactMatrix, ExactMatrix, Any]:
+def _plant(item: Any, name: str) -> tuple[Matrix, Matrix, Any]:
     if isinstance(item, StateSpace):
         A, B, dt = square(item.A, f"{name}.A"), exact_matrix(item.B, f"{name}.B"), item.dt
     elif isinstance(item, (tuple, list)) and len(item) == 2:

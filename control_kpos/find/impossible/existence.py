@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ...exact.condition import Condition
 from ...exact.enclosure import Bounds
-from ...exact.matrix import ExactMatrix, pick
+from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     Polynomial,
     characteristic_polynomial,
@@ -64,11 +64,11 @@ class SpectralObstruction:
     imag: float
     discrete: bool
 
-    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+    def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact root counts behind the obstruction."""
         if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
             return None
-        holds = excludes_cones(spectrum_polynomial(pick(matrices, self.matrix)), self)
+        holds = excludes_cones(spectrum_polynomial(matrices[self.matrix]), self)
         return [fact(f"the eigenvalue {self.kind} of {float(self.bound):.6g} is in the way", holds)]
 
     def __str__(self) -> str:
@@ -96,12 +96,12 @@ class SpectralObstruction:
 register_record(SpectralObstruction)
 
 
-def spectrum_polynomial(A: ExactMatrix) -> Polynomial:
+def spectrum_polynomial(A: Matrix) -> Polynomial:
     """Integer polynomial whose roots are the eigenvalues of A."""
     return scale_roots(*characteristic_polynomial(A))
 
 
-def spectral_obstruction(A: ExactMatrix, *, matrix: int = 0, discrete: bool = False) -> SpectralObstruction | None:
+def spectral_obstruction(A: Matrix, *, matrix: int = 0, discrete: bool = False) -> SpectralObstruction | None:
     """A proven reason why no proper polyhedral cone is invariant under A, or None.
 
     None means that a cone exists, or that this test cannot tell.  Costs exact arithmetic on the

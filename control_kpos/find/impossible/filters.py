@@ -17,7 +17,7 @@ import numpy as np
 
 from ...exact.budget import require_seconds
 from ...exact.condition import Condition
-from ...exact.matrix import ExactMatrix, pick
+from ...exact.matrix import Matrix
 from ...exact.polynomials import real_roots_above
 from ...proof.files import register_record
 from ..one_matrix.modes import Modes
@@ -55,7 +55,7 @@ class PerronObstruction:
     bound: Fraction
     value: float
 
-    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+    def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact root count of the product."""
         if len(self.cycle) != len(self.shifts) or not all(0 <= i < matrices.shape[0] for i in self.cycle):
             return None
@@ -82,12 +82,12 @@ register_record(PerronObstruction)
 
 
 def family_obstruction(
-    matrices: ExactMatrix, modes: list[Modes | None], *, discrete: bool
+    matrices: Matrix, modes: list[Modes | None], *, discrete: bool
 ) -> SpectralObstruction | PerronObstruction | None:
     """A proven reason why the family has no common cone, or None."""
     for s, m in enumerate(modes):
         if m is None:
-            found = spectral_obstruction(pick(matrices, s), matrix=s, discrete=discrete)
+            found = spectral_obstruction(matrices[s], matrix=s, discrete=discrete)
             if found is not None:
                 return found
     if matrices.shape[-1] > _LARGEST or any(m is None for m in modes):
@@ -112,7 +112,7 @@ def family_obstruction(
 
 
 def _prove(
-    matrices: ExactMatrix, known: list[Modes], cycle: tuple[int, ...], value: float, discrete: bool
+    matrices: Matrix, known: list[Modes], cycle: tuple[int, ...], value: float, discrete: bool
 ) -> PerronObstruction | None:
     for closeness in (1e-2, 1e-3, 1e-5):
         shifts = []
@@ -138,14 +138,12 @@ def _prove(
     return None
 
 
-def _product(
-    matrices: ExactMatrix, cycle: tuple[int, ...], shifts: tuple[Fraction, ...], discrete: bool
-) -> ExactMatrix | None:
+def _product(matrices: Matrix, cycle: tuple[int, ...], shifts: tuple[Fraction, ...], discrete: bool) -> Matrix | None:
     """The product of resolvents (or powers) up to a positive factor; None where one is not invariant."""
     out = None
     for i, s in zip(cycle, shifts, strict=True):
         require_seconds()
-        A = pick(matrices, i)
+        A = matrices[i]
         if discrete:
             if s.denominator != 1 or not 1 <= s <= _POWER:
                 return None
@@ -165,7 +163,7 @@ def _product(
         return None
     # Doubles for the user's eyes; the proof runs on the integers.
     size = max(abs(int(x)) for x in out.ravel()) or 1
-    return ExactMatrix.from_fractions(np.array([[Fraction(int(x), size) for x in row] for row in out], dtype=object))
+    return Matrix.from_fractions(np.array([[Fraction(int(x), size) for x in row] for row in out], dtype=object))
 
 
 __all__ = ["PerronObstruction", "family_obstruction"]

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from ...exact.budget import require_seconds
 from ...exact.condition import Condition
-from ...exact.matrix import ExactMatrix, pick
+from ...exact.matrix import Matrix
 from ...exact.polynomials import real_roots_above
 from ...proof.files import register_record
 from .existence import fact, spectrum_polynomial
@@ -37,9 +37,9 @@ class PortObstruction:
 
     Attributes
     ----------
-    normal : ExactMatrix, shape (1, n)
+    normal : Matrix, shape (1, n)
         c, a half-space that the cone was to lie in.
-    vector : ExactMatrix, shape (1, n)
+    vector : Matrix, shape (1, n)
         b, a vector that the cone was to hold.
     power : int
         k.
@@ -53,21 +53,21 @@ class PortObstruction:
         A real transmission zero beyond the dominant eigenvalue, if there is one.
     """
 
-    normal: ExactMatrix
-    vector: ExactMatrix
+    normal: Matrix
+    vector: Matrix
     power: int
     shift: Fraction | None
     value: float
     time: float
     zero: float | None = None
 
-    def conditions(self, matrices: ExactMatrix, *, discrete: bool) -> Sequence[Condition] | None:
+    def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact sign of the product."""
         n = matrices.shape[-1]
         sizes = self.normal.shape == (1, n) and self.vector.shape == (1, n)
         if not sizes or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
             return None
-        return [fact("c'(s I - A)^-k b < 0", _negative(pick(matrices, 0), self))]
+        return [fact("c'(s I - A)^-k b < 0", _negative(matrices[0], self))]
 
     def __str__(self) -> str:
         if self.shift is None:
@@ -92,16 +92,14 @@ class PortObstruction:
 register_record(PortObstruction)
 
 
-def port_obstruction(
-    A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, *, discrete: bool = False
-) -> PortObstruction | None:
+def port_obstruction(A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: bool = False) -> PortObstruction | None:
     """A proven reason why no invariant cone holds the vectors and lies in the half-spaces, or None."""
     if A.shape[0] > _LARGEST:
         return None
     for j in range(vectors.shape[0]):
         for i in range(normals.shape[0]):
             require_seconds()
-            b, c = pick(vectors, [j]), pick(normals, [i])
+            b, c = vectors[[j]], normals[[i]]
             for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
                 found = PortObstruction(c, b, k, s, value, time, zero)
                 if _negative(A, found):
@@ -123,7 +121,7 @@ def transmission_zeros(
 
 
 def _suspects(
-    A: ExactMatrix, b: NDArray[np.float64], c: NDArray[np.float64], discrete: bool
+    A: Matrix, b: NDArray[np.float64], c: NDArray[np.float64], discrete: bool
 ) -> Iterator[tuple[int, Fraction | None, float, float, float | None]]:
     """Where the product may be negative: power, shift, value, time, zero."""
     M = np.asarray(A.values)
@@ -183,7 +181,7 @@ def _suspects(
                     break
 
 
-def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
+def _negative(A: Matrix, w: PortObstruction) -> bool:
     """The claim in exact arithmetic: negative, or zero for a transfer function that is not zero."""
     b, c = w.vector.as_integers()[0][0], w.normal.as_integers()[0][0]
     if w.shift is None:
@@ -206,11 +204,11 @@ def _negative(A: ExactMatrix, w: PortObstruction) -> bool:
     return w.power == 1 and value == 0 and _is_not_identically_zero(A, b, c)
 
 
-def _is_root(A: ExactMatrix, s: Fraction) -> bool:
+def _is_root(A: Matrix, s: Fraction) -> bool:
     return resolvent(A, s)[1] == 0
 
 
-def _is_not_identically_zero(A: ExactMatrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
+def _is_not_identically_zero(A: Matrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
     M, x = A.as_integers()[0], b
     for _ in range(len(b)):
         if c @ x != 0:
@@ -219,7 +217,7 @@ def _is_not_identically_zero(A: ExactMatrix, b: NDArray[np.object_], c: NDArray[
     return False
 
 
-def resolvent(A: ExactMatrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
+def resolvent(A: Matrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
     """Integer matrix and number: (s I - A)^-1 = adjugate / determinant up to a positive factor."""
     M, factor = A.as_integers()
     ratio = s / Fraction(factor)

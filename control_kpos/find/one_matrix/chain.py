@@ -15,7 +15,7 @@ from itertools import islice, permutations
 
 import numpy as np
 
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...exact.polynomials import rational_roots
 from ...exact.rationals import Rationals, solve_columns
 from ..impossible.existence import spectrum_polynomial
@@ -25,15 +25,15 @@ _ORDERS = 200
 
 
 def rational_chains(
-    A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, *, discrete: bool
-) -> Iterator[tuple[ExactMatrix, ExactMatrix, ExactMatrix]]:
+    A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: bool
+) -> Iterator[tuple[Matrix, Matrix, Matrix]]:
     """Cones that hold all vectors and lie in all half-spaces.
 
     Yields
     ------
-    rays : ExactMatrix, shape (n, n)
-    multipliers : ExactMatrix, shape (n, n)
-    shares : ExactMatrix, shape (k, n)
+    rays : Matrix, shape (n, n)
+    multipliers : Matrix, shape (n, n)
+    shares : Matrix, shape (k, n)
         The vectors as combinations of the generators.
     """
     n = A.shape[0]
@@ -43,7 +43,7 @@ def rational_chains(
     if len(roots) < n or (discrete and min(roots) < 0):
         return
     M, B = A.fractions(), vectors.fractions()
-    C = ExactMatrix.from_fractions(normals.rows_as_integers(np.arange(normals.shape[0]))).fractions()
+    C = Matrix.from_fractions(normals.rows_as_integers(np.arange(normals.shape[0]))).fractions()
     for order in _orders(roots):
         for b in B:
             R = _chain(M, b, order, C)
@@ -55,7 +55,7 @@ def rational_chains(
                 P[k, k] = root
                 if k + 1 < n:
                     P[k + 1, k] = Fraction(1)
-            exact = ExactMatrix.from_fractions
+            exact = Matrix.from_fractions
             yield exact(R), exact(P), exact(shares)
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...exact.budget import seconds_left
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...exact.products import as_doubles, summed_products
 from .modes import eigenbasis
 
@@ -27,12 +27,12 @@ _ROUNDS = 6
 _SECONDS_PER_PRODUCT = 1e-7
 
 
-def modal_coordinates(A: ExactMatrix, matrix: Array, units: Array) -> tuple[Array, Array] | None:
+def modal_coordinates(A: Matrix, matrix: Array, units: Array) -> tuple[Array, Array] | None:
     """A basis V close to eigenvectors of A, and T = V^-1 A V accurately.
 
     Parameters
     ----------
-    A : ExactMatrix, shape (n, n)
+    A : Matrix, shape (n, n)
     matrix : ndarray, shape (n, n)
         diag(units)^-1 A diag(units), up to rounding.
     units : ndarray, shape (n,)
@@ -48,10 +48,10 @@ def modal_coordinates(A: ExactMatrix, matrix: Array, units: Array) -> tuple[Arra
     if not np.linalg.cond(basis) < 1e12:
         return None
     V = basis * units[:, None]
-    exact, inverse = ExactMatrix(V), np.linalg.inv(basis) / units
+    exact, inverse = Matrix(V), np.linalg.inv(basis) / units
     T, last = np.zeros_like(V), np.inf
     for _ in range(_ROUNDS):
-        rest = as_doubles(*summed_products([(A, ExactMatrix(V.T)), (exact, ExactMatrix(-T.T))]))
+        rest = as_doubles(*summed_products([(A, Matrix(V.T)), (exact, Matrix(-T.T))]))
         with np.errstate(over="ignore", invalid="ignore"):
             change = inverse @ rest
             size = float(np.abs(change).max())

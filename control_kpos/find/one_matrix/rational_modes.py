@@ -20,23 +20,14 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     circle_part,
     scale_roots,
     vanishes,
     without_roots_of_unity,
 )
-from ...exact.rationals import (
-    Rationals,
-    columns,
-    identity,
-    jordan_chains,
-    nullspace,
-    power,
-    rank,
-    solve_columns,
-)
+from ...exact.rationals import Rationals, columns, identity, jordan_chains, nullspace, power, rank, solve_columns
 from ..impossible.existence import spectrum_polynomial
 from .explicit import LARGE, modal_cone
 from .modes import modes
@@ -45,12 +36,12 @@ _LARGEST = 24
 _LARGEST_ORDER = 60
 
 
-def rational_cones(A: ExactMatrix, *, discrete: bool) -> Iterator[tuple[ExactMatrix, NDArray[np.float64]]]:
+def rational_cones(A: Matrix, *, discrete: bool) -> Iterator[tuple[Matrix, NDArray[np.float64]]]:
     """Exact generators and a pointing vector, for a rational dominant eigenvalue.
 
     Yields
     ------
-    rays : ExactMatrix, shape (N, n)
+    rays : Matrix, shape (N, n)
     pointing : ndarray, shape (n,)
     """
     n = A.shape[0]
@@ -94,7 +85,7 @@ def rational_cones(A: ExactMatrix, *, discrete: bool) -> Iterator[tuple[ExactMat
     generators = np.array([*rows, *around], dtype=object)
     pointing = _heights(generators)
     if pointing is not None:
-        yield ExactMatrix.from_fractions(generators), pointing
+        yield Matrix.from_fractions(generators), pointing
 
 
 def _heights(generators: Rationals) -> NDArray[np.float64] | None:

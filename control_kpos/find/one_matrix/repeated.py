@@ -20,20 +20,14 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     Polynomial,
     derivative,
     multiply,
     square_free_factors,
 )
-from ...exact.rationals import (
-    Rationals,
-    identity,
-    jordan_chains,
-    nullspace,
-    solve_columns,
-)
+from ...exact.rationals import Rationals, identity, jordan_chains, nullspace, solve_columns
 from ...proof.multipliers import pointing_functional
 from ..impossible.existence import spectrum_polynomial
 from ..ports.search import find_with_ports
@@ -44,12 +38,12 @@ _LARGEST = 16
 _NEAR = 1e-3
 
 
-def repeated_cones(A: ExactMatrix) -> Iterator[tuple[ExactMatrix, NDArray[np.float64]]]:
+def repeated_cones(A: Matrix) -> Iterator[tuple[Matrix, NDArray[np.float64]]]:
     """Exact generators and a functional that is positive on them.
 
     Yields
     ------
-    rays : ExactMatrix, shape (N, n)
+    rays : Matrix, shape (N, n)
     pointing : ndarray, shape (n,)
     """
     n = A.shape[0]
@@ -113,10 +107,10 @@ def _cyclic(S: Rationals, w: Rationals, d: int) -> list[Rationals]:
     return out
 
 
-def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Rationals, d: int) -> ExactMatrix | None:
+def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Rationals, d: int) -> Matrix | None:
     """The cone of the companion matrix in every block, and the cone of the last block with the rest."""
     last = np.array(_cyclic(S, chains[0][-1], d), dtype=object).T
-    companion = ExactMatrix.from_fractions(solve_columns(last, S @ last))
+    companion = Matrix.from_fractions(solve_columns(last, S @ last))
     found, _, _ = find_single(companion, discrete=False, max_rays=None)
     if not found or found.rays is None:
         return None
@@ -124,16 +118,16 @@ def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Ra
     blocks = [w for k, chain in enumerate(chains) for w in (chain[:-1] if k == 0 else chain)]
     rows = [inner @ np.array(_cyclic(S, w, d), dtype=object) for w in blocks]
     if not W.shape[1]:
-        return ExactMatrix.from_fractions(np.concatenate([*rows, inner @ last.T]))
+        return Matrix.from_fractions(np.concatenate([*rows, inner @ last.T]))
     basis = np.concatenate([last, W], axis=1)
-    joined = ExactMatrix.from_fractions(solve_columns(basis, M @ basis))
+    joined = Matrix.from_fractions(solve_columns(basis, M @ basis))
     if len(chains[0]) > 1:  # N moves the cone of the block before into the last one
         zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
-        held = ExactMatrix.from_fractions(np.concatenate([inner, zeros], axis=1))
-        nothing = ExactMatrix(np.zeros((0, basis.shape[1])))
+        held = Matrix.from_fractions(np.concatenate([inner, zeros], axis=1))
+        nothing = Matrix.zeros(0, basis.shape[1])
         outer, _, _ = find_with_ports(joined, held, nothing, discrete=False, max_rays=None, report=lambda _: None)
     else:
         outer, _, _ = find_single(joined, discrete=False, max_rays=None)
     if not outer or outer.rays is None:
         return None
-    return ExactMatrix.from_fractions(np.concatenate([*rows, outer.rays.fractions() @ basis.T]))
+    return Matrix.from_fractions(np.concatenate([*rows, outer.rays.fractions() @ basis.T]))

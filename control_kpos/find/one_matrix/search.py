@@ -18,7 +18,7 @@ import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ...exact.budget import require_seconds
-from ...exact.matrix import ExactMatrix, as_stack, pick
+from ...exact.matrix import Matrix
 from ...exact.products import exact_product
 from ...proof.multipliers import multipliers
 from ..certificate import ConeCertificate
@@ -42,7 +42,7 @@ _SECONDS_PER_PRODUCT = 6e-10
 _SPREADS = (0.3, 0.5, 0.7, 0.15)
 
 
-def balanced(A: ExactMatrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def balanced(A: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A in units where its rows and columns have similar size, and the units (powers of two).
 
     Returns
@@ -76,7 +76,7 @@ def balancing_units(size: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.exp2(exponent)
 
 
-def eigenvalues(A: ExactMatrix) -> NDArray[np.complex128]:
+def eigenvalues(A: Matrix) -> NDArray[np.complex128]:
     """Eigenvalues that are accurate as long as the condition number of the eigenvectors is below 1e12."""
     matrix, units = balanced(A)
     found = None
@@ -136,12 +136,12 @@ def spread(A: NDArray[np.float64], part: float, *, discrete: bool) -> NDArray[np
 
 
 def find_single(
-    A: ExactMatrix, *, discrete: bool, max_rays: int | None
+    A: Matrix, *, discrete: bool, max_rays: int | None
 ) -> tuple[ConeCertificate, NDArray[np.float64] | None, float]:
     """Certificate (PROVED or UNDECIDED), separators and conditioning of the first proven cone."""
     matrix, units = balanced(A)
     m = modes(matrix, discrete=discrete)
-    stack = as_stack([A])
+    stack = Matrix.stack([A])
     well_conditioned = m is not None and m.conditioning < _WELL_CONDITIONED
     for candidate in candidates(matrix, m, discrete=discrete, max_rays=max_rays):
         programs = well_conditioned or candidate.multipliers is None
@@ -153,7 +153,7 @@ def find_single(
         for certificate, separators in _preconditioned(A, matrix, units, discrete=discrete, max_rays=max_rays):
             if certificate and certificate.rays is not None:
                 return certificate, separators, flatness((certificate.rays.values / units).T)
-    eye = ExactMatrix(np.eye(A.shape[0]))
+    eye = Matrix.identity(A.shape[0])
     orthant = (matrix + (0 if discrete else np.diag(np.full(len(matrix), np.inf))) >= 0).all()
     exact = [(eye, np.ones(A.shape[0]))] if orthant else []
     for rays, pointing in chain(exact, rational_cones(A, discrete=discrete)):
@@ -165,7 +165,7 @@ def find_single(
 
 
 def _preconditioned(
-    A: ExactMatrix,
+    A: Matrix,
     matrix: NDArray[np.float64],
     units: NDArray[np.float64],
     *,
@@ -179,15 +179,15 @@ def _preconditioned(
     V, T = found
     inverse = np.linalg.inv(V / units[:, None]) / units
     for candidate in candidates(T, modes(T, discrete=discrete), discrete=discrete, max_rays=max_rays):
-        R = ExactMatrix(np.ascontiguousarray(candidate.R.T))
-        P = _own_multipliers(candidate) or multipliers(ExactMatrix(T), R, candidate.pointing, discrete=discrete)
+        R = Matrix(np.ascontiguousarray(candidate.R.T))
+        P = _own_multipliers(candidate) or multipliers(Matrix(T), R, candidate.pointing, discrete=discrete)
         if P is None:
             continue
         certificate = ConeCertificate.settle(
-            matrices=as_stack([A]),
+            matrices=Matrix.stack([A]),
             discrete=discrete,
-            rays=exact_product(R, ExactMatrix(V)),
-            multipliers=P if P.is_sparse else as_stack([P]),
+            rays=exact_product(R, Matrix(V)),
+            multipliers=P if P.is_sparse else Matrix.stack([P]),
             pointing=candidate.pointing @ inverse,
             right_inverse=candidate.right_inverse @ inverse,
         )
@@ -195,11 +195,11 @@ def _preconditioned(
 
 
 def prove(
-    stack: ExactMatrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool, programs: bool
+    stack: Matrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool, programs: bool
 ) -> ConeCertificate:
     """Put a candidate in balanced coordinates to the proof, with linear programs for P if its own will not do."""
     require_seconds(_SECONDS_PER_PRODUCT * candidate.R.size * len(units))
-    rays = ExactMatrix(np.ascontiguousarray(candidate.R.T * units))
+    rays = Matrix(np.ascontiguousarray(candidate.R.T * units))
     pointing = candidate.pointing / units
     inverse = candidate.right_inverse / units
     P = _own_multipliers(candidate)
@@ -209,7 +209,7 @@ def prove(
             matrices=stack,
             discrete=discrete,
             rays=rays,
-            multipliers=P if P.is_sparse else as_stack([P]),
+            multipliers=P if P.is_sparse else Matrix.stack([P]),
             pointing=pointing,
             right_inverse=inverse,
         )
@@ -218,37 +218,37 @@ def prove(
     return _prove(stack, rays, pointing, np.linalg.pinv(candidate.R) / units, discrete=discrete)
 
 
-def _own_multipliers(candidate: Candidate) -> ExactMatrix | None:
-    return None if candidate.multipliers is None else ExactMatrix(candidate.multipliers.combined())
+def _own_multipliers(candidate: Candidate) -> Matrix | None:
+    return None if candidate.multipliers is None else Matrix(candidate.multipliers.combined())
 
 
 def prove_exactly(
-    A: ExactMatrix, rays: ExactMatrix, pointing: NDArray[np.float64], *, discrete: bool
+    A: Matrix, rays: Matrix, pointing: NDArray[np.float64], *, discrete: bool
 ) -> tuple[ConeCertificate, None, float]:
     """Certificate, without separators, and conditioning of a cone that may have no margin at all."""
     require_seconds(_SECONDS_PER_PRODUCT * rays.values.size * rays.shape[1])
     values = np.asarray(rays.values).T
-    certificate = _prove(as_stack([A]), rays, pointing, np.linalg.pinv(values), discrete=discrete)
+    certificate = _prove(Matrix.stack([A]), rays, pointing, np.linalg.pinv(values), discrete=discrete)
     return certificate, None, flatness(values)
 
 
 def _prove(
-    stack: ExactMatrix,
-    rays: ExactMatrix,
+    stack: Matrix,
+    rays: Matrix,
     pointing: NDArray[np.float64],
     inverse: NDArray[np.float64],
     *,
     discrete: bool,
 ) -> ConeCertificate:
     """A certificate for generators whose multipliers are still to be found."""
-    P = multipliers(pick(stack, 0), rays, pointing, discrete=discrete)
+    P = multipliers(stack[0], rays, pointing, discrete=discrete)
     if P is None:
         return ConeCertificate.settle(matrices=stack, discrete=discrete)
     return ConeCertificate.settle(
         matrices=stack,
         discrete=discrete,
         rays=rays,
-        multipliers=as_stack([P]),
+        multipliers=Matrix.stack([P]),
         pointing=pointing,
         right_inverse=inverse,
     )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...cones import PolyhedralCone
 from ...errors import TooLargeError
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...proof.multipliers import Frame, multipliers, nonnegative_combination
 from ..one_matrix.explicit import (
     LARGE,
@@ -183,7 +183,7 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
         corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink, largest)
         points = np.column_stack([np.ones(len(corners)), corners])
         frame = Frame.of(points, height)
-        P = None if frame is None else multipliers(ExactMatrix(A), ExactMatrix(points), height, discrete=discrete)
+        P = None if frame is None else multipliers(Matrix(A), Matrix(points), height, discrete=discrete)
         if frame is None or P is None:
             continue
         weights, t = nonnegative_combination(frame, frame.to @ height, size=1.0)

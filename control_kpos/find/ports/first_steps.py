@@ -16,7 +16,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,18 +25,18 @@ class FirstSteps:
 
     Attributes
     ----------
-    points : ExactMatrix, shape (k + 1, n)
+    points : Matrix, shape (k + 1, n)
         The first one is the vector itself.
     stays, moves : ndarray, shape (k,)
         A g_j = moves_j g_(j+1) + stays_j g_j, exactly.
     """
 
-    points: ExactMatrix
+    points: Matrix
     stays: NDArray[np.float64]
     moves: NDArray[np.float64]
 
 
-def steps_on_boundary(A: ExactMatrix, vector: ExactMatrix, normals: ExactMatrix) -> int:
+def steps_on_boundary(A: Matrix, vector: Matrix, normals: Matrix) -> int:
     """How many steps from a vector stay on the boundary of some half-space, in exact arithmetic."""
     M, x = A.as_integers()[0], vector.as_integers()[0][0]
     C = normals.rows_as_integers(np.arange(normals.shape[0]))
@@ -49,9 +49,7 @@ def steps_on_boundary(A: ExactMatrix, vector: ExactMatrix, normals: ExactMatrix)
     return 0  # c'A^k b vanishes for all k: another half-space decides
 
 
-def first_steps(
-    A: ExactMatrix, vector: ExactMatrix, count: int, length: float, dominant: float, *, discrete: bool
-) -> FirstSteps:
+def first_steps(A: Matrix, vector: Matrix, count: int, length: float, dominant: float, *, discrete: bool) -> FirstSteps:
     """`count` steps of length about `length` (which has no meaning in discrete time)."""
     M, g = A.fractions(), vector.fractions()[0]
     mantissa, exponent = np.frexp(0.0 if discrete else 1 / length - dominant)
@@ -63,5 +61,5 @@ def first_steps(
         scale = Fraction(2) ** int(np.frexp(size)[1])
         points.append(moved / scale)
         moves.append(float(scale))
-    rows = ExactMatrix.from_fractions(np.array(points, dtype=object))
+    rows = Matrix.from_fractions(np.array(points, dtype=object))
     return FirstSteps(rows, np.full(count, -float(shift)), np.array(moves))

@@ -13,11 +13,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...exact.budget import require_seconds
-from ...exact.matrix import ExactMatrix, concatenate, pick
+from ...exact.matrix import Matrix
 from ...proof.multipliers import Frame, nonnegative_combination
 from ..certificate import ConeCertificate
 from ..one_matrix.chain import rational_chains
-from ..one_matrix.search import as_stack, balanced, flatness
+from ..one_matrix.search import balanced, flatness
 from ..one_matrix.split import Split, split
 from ..reduction import extreme_generators
 from .assembly import Assembly, Path, assemble
@@ -38,9 +38,9 @@ _FIRST = (0.5, 0.1, 0.02, 0.004)
 
 
 def find_with_ports(
-    A: ExactMatrix,
-    vectors: ExactMatrix,
-    normals: ExactMatrix,
+    A: Matrix,
+    vectors: Matrix,
+    normals: Matrix,
     *,
     discrete: bool,
     max_rays: int | None,
@@ -50,13 +50,13 @@ def find_with_ports(
 
     Parameters
     ----------
-    vectors : ExactMatrix, shape (k, n)
+    vectors : Matrix, shape (k, n)
         To be held by the cone, such as the columns of B; k may be 0.
-    normals : ExactMatrix, shape (r, n)
+    normals : Matrix, shape (r, n)
         Half-spaces to lie in, such as the rows of C; r may be 0.
     """
     search = _Search(A, vectors, normals, discrete, max_rays)
-    on_boundary = [steps_on_boundary(A, pick(vectors, np.array([j])), normals) for j in range(vectors.shape[0])]
+    on_boundary = [steps_on_boundary(A, vectors[np.array([j])], normals) for j in range(vectors.shape[0])]
     s = split(search.matrix, discrete=discrete)
     attempts = [search.orthant(), search.orbits(s, on_boundary), search.chains()]
     if s is None or any(on_boundary):
@@ -75,18 +75,16 @@ Found = Iterator[tuple[ConeCertificate, "Array | None"]]
 class _Search:
     """The question, and several ways to answer it."""
 
-    def __init__(
-        self, A: ExactMatrix, vectors: ExactMatrix, normals: ExactMatrix, discrete: bool, max_rays: int | None
-    ) -> None:
+    def __init__(self, A: Matrix, vectors: Matrix, normals: Matrix, discrete: bool, max_rays: int | None) -> None:
         self.A, self.vectors, self.normals, self.discrete = A, vectors, normals, discrete
         self.most = max_rays or 10**9
         self.matrix, self.units = balanced(A)
         self.b, self.c = np.asarray(vectors.values) / self.units, np.asarray(normals.values) * self.units
 
-    def certificate(self, shares: ExactMatrix | None = None, **proof: ExactMatrix | Array) -> ConeCertificate:
+    def certificate(self, shares: Matrix | None = None, **proof: Matrix | Array) -> ConeCertificate:
         """The certificate with this proof."""
         return ConeCertificate.settle(
-            matrices=as_stack([self.A]),
+            matrices=Matrix.stack([self.A]),
             discrete=self.discrete,
             contains=self.vectors if self.vectors.shape[0] else None,
             shares=shares if self.vectors.shape[0] else None,
@@ -101,8 +99,8 @@ class _Search:
             yield (
                 self.certificate(
                     shares=self.vectors,
-                    rays=ExactMatrix(eye),
-                    multipliers=as_stack([self.A]),
+                    rays=Matrix(eye),
+                    multipliers=Matrix.stack([self.A]),
                     pointing=np.ones(len(eye)),
                     right_inverse=eye,
                 ),
@@ -120,7 +118,7 @@ class _Search:
             inverse = np.linalg.inv((values / self.units).T) / self.units
             heights = inverse.sum(axis=0)
             certificate = self.certificate(
-                shares=shares, rays=rays, multipliers=as_stack([P]), pointing=heights, right_inverse=inverse
+                shares=shares, rays=rays, multipliers=Matrix.stack([P]), pointing=heights, right_inverse=inverse
             )
             yield certificate, heights - 2.0 * inverse * (heights @ values.T).max()
 
@@ -141,7 +139,7 @@ class _Search:
                 self.certificate(
                     shares=shares,
                     rays=rays,
-                    multipliers=P if P.is_sparse else as_stack([P]),
+                    multipliers=P if P.is_sparse else Matrix.stack([P]),
                     pointing=s.left / self.units,
                     right_inverse=inverse / self.units,
                 ),
@@ -180,7 +178,7 @@ class _Search:
         for length in lengths:
             paths: list[Path] = []
             for j, count in enumerate(on_boundary):
-                vector = pick(self.vectors, np.array([j]))
+                vector = self.vectors[np.array([j])]
                 first = first_steps(self.A, vector, count, float(length), f.dominant, discrete=f.discrete)
                 head = (np.asarray(first.points.values) / self.units) @ to_split
                 orbit = follow(f, head[-1], c, core)
@@ -193,14 +191,14 @@ class _Search:
 
     def _exactly(
         self, built: Assembly, paths: list[Path], s: Split
-    ) -> tuple[ExactMatrix, ExactMatrix, Array | None, ExactMatrix, NDArray[np.intp]]:
+    ) -> tuple[Matrix, Matrix, Array | None, Matrix, NDArray[np.intp]]:
         """Generators in the user's coordinates, the vectors themselves among them, none redundant.
 
         Returns
         -------
-        rays, multipliers : ExactMatrix
+        rays, multipliers : Matrix
         separators : ndarray or None
-        shares : ExactMatrix
+        shares : Matrix
         support : ndarray of int
             Generators that take up rounding errors.
         """
@@ -228,19 +226,19 @@ class _Search:
             P = sp.csr_array(P + to @ sp.csr_array(correction))
         else:
             P = P + correction
-        return pick(rays, index), ExactMatrix(P), separators, ExactMatrix(shares), support
+        return rays[index], Matrix(P), separators, Matrix(shares), support
 
-    def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[ExactMatrix, NDArray[np.bool_]]:
+    def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[Matrix, NDArray[np.bool_]]:
         """Exact generators, and which of them must stay because others are exact combinations of them."""
         rows, kept, at = [], np.zeros(len(values), dtype=bool), 0
         for path, row in zip(paths, built.starts, strict=True):
             if row < 0:
                 continue
             known = path.first.points
-            rows += [ExactMatrix(values[at:row] * self.units), known]
+            rows += [Matrix(values[at:row] * self.units), known]
             at = row + known.shape[0]
             kept[row:at] = path.count > 0
-        return concatenate([*rows, ExactMatrix(values[at:] * self.units)], axis=-2), kept
+        return Matrix.join([*rows, Matrix(values[at:] * self.units)], -2), kept
 
 
 def _substituted(values: Array, P: Array, index: NDArray[np.intp], pointing: Array) -> tuple[Array, Array]:

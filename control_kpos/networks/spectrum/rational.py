@@ -13,7 +13,6 @@ import numpy as np
 
 from ...exact.rational_programs import primitive_fractions
 from ...proof.weights import product
-from ...theorems.stability import transpose
 from .. import conditions as on
 from ..certificate import NetworkCertificate, per_node
 from ..model import NetworkModel
@@ -158,7 +157,7 @@ def _outputs(model: NetworkModel, x: Rationals | None, u: Rationals) -> Rational
 
 def _asked(model: NetworkModel, r: Rationals) -> Rationals:
     """W'r."""
-    return product(transpose(model.coupling), r)
+    return product(model.coupling.T, r)
 
 
 def _together(*vectors: Rationals) -> list[Rationals]:

@@ -31,7 +31,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ...cones import Cone, orthant, product
 from ...errors import DataError
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ...proof.portable_cones import opposite_facets
 from ...theorems.lyapunov_candidates import decide_exactly
 from .. import conditions as on
@@ -210,7 +210,7 @@ def _decide_part(S: Rationals, cone: _PartCone) -> tuple[bool, Rationals] | None
             return True, _shortened(mirrored[0], lambda v: _inside(cone.rays, v, -(v @ S), strict=True))
     size = Fraction(2) ** _exponent(max(abs(Fraction(value)) for value in S.ravel()))
     try:
-        return decide_exactly(ExactMatrix.from_fractions(S / size), cone.whole(), False)
+        return decide_exactly(Matrix.from_fractions(S / size), cone.whole(), False)
     except DataError:  # numbers further apart than doubles can be
         return None
 
@@ -264,7 +264,7 @@ def _frame(cone: Cone) -> tuple[Rationals, Rationals]:
     return normals / heights[:, None], rays.T
 
 
-def _rows(m: ExactMatrix) -> Rationals:
+def _rows(m: Matrix) -> Rationals:
     return m.rows_as_integers(np.arange(m.shape[0]))
 
 

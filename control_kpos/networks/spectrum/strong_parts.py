@@ -15,7 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
-from ...exact.matrix import ExactMatrix
+from ...exact.matrix import Matrix
 from ..blocks import Floats, Index, apply
 from ..model import NetworkModel
 from .descent import (
@@ -154,7 +154,7 @@ def strong_parts(model: NetworkModel) -> Parts | None:
         sp.csr_array((coo.data[chosen], (coo.coords[0][chosen], coo.coords[1][chosen])), shape=coo.shape)
         for chosen in (inside, ~inside)
     )
-    return Parts(model, model.with_coupling(ExactMatrix(kept)), part.astype(np.intp), sp.csr_array(cut.T))
+    return Parts(model, model.with_coupling(Matrix(kept)), part.astype(np.intp), sp.csr_array(cut.T))
 
 
 def _listening(model: NetworkModel) -> sp.csr_array:

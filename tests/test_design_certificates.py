@@ -12,7 +12,7 @@ import control_kpos as kp
 from control_kpos.design.accept import GainBoundCertificate
 from control_kpos.design.polyhedral.refusal import PairMultipliers
 from control_kpos.design.simplicial.refusal import Multipliers
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 
 PAPER = [[0, 1], [1, -2]]
 PLANT = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)

@@ -11,7 +11,7 @@ from planted import generators, metzler_hurwitz
 
 import control_kpos as kp
 from control_kpos.errors import ConeMismatchError, DataError, TimebaseError
-from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.exact.matrix import Matrix
 from control_kpos.find import find_cone
 
 
@@ -103,8 +103,8 @@ def test_negative_impulse_response_in_discrete_time():
 def test_a_changed_containment_fails():
     found = find_cone(ct.ss([[0, 1], [-2, -3]], [[0], [1]], [[1, 0]], 0))
     cert = found.certificate
-    assert not replace(cert, contains=ExactMatrix(np.array([[0.0, -1.0]]))).check()
-    assert not replace(cert, within=ExactMatrix(np.array([[-1.0, 0.0]]))).check()
+    assert not replace(cert, contains=Matrix(np.array([[0.0, -1.0]]))).check()
+    assert not replace(cert, within=Matrix(np.array([[-1.0, 0.0]]))).check()
 
 
 def test_bad_input_is_named():
@@ -178,18 +178,18 @@ def test_thousands_of_rays_have_a_sparse_proof(tmp_path):
     P, R = cert.multipliers.values, cert.rays.values
     assert np.allclose(R @ cert.matrices.values[0].T, P.T @ R, atol=1e-8 * abs(P).max())
     for change in (
-        {"multipliers": ExactMatrix(P * (1 + 1e-6))},
-        {"multipliers": ExactMatrix(-P)},
+        {"multipliers": Matrix(P * (1 + 1e-6))},
+        {"multipliers": Matrix(-P)},
         {"right_inverse": 0 * cert.right_inverse},
-        {"rays": ExactMatrix(R[::-1])},
-        {"matrices": ExactMatrix(cert.matrices.values - 1e-3)},
+        {"rays": Matrix(R[::-1])},
+        {"matrices": Matrix(cert.matrices.values - 1e-3)},
     ):
         assert not replace(cert, **change).check()
     upper = P.tolil()
     upper[0, 1] = -1e-9  # a negative multiplier far from what takes up rounding
-    assert not replace(cert, multipliers=ExactMatrix(upper.tocsr())).check()
+    assert not replace(cert, multipliers=Matrix(upper.tocsr())).check()
     with pytest.raises(DataError, match="one matrix"):
-        replace(cert, matrices=ExactMatrix(np.concatenate([cert.matrices.values] * 2))).conditions()
+        replace(cert, matrices=Matrix(np.concatenate([cert.matrices.values] * 2))).conditions()
     cert.save(tmp_path / "cone.npz")
     assert kp.load_certificate(tmp_path / "cone.npz").check()
 

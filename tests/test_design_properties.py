@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import control_kpos as kp
-from control_kpos.exact.matrix import exact_matrix
+from control_kpos.exact.intake import exact_matrix
 
 SIZES = st.sampled_from([(1, 1), (2, 1), (3, 1), (3, 2), (4, 2), (5, 3)])
 SEEDS = st.integers(0, 10**6)

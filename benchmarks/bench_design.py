@@ -120,7 +120,7 @@ def test_against_quadratic(contest, size, n, who, at_most):
 
 
 def count(family, number):
-    """Outcomes on a planted family: python benchmarks/bench_synthesis.py."""
+    """Outcomes on a planted family: python benchmarks/bench_design.py."""
     rng = np.random.default_rng(7)
     outcomes = Counter()
     for k in range(number):

@@ -14,7 +14,7 @@ from scipy.linalg import block_diag
 from scipy.sparse import csr_array
 
 from control_kpos import Status, checker, find_cone, load_certificate
-from control_kpos.exact.matrix import ExactMatrix
+from control_kpos.exact.matrix import Matrix
 from control_kpos.find.one_matrix.explicit import LARGE, modal_cone
 from control_kpos.find.one_matrix.modes import modes
 
@@ -57,9 +57,9 @@ def test_what_is_wrong_with_sparse_multipliers_is_noticed():
     for value in (-1e-9, 1e-3):
         wrong = P.copy()
         wrong[i, j] += value
-        changed = replace(certificate, multipliers=ExactMatrix(csr_array(wrong)))
+        changed = replace(certificate, multipliers=Matrix(csr_array(wrong)))
         assert not changed.check()
-    assert not replace(certificate, matrices=ExactMatrix(certificate.matrices.values + 1e-2)).check()
+    assert not replace(certificate, matrices=Matrix(certificate.matrices.values + 1e-2)).check()
     assert not replace(certificate, right_inverse=0 * certificate.right_inverse).check()
 
 

@@ -19,7 +19,7 @@ from control_kpos import (
 )
 from control_kpos.errors import DataError, ShapeError
 from control_kpos.exact.enclosure import Generators
-from control_kpos.exact.matrix import ExactMatrix, as_stack
+from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.polynomials import (
     characteristic_polynomial,
     imaginary_axis,
@@ -226,13 +226,13 @@ def test_a_50_gon_is_not_invariant_under_a_rotation_by_one_radian():
     X = PolyhedralCone(np.column_stack([np.ones(50), np.cos(angle), np.sin(angle)]))
     A = np.array([[1, 0, 0], [0, np.cos(1), -np.sin(1)], [0, np.sin(1), np.cos(1)]])
     assert state_positivity(A, X, discrete=True).status is Status.REFUTED
-    rays = ExactMatrix(X.rays)
+    rays = Matrix(X.rays)
     P = np.linalg.lstsq(X.rays.T, A @ X.rays.T, rcond=None)[0]
     cert = ConeCertificate.settle(
-        matrices=ExactMatrix(A[None]),
+        matrices=Matrix(A[None]),
         discrete=True,
         rays=rays,
-        multipliers=ExactMatrix(P[None]),
+        multipliers=Matrix(P[None]),
         pointing=np.array([1.0, 0, 0]),
         right_inverse=np.linalg.pinv(X.rays.T),
     )
@@ -248,16 +248,16 @@ def test_perturbed_certificates_fail():
     assert cert.check()
     P = cert.multipliers.values
     for change in (
-        {"multipliers": ExactMatrix(-P)},
-        {"multipliers": ExactMatrix(P + 1e-3)},
+        {"multipliers": Matrix(-P)},
+        {"multipliers": Matrix(P + 1e-3)},
         {"pointing": -cert.pointing},
         {"right_inverse": 2.5 * cert.right_inverse},
-        {"matrices": ExactMatrix(-cert.matrices.values)},
-        {"rays": ExactMatrix(cert.rays.values[::-1])},
+        {"matrices": Matrix(-cert.matrices.values)},
+        {"rays": Matrix(cert.rays.values[::-1])},
         {"discrete": True},
     ):
         assert not replace(cert, **change).check()
-    assert not replace(find_cone(pair(0.0, 1.0)).certificate, matrices=ExactMatrix(pair(1.0, 1.0)[None])).check()
+    assert not replace(find_cone(pair(0.0, 1.0)).certificate, matrices=Matrix(pair(1.0, 1.0)[None])).check()
 
 
 def test_rays_that_span_everything_prove_nothing():
@@ -268,9 +268,9 @@ def test_rays_that_span_everything_prove_nothing():
     P = P - 0.0
     assert np.allclose(rays.T @ P, A @ rays.T)
     cert = ConeCertificate.settle(
-        matrices=ExactMatrix(A[None]),
-        rays=ExactMatrix(rays),
-        multipliers=ExactMatrix(P[None]),
+        matrices=Matrix(A[None]),
+        rays=Matrix(rays),
+        multipliers=Matrix(P[None]),
         pointing=np.array([1.0, 1.0]),
         right_inverse=np.linalg.pinv(rays.T),
     )
@@ -339,13 +339,13 @@ def test_facets_agree_on_ill_conditioned_eigenvectors(discrete):
     assert PolyhedralCone(found.certificate.rays).is_proper
     assert state_positivity(A, found.cone, discrete=discrete)
     # The doubles next to the generators will not do: they are too far away.
-    rounded = replace(found.certificate, rays=ExactMatrix(found.certificate.rays.values))
+    rounded = replace(found.certificate, rays=Matrix(found.certificate.rays.values))
     assert not rounded.check()
 
 
 def test_eigenvalues_are_accurate_behind_ill_conditioned_eigenvectors():
     A = with_eigenvectors(7, 8, 5e7)
-    values = eigenvalues(ExactMatrix(A))
+    values = eigenvalues(Matrix(A))
     rows = [[Fraction(x) for x in row] for row in A.tolist()]
     trace = sum(rows[i][i] for i in range(8))
     trace_of_square = sum(rows[i][j] * rows[j][i] for i in range(8) for j in range(8))
@@ -362,9 +362,9 @@ def test_proven_bounds_hold_in_exact_arithmetic(seed, digits, smallest):
     R = turns[0] * np.geomspace(1, 10.0**-digits, n) @ turns[1]
     Q = 10.0**smallest * rng.random((n, 2))
     T = (R @ Q).T
-    basis = Generators(ExactMatrix(R.T.copy()), np.linalg.inv(R))
-    eye = ExactMatrix(np.eye(n))
-    bounds = basis.combination("T = R Q", [(eye, ExactMatrix(T))], ExactMatrix(Q), np.ones(Q.shape, dtype=bool))
+    basis = Generators(Matrix(R.T.copy()), np.linalg.inv(R))
+    eye = Matrix(np.eye(n))
+    bounds = basis.combination("T = R Q", [(eye, Matrix(T))], Matrix(Q), np.ones(Q.shape, dtype=bool))
     for j in range(2):
         column = [Fraction(x) for x in T[j].tolist()]
         matrix = [[Fraction(x) for x in row] for row in R.tolist()]
@@ -421,7 +421,7 @@ def test_root_counts_agree_with_eigenvalues(seed, n):
     values = np.linalg.eigvals(A)
     if np.abs(values.real - bound).min() < 1e-6 or np.abs(np.abs(values) - bound).min() < 1e-6:
         return
-    p = scale_roots(*characteristic_polynomial(ExactMatrix(A)))
+    p = scale_roots(*characteristic_polynomial(Matrix(A)))
     assert imaginary_axis(shift_roots(p, Fraction(bound)))[0] == (values.real > bound).sum()
     assert imaginary_axis(moebius(p, Fraction(bound)))[0] == (np.abs(values) > bound).sum()
     real = np.unique(np.round(values[np.abs(values.imag) < 1e-7].real, 4))
@@ -454,8 +454,8 @@ def test_a_repeated_eigenvalue_does_not_hide_a_larger_one():
     assert find_cone(A).status is Status.PROVED
     for kind in ("beside", "ahead"):
         witness = SpectralObstruction(0, kind, Fraction(0), 0.0, 1.0, False)
-        assert not witness.conditions(as_stack([ExactMatrix(A)]), discrete=False)[0].verdict()
-        assert ConeCertificate.settle(matrices=as_stack([ExactMatrix(A)]), witness=witness).status is Status.UNDECIDED
+        assert not witness.conditions(Matrix.stack([Matrix(A)]), discrete=False)[0].verdict()
+        assert ConeCertificate.settle(matrices=Matrix.stack([Matrix(A)]), witness=witness).status is Status.UNDECIDED
 
 
 def test_a_lyapunov_vector_is_not_claimed_where_it_is_not_proven():
