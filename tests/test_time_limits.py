@@ -9,12 +9,7 @@ import pytest
 from scipy.linalg import block_diag
 
 import control_kpos as kp
-from control_kpos.exact.budget import (
-    OutOfTimeError,
-    limited_to,
-    require_seconds,
-    seconds_left,
-)
+from control_kpos.exact.budget import SPEED, OutOfBudgetError, affords, budget, seconds_left, spend
 
 LIMIT = 0.3
 # Bounds that only something that hangs exceeds, however loaded the machine is.
@@ -113,17 +108,30 @@ def test_a_search_that_was_ended_says_so():
 
 
 def test_limits_end_with_the_search():
-    with limited_to(LIMIT):
-        with limited_to(1e6):
+    with budget(time_limit=LIMIT):
+        with budget(time_limit=1e6):
             assert 0 < seconds_left() <= LIMIT
-            require_seconds(LIMIT / 100)
-            with pytest.raises(OutOfTimeError, match="would be needed"):
-                require_seconds(2 * LIMIT)
-        with pytest.raises(ZeroDivisionError), limited_to(LIMIT / 2):
+            spend(1e5)
+            with pytest.raises(OutOfBudgetError, match=f"the time limit of {LIMIT} s"):
+                spend(2 * LIMIT * SPEED)
+        with pytest.raises(ZeroDivisionError), budget(time_limit=LIMIT / 2):
             _ = 1 / 0
         assert seconds_left() > LIMIT / 4
     assert seconds_left() == np.inf
-    require_seconds(1e300)
+
+
+def test_operations_are_counted_in_every_budget_around():
+    with budget(1e6) as outer:
+        with budget(1e9) as inner:
+            spend(6e5)
+            assert affords(3.9e5) and not affords(4.1e5)
+            with pytest.raises(OutOfBudgetError, match="the effort set for this search"):
+                spend(4.1e5)
+        assert outer.operations == inner.operations == 4e5
+        with budget(1e5), pytest.raises(OutOfBudgetError):
+            spend(2e5)
+        spend(3e5)
+    spend(1e300)  # outside every budget nothing is counted
 
 
 @pytest.mark.parametrize("name", sorted({name.split(" ")[0].rstrip(",") for name in SEARCHES}))

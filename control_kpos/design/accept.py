@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.budget import OVERTIME, OutOfTimeError, seconds_left
+from ..exact.budget import OVERTIME, SPEED, OutOfTimeError, seconds_left
 from ..exact.condition import Condition
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
@@ -296,7 +296,7 @@ def accept(
                 continue
             if candidate is not F and not np.abs(full @ plant.rays.T).max(initial=0.0) <= gain:
                 continue
-        if _seconds(plant, margins) > seconds_left() + OVERTIME:
+        if _seconds(plant, margins) > seconds_left() + OVERTIME / SPEED:
             return None
         try:
             found = _prove(plant, candidate, rate, x)

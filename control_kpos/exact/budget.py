@@ -1,7 +1,11 @@
-"""The time limit of a search, for everything that runs inside it.
+"""The effort of a search: operations counted, and one clock asked if a time limit was given.
 
-A search sets it once; what may take long asks, before it begins, whether there is time left.  Kept by context, so that
-exact arithmetic, many calls further down, needs no argument for it.
+Without a time limit an answer is the same on every machine: searches count their operations and end when a
+stated number of them is spent.  With a limit the clock is asked too, and the answer says that the limit ended
+it.  A search opens a `budget`; what may take long, many calls further down, calls `spend` before it begins.
+The budget is kept by context, so that exact arithmetic needs no argument for it.
+
+One operation is about a nanosecond of one core: a multiplication of doubles, a tenth of one of small integers.
 """
 
 from __future__ import annotations
@@ -10,49 +14,160 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 
-# Seconds by which a proof that would settle the question may end after the limit.
-OVERTIME = 0.3
+# Operations that a core does in a second.  It converts what is left of a time limit, and decides nothing without one.
+SPEED = 1e9
+# A proof that would settle the question may begin when it needs this many operations more than the limit leaves.
+OVERTIME = 3e8
 
-_END: ContextVar[float] = ContextVar("end of the search on the clock of time.monotonic", default=float("inf"))
+
+class OutOfBudgetError(Exception):
+    """The effort or the time limit is spent, or the next step needs more than is left.
+
+    The text says which limit it was.  Searches turn it into UNDECIDED.
+    """
 
 
-class OutOfTimeError(Exception):
-    """The time limit has passed, or will pass before the next step ends.  Searches turn it into UNDECIDED."""
+@dataclass
+class Budget:
+    """What is left of the effort.
+
+    Attributes
+    ----------
+    operations : float
+        Left to spend; infinite for none counted.
+    deadline : float
+        On the clock of `time.monotonic`; infinite without a time limit.
+    time_limit : float
+        Seconds that were given, for messages.
+    outer : Budget or None
+        The budget of the search around this one: what is spent here is spent there too.
+    """
+
+    operations: float
+    deadline: float = float("inf")
+    time_limit: float = float("inf")
+    outer: Budget | None = None
+
+    def left(self) -> float:
+        """Operations left, by count and by clock; negative after the limit."""
+        return min(self.operations, self._left_by_clock())
+
+    def _left_by_clock(self) -> float:
+        return (self.deadline - time.monotonic()) * SPEED if self.deadline < float("inf") else float("inf")
+
+    def reason(self) -> str:
+        """Which limit ends the search, as words for a message."""
+        if self._left_by_clock() < self.operations:
+            return f"the time limit of {self.time_limit:g} s"
+        return "the effort set for this search"
+
+    def count(self, operations: float) -> None:
+        """Count operations as spent, here and in every budget around this one."""
+        self.operations -= operations
+        if self.outer is not None:
+            self.outer.count(operations)
+
+
+_BUDGET: ContextVar[Budget | None] = ContextVar("budget of the search that is running", default=None)
+
+
+@contextmanager
+def budget(operations: float = float("inf"), *, time_limit: float | None = None) -> Iterator[Budget]:
+    """Open a budget for what runs inside; what is left of the one around it stays a bound.
+
+    Parameters
+    ----------
+    operations : float
+        Effort that ends the search.
+    time_limit : float, optional
+        Seconds.  None: no clock is asked.
+
+    Examples
+    --------
+    >>> with budget(1e9) as outer:
+    ...     with budget(1e12) as inner:
+    ...         spend(4e8)
+    ...     outer.operations == 6e8, inner.left() == 6e8
+    (True, True)
+    """
+    outer = _BUDGET.get()
+    seconds = float("inf") if time_limit is None else float(time_limit)
+    deadline = time.monotonic() + seconds
+    if outer is not None:
+        operations = min(operations, outer.operations)
+        if outer.deadline <= deadline:
+            deadline, seconds = outer.deadline, outer.time_limit
+    opened = Budget(operations, deadline, seconds, outer)
+    token = _BUDGET.set(opened)
+    try:
+        yield opened
+    finally:
+        _BUDGET.reset(token)
+
+
+def operations_left() -> float:
+    """Operations until a limit; infinite without one, negative after it.
+
+    >>> operations_left()
+    inf
+    """
+    current = _BUDGET.get()
+    return float("inf") if current is None else current.left()
+
+
+def affords(operations: float = 0.0) -> bool:
+    """True if a step of so many operations may begin.
+
+    >>> with budget(100):
+    ...     affords(99), affords(101)
+    (True, False)
+    """
+    return operations_left() > operations
+
+
+def spend(operations: float = 0.0) -> None:
+    """Count operations about to be done; raise OutOfBudgetError instead if that many are not left.
+
+    >>> with budget(100):
+    ...     spend(101)
+    Traceback (most recent call last):
+        ...
+    control_kpos.exact.budget.OutOfBudgetError: the effort set for this search leaves no room for the next step
+    """
+    current = _BUDGET.get()
+    if current is None:
+        return
+    if not current.left() > operations:
+        raise OutOfBudgetError(f"{current.reason()} leaves no room for the next step")
+    current.count(operations)
+
+
+def seconds_left() -> float:
+    """Seconds that a solver may take: infinite unless a time limit was given, negative after it."""
+    current = _BUDGET.get()
+    return float("inf") if current is None else current.deadline - time.monotonic()
+
+
+def reason() -> str:
+    """Which limit ends the search that is running, as words for a message."""
+    current = _BUDGET.get()
+    return "no limit" if current is None else current.reason()
+
+
+# -- by seconds: the form that is on its way out
+
+OutOfTimeError = OutOfBudgetError
 
 
 @contextmanager
 def limited_to(seconds: float) -> Iterator[None]:
-    """Set the limit for what runs inside; a limit around it that ends earlier stays.
-
-    >>> with limited_to(60):
-    ...     with limited_to(3600):
-    ...         seconds_left() <= 60
-    True
-    """
-    token = _END.set(min(_END.get(), time.monotonic() + seconds))
-    try:
+    """A budget by the clock alone."""
+    with budget(time_limit=seconds):
         yield
-    finally:
-        _END.reset(token)
-
-
-def seconds_left() -> float:
-    """Seconds until the limit; infinite without one, negative after it.
-
-    >>> seconds_left()
-    inf
-    """
-    return _END.get() - time.monotonic()
 
 
 def require_seconds(needed: float = 0.0) -> None:
-    """Raise OutOfTimeError unless so many seconds are left.
-
-    Parameters
-    ----------
-    needed : float
-        Estimated time of the step that follows.
-    """
-    if not seconds_left() > needed:
-        raise OutOfTimeError(f"{needed:.2g} s more would be needed")
+    """`spend` for an estimate in seconds."""
+    spend(needed * SPEED)

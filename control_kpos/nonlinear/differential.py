@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone, as_cone
 from ..errors import ConeMismatchError, DataError, ShapeError
-from ..exact.budget import OVERTIME
+from ..exact.budget import OVERTIME, SPEED
 from ..exact.intake import (
     dimensions,
     exact_matrix,
@@ -179,7 +179,7 @@ def _settled(
     for s in range(min(count, _TIMED)):
         with clock.timing("decision"):
             invariance(draft, s).verdict()
-    if clock.needed("decision", count) > clock.left + OVERTIME:
+    if clock.needed("decision", count) > clock.left + OVERTIME / SPEED:
         witness = _violation(draft, None, clock)
         return draft if witness is None else DifferentialCertificate.settle(**data, witness=witness)
     plain = DifferentialCertificate.settle(**data)
@@ -189,7 +189,7 @@ def _settled(
     if clock.needed("decision", count) > clock.left:
         return plain
     v = _common_vector(np.asarray(centres.values), radii, X, discrete, clock.left)
-    if v is None or clock.needed("decision", 2 * count) > clock.left + OVERTIME:
+    if v is None or clock.needed("decision", 2 * count) > clock.left + OVERTIME / SPEED:
         return plain
     contracting = DifferentialCertificate.settle(**data, v=v)
     return contracting if contracting else plain
@@ -273,7 +273,7 @@ def _of_system(
     if certificate:
         return certificate
     for k, point in enumerate(box_points(whole, 60)):
-        if clock.needed("enclosure", 1) + clock.needed("decision", 3) > clock.left + (0.0 if k else OVERTIME):
+        if clock.needed("enclosure", 1) + clock.needed("decision", 3) > clock.left + (0.0 if k else OVERTIME / SPEED):
             break
         try:
             centre, radius = enclosed_jacobian(enclosed, np.column_stack([point, point]), n)

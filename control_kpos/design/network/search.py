@@ -18,7 +18,7 @@ from ...errors import (
     NotProperConeError,
     ShapeError,
 )
-from ...exact.budget import OVERTIME, OutOfTimeError, seconds_left
+from ...exact.budget import OVERTIME, SPEED, OutOfTimeError, seconds_left
 from ...exact.intake import flag, items, vector
 from ...exact.matrix import HALF_ULP, Matrix
 from ...networks.coupling import read_coupling
@@ -156,7 +156,7 @@ def _designed(
             return result, alarm
         if seconds_left() <= 0:
             break
-    refused = beyond_gains(model) if _effort(model) < seconds_left() + OVERTIME else None
+    refused = beyond_gains(model) if _effort(model) < seconds_left() + OVERTIME / SPEED else None
     if seconds_left() <= 0 and refused is None:
         message = result.message or "the time limit was reached before gains were found."
         return DesignResult(Status.UNDECIDED, limit=result.limit, message=message), ""
@@ -219,7 +219,7 @@ def _design(
         points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
     for x in points:
         for digits in _DIGITS:
-            if seconds_left() <= 0 or _effort(model) > seconds_left() + OVERTIME:
+            if seconds_left() <= 0 or _effort(model) > seconds_left() + OVERTIME / SPEED:
                 break
             lp.stage(f"{model.n_nodes} nodes: proof with gains of {digits} digits")
             result = _certified(model, program, bound, rate, x, digits, limit)

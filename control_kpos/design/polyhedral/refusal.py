@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ...cones import Cone
 from ...errors import DataError, TooLargeError
-from ...exact.budget import OVERTIME, seconds_left
+from ...exact.budget import OVERTIME, SPEED, seconds_left
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_feasibility
@@ -150,6 +150,6 @@ def no_invariance(plant: Plant) -> NoInvariance | None:
         )
     except (TooLargeError, DataError):
         return None
-    if weights is None or entries * SECONDS_TO_CHECK > seconds_left() + OVERTIME:
+    if weights is None or entries * SECONDS_TO_CHECK > seconds_left() + OVERTIME / SPEED:
         return None
     return NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...cones import Cone
 from ...errors import DataError, TooLargeError
-from ...exact.budget import OVERTIME, seconds_left
+from ...exact.budget import OVERTIME, SPEED, seconds_left
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_feasibility
@@ -264,7 +264,7 @@ def decide(
         except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
             return None, None
     if multipliers is not None:
-        if entries * SECONDS_TO_CHECK + products > seconds_left() + OVERTIME:
+        if entries * SECONDS_TO_CHECK + products > seconds_left() + OVERTIME / SPEED:
             return None, None
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]
