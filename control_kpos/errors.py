@@ -4,6 +4,21 @@ All of them are `ValueError` subclasses: python-control's `feedback` swallows `T
 `AttributeError`, and a refused cone must never turn into a silently different result.
 """
 
+__all__ = [
+    "ActuatorLossWarning",
+    "CertificateFileError",
+    "ConeMismatchError",
+    "DataError",
+    "FalseClaimError",
+    "KposError",
+    "NotProperConeError",
+    "ShapeError",
+    "SolverError",
+    "TimebaseError",
+    "TooLargeError",
+    "UndecidedError",
+]
+
 
 class KposError(ValueError):
     """Base class of the errors raised by control_kpos."""

@@ -16,6 +16,16 @@ from .errors import DataError
 from .exact.intake import exact_matrix, real_number, require_shape, whole_number
 from .systems.statespace import ConeStateSpace
 
+__all__ = [
+    "mass_spring",
+    "mass_spring_node",
+    "mass_spring_nodes",
+    "paper_cone",
+    "paper_gain",
+    "random_regular",
+    "ring",
+]
+
 # More nodes would fill the memory.
 _MOST_NODES = 10**8
 
@@ -266,3 +276,7 @@ def _loops_and_repetitions(edges: NDArray[np.intp], n_nodes: int) -> NDArray[np.
     good = np.zeros(len(edges), dtype=bool)
     good[first] = True
     return np.flatnonzero(~good | (low == high))
+
+
+def __dir__() -> list[str]:
+    return __all__

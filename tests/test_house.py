@@ -5,6 +5,7 @@ import dataclasses
 import doctest
 import enum
 import graphlib
+import importlib
 import inspect
 import re
 import subprocess
@@ -192,6 +193,27 @@ def test_modules_open_with_their_subject(module):
 
 
 # -- public names
+
+
+@pytest.mark.parametrize("module", [kp, kp.examples, kp.errors])
+def test_tab_completion_offers_public_names_alone(module):
+    offered = {name for name in dir(module) if not name.startswith("__")}
+    assert offered == {name for name in module.__all__ if not name.startswith("__")}
+    assert len(set(module.__all__)) == len(module.__all__)
+    assert all(getattr(module, name) is not None for name in module.__all__)
+
+
+@pytest.mark.parametrize("module", [name for name, path in MODULES.items() if path.name == "__init__.py"])
+def test_names_handed_on_are_listed(module):
+    """A folder that hands names on lists them, and no others."""
+    handed = {
+        alias.asname or alias.name
+        for node in TREES[module].body
+        if isinstance(node, ast.ImportFrom) and node.level
+        for alias in node.names
+    }
+    listed = set(getattr(importlib.import_module(module), "__all__", ()))
+    assert handed <= listed
 
 
 def public_names() -> dict[str, object]:

@@ -1,5 +1,10 @@
 """Nonlinear systems that keep a cone of displacements."""
 
-from .certificate import DifferentialCertificate as DifferentialCertificate
-from .certificate import DifferentialViolation as DifferentialViolation
-from .differential import differential_positivity as differential_positivity
+from .certificate import DifferentialCertificate, DifferentialViolation
+from .differential import differential_positivity
+
+__all__ = [
+    "DifferentialCertificate",
+    "DifferentialViolation",
+    "differential_positivity",
+]
