@@ -6,6 +6,7 @@ from fractions import Fraction
 import control as ct
 import numpy as np
 import planted
+import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -43,7 +44,7 @@ def test_planted_gains_are_found(seed, size):
     d = design(A, B, rays)
     require_sound(d, A, B)
     assert d.value <= 1.11 * d.limit + 1e-12
-    assert np.abs(d.F @ rays.T).max() == d.value
+    assert np.abs(d.F @ rays.T).max() == pytest.approx(d.value, rel=1e-14)  # the order of a sum depends on the layout
 
 
 @settings(max_examples=20)

@@ -128,7 +128,7 @@ def test_a_call_that_hangs_leaves_warnings_alone():
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork")
 def test_a_forked_process_has_threads_of_its_own():
     assert solve([1.0], [[-1.0]], [-2.0], time_limit=5.0).value == 2.0
-    code = "import os, sys; from control_kpos.linear_programs import guarded; guarded(int, 5.0); child = os.fork()\n"
+    code = "import os, sys; from control_kpos.exact.programs import guarded; guarded(int, 5.0); child = os.fork()\n"
     code += "if child == 0: os._exit(guarded(lambda: 7, 5.0) != 7)\nsys.exit(os.waitpid(child, 0)[1])"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
 
@@ -143,6 +143,6 @@ def test_presolve_changes_no_outcome(seed):
 
 
 def test_other_callers_of_highs_in_the_same_process_do_no_harm():
-    code = "import highspy; from control_kpos.linear_programs import solve; h = highspy.Highs(); "
+    code = "import highspy; from control_kpos.exact.programs import solve; h = highspy.Highs(); "
     code += "h.setOptionValue('output_flag', False); h.addVar(0.0, 1.0); h.run(); assert solve([1.0], [[-1.0]], [-2.0])"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

@@ -68,7 +68,7 @@ def simplicial_facets(generators: Matrix) -> Matrix | None:
     R, radius, columns = scaled
     with np.errstate(all="ignore"):
         try:
-            Z = np.linalg.inv(R.T)
+            Z = np.asarray(np.linalg.inv(R.T), dtype=np.float64)
         except np.linalg.LinAlgError:
             return None
         size = np.abs(Z)

@@ -74,7 +74,7 @@ class _LeastStorage:
     def storage(self, q: Vector) -> Vector:
         with np.errstate(all="ignore"):
             try:
-                return np.linalg.solve(self.S.T, np.asarray(self.p.C.values.T @ q))
+                return np.asarray(np.linalg.solve(self.S.T, np.asarray(self.p.C.values.T @ q)), dtype=np.float64)
             except np.linalg.LinAlgError:
                 return np.full(len(self.S), np.nan)
 

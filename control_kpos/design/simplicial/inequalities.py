@@ -174,4 +174,4 @@ def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:
 
 def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """F with F t_k = G[:, k]."""
-    return np.linalg.solve(rays, G.T).T
+    return np.asarray(np.linalg.solve(rays, G.T).T, dtype=np.float64)

@@ -149,7 +149,7 @@ def modal_cone(
     multipliers = Multipliers(sp.csr_array(core), unscaled.weights, unscaled.slack * scale)
     separators = best.separators(points)
     if separators is not None:
-        separators = np.linalg.solve(V.T, separators.T).T
+        separators = np.asarray(np.linalg.solve(V.T, separators.T).T, dtype=np.float64)
     return Candidate(V @ points, m.left, multipliers, separators)
 
 

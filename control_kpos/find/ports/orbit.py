@@ -99,7 +99,7 @@ def follow(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:
 
 
 def _inside(points: Array, normals: Array) -> NDArray[np.bool_]:
-    return (points @ normals.T >= _INSIDE * (np.abs(points) @ np.abs(normals).T)).all(axis=1)
+    return np.asarray((points @ normals.T >= _INSIDE * (np.abs(points) @ np.abs(normals).T)).all(axis=1))
 
 
 def _powers(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:

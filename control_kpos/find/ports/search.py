@@ -148,7 +148,7 @@ class _Search:
 
     def _proposals(self, s: Split, on_boundary: list[int]) -> Iterator[tuple[list[Path], Assembly]]:
         """Paths of all vectors into a core, and what they make together, small ones first."""
-        to_split = np.linalg.inv(s.basis).T
+        to_split = np.asarray(np.linalg.inv(s.basis).T, dtype=np.float64)
         c, b = self.c @ s.basis, self.b @ to_split
         if not ((c[:, 0] > 0).all() and (b[:, 0] > 0).all()):
             return
