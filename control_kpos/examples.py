@@ -5,6 +5,7 @@ The mass-spring plant, its cone and its gain are those of Kawano and Forni, sect
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .cones import PolyhedralCone, orthant
 from .errors import DataError
-from .exact.intake import exact_matrix, real_number, require_shape, whole_number
+from .exact.intake import exact_matrix, exact_number, require_shape, whole_number
 from .systems.statespace import ConeStateSpace
 
 __all__ = [
@@ -60,11 +61,16 @@ def mass_spring(k: float = 1.0, m: float = 1.0) -> Matrices:
     >>> plant.poles().imag
     array([ 1., -1.])
     """
-    stiffness = real_number(k, "k", positive=True) / real_number(m, "m", positive=True)
-    if not np.isfinite(stiffness):
-        raise DataError(f"k / m = {k} / {m} is beyond the range of doubles; choose other units.")
-    A = np.array([[0.0, 1.0], [-stiffness, 0.0]])
+    A = np.array([[0.0, 1.0], [-float(_stiffness(k, m)), 0.0]])
     return A, np.array([[0.0], [1.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1))
+
+
+def _stiffness(k: Any, m: Any) -> Fraction:
+    """k / m, exactly."""
+    stiffness = exact_number(k, "k", positive=True) / exact_number(m, "m", positive=True)
+    if stiffness > Fraction(np.finfo(float).max):
+        raise DataError(f"k / m = {k} / {m} is beyond the range of doubles; choose other units.")
+    return stiffness
 
 
 def paper_cone() -> PolyhedralCone:
@@ -129,10 +135,11 @@ def mass_spring_node(F: ArrayLike | None = None, *, k: float = 1.0, m: float = 1
     >>> kp.examples.mass_spring_node([-21, -12.9]).is_cone_positive()
     False
     """
-    A, B, C, D = mass_spring(k, m)
     gain = require_shape(exact_matrix(paper_gain() if F is None else F, "F"), "F", (1, 2), "one input, two states")
+    position, velocity = gain.fractions()[0]
+    A = [[0, 1], [position - _stiffness(k, m), velocity]]
     names = {"states": ["position", "velocity"], "inputs": ["force"], "outputs": ["position"], **names}
-    return ConeStateSpace(A + B @ gain.values, B, C, D, X=paper_cone(), U=orthant(1), Y=orthant(1), **names)
+    return ConeStateSpace(A, [[0], [1]], [[1, 0]], 0, X=paper_cone(), U=orthant(1), Y=orthant(1), **names)
 
 
 def mass_spring_nodes(n_nodes: int, *, seed: int = 0) -> Matrices:

@@ -10,13 +10,9 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 import control_kpos as kp
+from control_kpos.cones.orthant import Origin, nonnegative
 from control_kpos.exact.intake import exact_matrix
-from control_kpos.systems.cones_of_connections import (
-    Origin,
-    image,
-    nonnegative,
-    preimage,
-)
+from control_kpos.systems.cones_of_connections import image, preimage
 from control_kpos.systems.rounding import maps_into, rounded_into
 
 # Many operations, each with a property of its own.

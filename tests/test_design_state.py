@@ -31,7 +31,7 @@ def require_certified(d, A, B, X, *, rate=0.0, discrete=False):
     else:
         assert modes.real.max() <= -rate + 1e-9
     assert kp.state_positivity(d.closed_loop.A, X, discrete=discrete) or kp.linear_lyapunov(
-        d.closed_loop._data()[0], X, discrete=discrete
+        d.closed_loop.exact.A, X, discrete=discrete
     )
 
 

@@ -37,6 +37,7 @@ FLOORS = {
     "what a reader sees of long work and of results": {"progress", "cards"},
     "cones": {"cones"},
     "verdicts": {"proof", "checker"},
+    "what a verdict is about": {"systems.system"},
     "theorems about matrices": {"theorems"},
     "systems": {"systems"},
     "theorems about many systems": {"networks", "nonlinear"},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 import scipy.sparse as sp
@@ -132,3 +132,16 @@ def orthant(n: int) -> Orthant:
            [0., 1.]])
     """
     return Orthant(n)
+
+
+class Origin(Orthant):
+    """The cone {0} of R^0: the states of a static gain, the inputs of an autonomous system."""
+
+    def __init__(self) -> None:
+        vars(self).update(_n=0)
+
+
+@cache
+def nonnegative(n: int) -> Orthant:
+    """The nonnegative orthant of R^n, for n = 0 as well; one object for each n."""
+    return orthant(n) if n else Origin()

@@ -352,8 +352,8 @@ def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None) -> Accepted |
             return None
         others.append(bound)
     if plant.ports:
-        sys = plant.system
-        _, B, C, D = sys._data()
+        sys = plant.system.exact
+        B, C, D = sys.matrices[1:]
         out = closed_loop(C, D, full)
         ports = cone_positivity(closed[0], B, out, D, plant.X, sys.U, sys.Y, discrete=plant.discrete)
         if not ports:

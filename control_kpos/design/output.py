@@ -154,7 +154,7 @@ def observer_gain(
 
     def design() -> DesignResult:
         system = as_system(sys, X)
-        A, B, C, D = system._data()
+        A, B, C, D = system.exact.matrices
         dual = ConeStateSpace(*(M.T for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False)
         plant = read_plant(dual, None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
@@ -166,7 +166,7 @@ def observer_gain(
 
 
 def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> DesignResult:
-    A, B, C, D = (m.fractions() for m in system._data())
+    A, B, C, D = (m.fractions() for m in system.exact.matrices)
     gain = Matrix(np.asarray(L, dtype=float)).fractions()
     n, q = system.nstates, system.noutputs
     inputs = np.concatenate([B + gain @ D, -gain], axis=1)

@@ -22,6 +22,7 @@ from ..errors import (
 from ..exact.intake import exact_matrix, flag, found, items, require_shape, vector
 from ..exact.matrix import Integers, Matrix
 from ..systems.statespace import ConeStateSpace
+from ..systems.system import System
 
 Floats = NDArray[np.float64]
 
@@ -143,7 +144,7 @@ def read_plant(
     system = as_system(sys, X)
     cone = system.X
     cone.require_proper("X")
-    A, B, C, _ = (exact_matrix(m, name) for m, name in zip(system._data(), "ABCD", strict=True))
+    A, B, C, _ = system.exact.matrices
     n, m = B.shape
     if m == 0:
         raise ShapeError("the system has no inputs: there is nothing to feed back to.")
@@ -179,10 +180,8 @@ def as_system(sys: Any, X: Cone | ArrayLike | None) -> ConeStateSpace:
 
 
 def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:
-    if isinstance(vertex, ConeStateSpace):
-        vertex = vertex._data()[:2]
-    elif isinstance(vertex, StateSpace):
-        vertex = vertex.A, vertex.B
+    if isinstance(vertex, StateSpace):
+        vertex = System.read(vertex, f"vertices[{s}]").matrices[:2]
     if not isinstance(vertex, (tuple, list)) or len(vertex) != 2:
         raise ShapeError(f"vertices[{s}] is not a pair (A, B); give one pair of matrices for each vertex.")
     A, B = exact_matrix(vertex[0], f"vertices[{s}][0]"), exact_matrix(vertex[1], f"vertices[{s}][1]")

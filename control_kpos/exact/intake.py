@@ -210,18 +210,30 @@ def whole_number(
     return int(value)
 
 
-def real_number(value: Any, name: str, *, positive: bool = False, nonnegative: bool = False) -> float:
+def exact_number(value: Any, name: str, *, positive: bool = False, nonnegative: bool = False) -> Fraction:
     """A finite real number in any of the formats of the data, and positive or not negative if asked for.
 
-    >>> real_number("1/4", "rate")
-    0.25
+    >>> exact_number("1/3", "weight")
+    Fraction(1, 3)
     """
     kind = "positive number" if positive else "number that is not negative" if nonnegative else "number"
     if value is None or isinstance(value, (bool, np.bool_)):
         raise DataError(f"{name} is {value}; give a {kind}.")
-    number = float(exact_matrix(value, name, ndim=0).values)
+    number = exact_matrix(value, name, ndim=0)[None].fractions()[0]
     if (positive and not number > 0) or (nonnegative and not number >= 0):
-        raise DataError(f"{name} is {number:g}; give a {kind}.")
+        raise DataError(f"{name} is {float(number):g}; give a {kind}.")
+    return number
+
+
+def real_number(value: Any, name: str, *, positive: bool = False, nonnegative: bool = False) -> float:
+    """An `exact_number` as the double closest to it, for what nothing is proven about: times, sizes of steps.
+
+    >>> real_number("1/4", "Ts")
+    0.25
+    """
+    number = float(exact_number(value, name, positive=positive, nonnegative=nonnegative))
+    if positive and not number:
+        raise DataError(f"{name} is 0 when rounded to a double; give a larger number.")
     return number
 
 

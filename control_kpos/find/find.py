@@ -32,6 +32,7 @@ from ..exact.rational_programs import exact_feasibility
 from ..exact.signs import BilinearForms
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
+from ..systems.system import System
 from .certificate import ConeCertificate
 from .family.search import NEARLY, Effort, find_common
 from .generated import proper_cone
@@ -183,7 +184,7 @@ def family(data: Any, name: str) -> Matrix:
     given = items(data, name)
     if not given:
         raise ShapeError(f"{name} is an empty family; give at least one matrix.")
-    read = [square(getattr(x, "A", x), f"{name}[{s}]") for s, x in enumerate(given)]
+    read = [square(x, f"{name}[{s}]") for s, x in enumerate(given)]
     for s, matrix in enumerate(read):
         if matrix.shape != read[0].shape:
             raise ShapeError(
@@ -227,16 +228,13 @@ def _of_system(
     timed = sys.dt is not None and (sys.dt is True or sys.dt != 0)
     if discrete is not None and discrete != timed:
         raise TimebaseError(f"the system has dt = {sys.dt}, but discrete = {discrete}; leave discrete out.")
-    matrix = square(getattr(sys, "exact_A", sys.A), "A")
+    given = System.read(sys, "A")
+    matrix = square(given.A, "A")
     n = matrix.shape[0]
-    U, Y = getattr(sys, "U", None), getattr(sys, "Y", None)
-    B, C = exact_matrix(sys.B, "B"), exact_matrix(sys.C, "C")
     if contains is None:
-        columns = B.T if U is None else _product(U.exact_rays.plain(), B.T)
-        contains = _nonzero(columns)
+        contains = _nonzero(_product(given.U.exact_rays, given.B.T))
     if within is None:
-        rows = C if Y is None else _product(Y.exact_facets.plain(), C)
-        within = _nonzero(rows)
+        within = _nonzero(_product(given.Y.exact_facets, given.C))
     return matrix, _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets"), timed
 
 
@@ -257,7 +255,7 @@ def _rows(data: Any, name: str, n: int, kind: str) -> Matrix:
 
 def _product(left: Matrix, right: Matrix) -> Matrix:
     """Exact product of two matrices."""
-    return Matrix.from_fractions(left.fractions() @ right.fractions())
+    return Matrix.from_fractions(left.plain().fractions() @ right.plain().fractions())
 
 
 def _nonzero(rows: Matrix) -> Matrix | None:
@@ -332,8 +330,8 @@ def _too_few(max_rays: int | None, bound: int) -> DataError:
 
 
 def square(data: Any, name: str) -> Matrix:
-    """Read a square matrix."""
-    matrix = exact_matrix(data, name)
+    """Read a square matrix, or the A of a system."""
+    matrix = System.read(data, name).A if isinstance(data, StateSpace) else exact_matrix(data, name)
     if matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         raise ShapeError(f"{name} is {matrix.shape[0]} x {matrix.shape[1]}; it must be square and not empty.")
     return Matrix(matrix.values.toarray()) if matrix.is_sparse else matrix

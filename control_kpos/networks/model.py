@@ -275,15 +275,8 @@ def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> l
 
 def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     first = systems[0]
-    exact = [s._exact() for s in systems]
-    data: dict[str, Matrix] = {}
-    for name in "ABCD":
-        known = [e.get(name) for e in exact]
-        matrices = [
-            Matrix(np.asarray(getattr(s, name), dtype=float)) if m is None else m
-            for s, m in zip(systems, known, strict=True)
-        ]
-        data[name] = Matrix.stack(matrices)
+    exact = [s.exact for s in systems]
+    data = {name: Matrix.stack([getattr(s, name) for s in exact]) for name in "ABCD"}
     named = not first._generic_name_check()
     names = tuple(s.name for s in systems) if named else ()
     labels = ()

@@ -45,6 +45,7 @@ from ..exact.intervals import (
 from ..exact.matrix import Matrix, dense
 from ..exact.programs import solve
 from ..proof.certificate import Status
+from ..systems.system import System
 from .certificate import (
     DifferentialCertificate,
     DifferentialViolation,
@@ -122,8 +123,8 @@ def differential_positivity(
     if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
         return _of_system(jacobians, X, region, inputs, pieces, clock)
     if isinstance(jacobians, StateSpace):
-        timed = jacobians.dt is not None and (jacobians.dt is True or jacobians.dt != 0)
-        jacobians = [jacobians.A]
+        system = System.read(jacobians, "jacobians")
+        timed, jacobians = system.discrete, [system.A]
     elif region is not None or inputs is not None:
         raise DataError(f"{'region' if region is not None else 'inputs'} is for a system, not for matrices.")
     stack = _vertices(jacobians, X)

@@ -9,65 +9,71 @@ connection is positive too, whatever the matrices of the systems are, or None wh
                        spectral radius of D2 D1 below 1
     M s,  s M          M Y, and {u : M u in U}             (X, U, M Y), (X, {u : M u in U}, Y)
 
-States are ordered as python-control orders them.  Matrices are carried along in fractions if a system was
-given in numbers that doubles cannot hold; otherwise python-control's own doubles are the result.
+States are ordered as python-control orders them.  Matrices are multiplied out in fractions only if somebody asks
+for them: where a system was given in numbers that doubles cannot hold.  Otherwise python-control's own doubles are
+the result.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cache
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cones import (
-    Cone,
-    Orthant,
-    orthant,
-    product,
-)
+from ..cones import Cone, Orthant, product
+from ..cones.orthant import nonnegative
+from ..errors import TooLargeError
 from ..exact.matrix import Matrix
 from ..exact.rational_programs import solve_exactly
 from ..theorems.stability import linear_lyapunov
 from .rounding import maps_into
+from .system import System
 
 Rationals: TypeAlias = NDArray[np.object_]
 Realization: TypeAlias = tuple[Rationals, Rationals, Rationals, Rationals]
 
 
-@dataclass(frozen=True)
-class Model:
-    """Cones of a system, and its exact matrices if they are to be tracked.
+@dataclass(frozen=True, eq=False)
+class Connection:
+    """Cones of a system that is made of others, and its exact matrices when they are asked for.
 
     Attributes
     ----------
     X, U, Y : Cone
         State, input and output cone.
-    matrices : tuple of four ndarrays of Fraction, or None
-        A, B, C, D; None: doubles say it all.
+    form : callable
+        Multiplies the matrices out.
     """
 
     X: Cone
     U: Cone
     Y: Cone
-    matrices: Realization | None = None
+    form: Callable[[], Realization]
 
+    @classmethod
+    def of(cls, s: System) -> Connection:
+        """A system that is not made of others."""
 
-class Origin(Orthant):
-    """The cone {0} of R^0: the states of a static gain, the inputs of an autonomous system."""
+        def form() -> Realization:
+            A, B, C, D = (m.plain().fractions() for m in s.matrices)
+            return A, B, C, D
 
-    def __init__(self) -> None:
-        vars(self).update(_n=0)
+        return cls(s.X, s.U, s.Y, form)
 
+    @cached_property
+    def matrices(self) -> Realization:
+        """A, B, C, D as arrays of Fraction."""
+        return self.form()
 
-@cache
-def nonnegative(n: int) -> Orthant:
-    """The nonnegative orthant of R^n, for n = 0 as well."""
-    return orthant(n) if n else Origin()
+    def system(self, dt: Any) -> System:
+        """Cones and matrices together."""
+        A, B, C, D = (Matrix.from_fractions(m) for m in self.matrices)
+        return System(A, B, C, D, self.X, self.U, self.Y, dt)
 
 
 def stacked(*cones: Cone) -> Cone:
@@ -129,24 +135,27 @@ def exact_rows(M: Matrix) -> NDArray[Any]:
     return np.asarray(M.values) if M.is_double else M.fractions()
 
 
-def negate(s: Model) -> Model:
+def negate(s: Connection) -> Connection:
     """-s."""
-    if s.matrices is None:
-        return Model(s.X, s.U, opposite(s.Y))
-    A, B, C, D = s.matrices
-    return Model(s.X, s.U, opposite(s.Y), (A, B, -C, -D))
+
+    def form() -> Realization:
+        A, B, C, D = s.matrices
+        return A, B, -C, -D
+
+    return Connection(s.X, s.U, opposite(s.Y), form)
 
 
-def append(first: Model, second: Model) -> Model:
+def append(first: Connection, second: Connection) -> Connection:
     """Both systems side by side."""
-    X, U, Y = stacked(first.X, second.X), stacked(first.U, second.U), stacked(first.Y, second.Y)
-    if first.matrices is None or second.matrices is None:
-        return Model(X, U, Y)
-    A, B, C, D = (_diagonal(a, b) for a, b in zip(first.matrices, second.matrices, strict=True))
-    return Model(X, U, Y, (A, B, C, D))
+
+    def form() -> Realization:
+        A, B, C, D = (_diagonal(a, b) for a, b in zip(first.matrices, second.matrices, strict=True))
+        return A, B, C, D
+
+    return Connection(stacked(first.X, second.X), stacked(first.U, second.U), stacked(first.Y, second.Y), form)
 
 
-def copies(s: Model, count: int) -> Model:
+def copies(s: Connection, count: int) -> Connection:
     """The same system `count` times side by side."""
     out = s
     for _ in range(count - 1):
@@ -154,80 +163,90 @@ def copies(s: Model, count: int) -> Model:
     return out
 
 
-def unit(s: Model) -> Model:
+def unit(s: Connection) -> Connection:
     """The gain 1 from the inputs of a system to themselves."""
-    m = s.U.dim
-    gain = (_zeros(0, 0), _zeros(0, m), _zeros(m, 0), _identity(m))
-    return Model(nonnegative(0), s.U, s.U, None if s.matrices is None else gain)
+    return gain(Matrix(np.eye(s.U.dim)), s.U, s.U)
 
 
-def _is_siso(s: Model) -> bool:
+def gain(M: Matrix, U: Cone, Y: Cone) -> Connection:
+    """y = M u without states."""
+    q, m = M.shape
+    return Connection(
+        nonnegative(0), U, Y, lambda: (_zeros(0, 0), _zeros(0, m), _zeros(q, 0), M.fractions() + _zeros(q, m))
+    )
+
+
+def _is_siso(s: Connection) -> bool:
     return s.U.dim == s.Y.dim == 1
 
 
-def _spread(s: Model, outputs: int, inputs: int) -> Model | None:
+def _spread(s: Connection, outputs: int, inputs: int) -> Connection | None:
     """A system with one input and one output between all inputs and all outputs, as python-control does it."""
     return output_gain(copies(s, inputs), Matrix(np.ones((outputs, inputs))))
 
 
-def select(s: Model, inputs: Sequence[int], outputs: Sequence[int]) -> Model | None:
+def select(s: Connection, inputs: Sequence[int], outputs: Sequence[int]) -> Connection | None:
     """Some inputs and outputs, given by their numbers."""
     chosen = output_gain(s, Matrix(np.eye(s.Y.dim)[outputs]))
     return None if chosen is None else input_gain(chosen, Matrix(np.eye(s.U.dim)[:, inputs]))
 
 
-def output_gain(s: Model, M: Matrix) -> Model | None:
+def output_gain(s: Connection, M: Matrix) -> Connection | None:
     """M s: outputs multiplied by M."""
     if _is_siso(s):
         s = copies(s, M.shape[1])
     Y = image(M, s.Y)
-    if Y is None:
-        return None
-    if s.matrices is None:
-        return replace(s, Y=Y)
-    A, B, C, D = s.matrices
-    return Model(s.X, s.U, Y, (A, B, M.fractions() @ C, M.fractions() @ D))
+
+    def form() -> Realization:
+        A, B, C, D = s.matrices
+        return A, B, M.fractions() @ C, M.fractions() @ D
+
+    return None if Y is None else Connection(s.X, s.U, Y, form)
 
 
-def input_gain(s: Model, M: Matrix) -> Model | None:
+def input_gain(s: Connection, M: Matrix) -> Connection | None:
     """s M: inputs multiplied by M before they enter."""
     if _is_siso(s):
         s = copies(s, M.shape[0])
     U = preimage(M, s.U)
-    if U is None:
-        return None
-    if s.matrices is None:
-        return replace(s, U=U)
-    A, B, C, D = s.matrices
-    return Model(s.X, U, s.Y, (A, B @ M.fractions(), C, D @ M.fractions()))
+
+    def form() -> Realization:
+        A, B, C, D = s.matrices
+        return A, B @ M.fractions(), C, D @ M.fractions()
+
+    return None if U is None else Connection(s.X, U, s.Y, form)
 
 
-def scale(s: Model, factor: float) -> Model:
+def scale(s: Connection, factor: Fraction) -> Connection:
     """B and D multiplied by a number, as python-control does it for s * factor and factor * s.
 
     A negative factor turns states and outputs around and leaves the inputs as they are.
     """
     X, Y = (s.X, s.Y) if factor >= 0 else (opposite(s.X), opposite(s.Y))
-    if s.matrices is None:
-        return Model(X, s.U, Y)
-    A, B, C, D = s.matrices
-    return Model(X, s.U, Y, (A, B * Fraction(factor), C, D * Fraction(factor)))
+
+    def form() -> Realization:
+        A, B, C, D = s.matrices
+        return A, B * factor, C, D * factor
+
+    return Connection(X, s.U, Y, form)
 
 
-def add_gain(s: Model, M: Matrix) -> Model | None:
+def add_gain(s: Connection, M: Matrix) -> Connection | None:
     """s + M: M joins the direct term."""
     if _is_siso(s) and M.shape != (1, 1):
         spread = _spread(s, *M.shape)
         return None if spread is None else add_gain(spread, M)
     if not maps_into(M, s.U, s.Y):
         return None
-    if s.matrices is None:
-        return s
-    A, B, C, D = s.matrices
-    return replace(s, matrices=(A, B, C, D + M.fractions()))
+
+    def form() -> Realization:
+        A, B, C, D = s.matrices
+        return A, B, C, D + M.fractions()
+
+    return replace(s, form=form)
 
 
-def parallel(first: Model, second: Model) -> Model | None:
+def parallel(first: Connection, second: Connection) -> Connection | None:
     """Outputs added, one input for both."""
     if _is_siso(first) and not _is_siso(second):
         spread = _spread(first, second.Y.dim, second.U.dim)
@@ -239,11 +258,12 @@ def parallel(first: Model, second: Model) -> Model | None:
     Y = _wider(first.Y, second.Y)
     if U is None or Y is None:
         return None
-    X = stacked(first.X, second.X)
-    if first.matrices is None or second.matrices is None:
-        return Model(X, U, Y)
-    (A1, B1, C1, D1), (A2, B2, C2, D2) = first.matrices, second.matrices
-    return Model(X, U, Y, (_diagonal(A1, A2), np.vstack([B1, B2]), np.hstack([C1, C2]), D1 + D2))
+
+    def form() -> Realization:
+        (A1, B1, C1, D1), (A2, B2, C2, D2) = first.matrices, second.matrices
+        return _diagonal(A1, A2), np.vstack([B1, B2]), np.hstack([C1, C2]), D1 + D2
+
+    return Connection(stacked(first.X, second.X), U, Y, form)
 
 
 def _narrower(a: Cone, b: Cone) -> Cone | None:
@@ -254,7 +274,7 @@ def _wider(a: Cone, b: Cone) -> Cone | None:
     return a if lies_in(b, a) else b if lies_in(a, b) else _proper(a + b)
 
 
-def series(outer: Model, inner: Model) -> Model | None:
+def series(outer: Connection, inner: Connection) -> Connection | None:
     """outer * inner: the output of the inner system drives the outer one."""
     if _is_siso(outer) and not _is_siso(inner):
         outer = copies(outer, inner.Y.dim)
@@ -262,28 +282,29 @@ def series(outer: Model, inner: Model) -> Model | None:
         inner = copies(inner, outer.U.dim)
     if not lies_in(inner.Y, outer.U):
         return None
-    X = stacked(inner.X, outer.X)
-    if outer.matrices is None or inner.matrices is None:
-        return Model(X, inner.U, outer.Y)
-    (A1, B1, C1, D1), (A2, B2, C2, D2) = outer.matrices, inner.matrices
-    A = np.block([[A2, _zeros(len(A2), len(A1))], [B1 @ C2, A1]])
-    return Model(X, inner.U, outer.Y, (A, np.vstack([B2, B1 @ D2]), np.hstack([D1 @ C2, C1]), D1 @ D2))
+
+    def form() -> Realization:
+        (A1, B1, C1, D1), (A2, B2, C2, D2) = outer.matrices, inner.matrices
+        A = np.block([[A2, _zeros(len(A2), len(A1))], [B1 @ C2, A1]])
+        return A, np.vstack([B2, B1 @ D2]), np.hstack([D1 @ C2, C1]), D1 @ D2
+
+    return Connection(stacked(inner.X, outer.X), inner.U, outer.Y, form)
 
 
-def feedback(plant: Model, other: Model, D1: Matrix, D2: Matrix, sign: float) -> Model | None:
+def feedback(plant: Connection, other: Connection, D1: Matrix, D2: Matrix, sign: Fraction) -> Connection | None:
     """The plant with u = r + sign y2, where the other system maps the plant's y to y2.
 
     Parameters
     ----------
-    plant, other : Model
+    plant, other : Connection
     D1, D2 : Matrix
         Direct terms of the plant and of the other system.
-    sign : float
+    sign : Fraction
         Gain in the feedback path, of any size.
 
     Returns
     -------
-    Model or None
+    Connection or None
         None also if sign D2 D1, which maps U1 into itself, has a spectral radius of 1 or more: only below 1
         does (I - sign D2 D1)^-1 = I + sign D2 D1 + ... map U1 into U1.
     """
@@ -293,40 +314,38 @@ def feedback(plant: Model, other: Model, D1: Matrix, D2: Matrix, sign: float) ->
     return _closed(plant, other, D1, D2, sign)
 
 
-def feedback_gain(plant: Model, K: Matrix, D1: Matrix, sign: float) -> Model | None:
+def feedback_gain(plant: Connection, K: Matrix, D1: Matrix, sign: Fraction) -> Connection | None:
     """The plant with u = r + sign K y for a matrix K."""
-    signed = Matrix.from_fractions(K.fractions() * Fraction(sign))
+    signed = Matrix.from_fractions(K.fractions() * sign)
     if not maps_into(signed, plant.Y, plant.U):
         return None
-    none = nonnegative(0)
-    gain = (_zeros(0, 0), _zeros(0, K.shape[1]), _zeros(K.shape[0], 0), K.fractions())
     # the cones of K are those of the plant, the other way round
-    return _closed(plant, Model(none, plant.Y, plant.U, gain), D1, K, sign)
+    return _closed(plant, gain(K, plant.Y, plant.U), D1, K, sign)
 
 
-def _closed(plant: Model, other: Model, D1: Matrix, D2: Matrix, sign: float) -> Model | None:
-    k = Fraction(sign)
-    loop = None
-    if k and np.any(D1.values) and np.any(D2.values):
-        loop = k * (D2.fractions() @ D1.fractions())
-        if not linear_lyapunov(Matrix.from_fractions(loop), plant.U, discrete=True):
+def _closed(plant: Connection, other: Connection, D1: Matrix, D2: Matrix, sign: Fraction) -> Connection | None:
+    direct = bool(sign and np.any(D1.values) and np.any(D2.values))
+    if direct:
+        loop = Matrix.from_fractions(sign * (D2.fractions() @ D1.fractions()))
+        if not linear_lyapunov(loop, plant.U, discrete=True):
             return None
-    X = stacked(plant.X, other.X)
-    if plant.matrices is None or other.matrices is None:
-        return Model(X, plant.U, plant.Y)
-    (A1, B1, C1, D1f), (A2, B2, C2, D2f) = plant.matrices, other.matrices
-    E = _identity(len(D2f)) if loop is None else _inverse(_identity(len(D2f)) - loop)
-    if E is None:
-        return None
-    # u1 = E (r + k D2 C1 x1 + k C2 x2), then everything else follows from u1
-    u1 = np.hstack([k * (E @ (D2f @ C1)), k * (E @ C2)]), E
-    C = np.hstack([C1, _zeros(len(C1), len(A2))]) + D1f @ u1[0]
-    D = D1f @ E
-    A = _diagonal(A1, A2) + np.vstack([B1 @ u1[0], B2 @ C])
-    return Model(X, plant.U, plant.Y, (A, np.vstack([B1 @ E, B2 @ D]), C, D))
+
+    def form() -> Realization:
+        (A1, B1, C1, D1f), (A2, B2, C2, D2f) = plant.matrices, other.matrices
+        E = _identity(len(D2f))
+        if direct:
+            E = _inverse(E - sign * (D2f @ D1f))
+        # u1 = E (r + sign D2 C1 x1 + sign C2 x2), then everything else follows from u1
+        u1 = np.hstack([sign * (E @ (D2f @ C1)), sign * (E @ C2)])
+        C = np.hstack([C1, _zeros(len(C1), len(A2))]) + D1f @ u1
+        D = D1f @ E
+        A = _diagonal(A1, A2) + np.vstack([B1 @ u1, B2 @ C])
+        return A, np.vstack([B1 @ E, B2 @ D]), C, D
+
+    return Connection(stacked(plant.X, other.X), plant.U, plant.Y, form)
 
 
-def lower_lft(plant: Model, other: Model, D1: Matrix, D2: Matrix, n_u: int, n_y: int) -> Model | None:
+def lower_lft(plant: Connection, other: Connection, D1: Matrix, D2: Matrix, n_u: int, n_y: int) -> Connection | None:
     """The plant with its last n_y outputs and n_u inputs closed through the first inputs and outputs of the other.
 
     ::
@@ -341,14 +360,14 @@ def lower_lft(plant: Model, other: Model, D1: Matrix, D2: Matrix, n_u: int, n_y:
     K = np.zeros((both.U.dim, both.Y.dim))
     K[np.arange(m - n_u, m), np.arange(q, q + n_u)] = 1
     K[np.arange(m, m + n_y), np.arange(q - n_y, q)] = 1
-    loop = feedback_gain(both, Matrix(K), direct, 1)
+    loop = feedback_gain(both, Matrix(K), direct, Fraction(1))
     if loop is None:
         return None
     inputs = [*range(m - n_u), *range(m + n_y, both.U.dim)]
     return select(loop, inputs, [*range(q - n_y), *range(q + n_u, both.Y.dim)])
 
 
-def transform(s: Model, T: Matrix, timescale: float, inverse: bool) -> Model | None:
+def transform(s: Connection, T: Matrix, timescale: Fraction, inverse: bool) -> Connection | None:
     """New states z = T x, or x = T z with `inverse`, and a clock that shows timescale * t.
 
     Returns None if T is singular or time would run backwards.
@@ -360,15 +379,14 @@ def transform(s: Model, T: Matrix, timescale: float, inverse: bool) -> Model | N
         X = _proper(s.X.dual.transform(rows.T).dual if inverse else s.X.transform(rows))
     if X is None or not timescale > 0:
         return None
-    if s.matrices is None:
-        return replace(s, X=X)
-    back = _inverse(T.fractions())
-    if back is None:
-        return None
-    forward, back = (back, T.fractions()) if inverse else (T.fractions(), back)
-    A, B, C, D = s.matrices
-    k = Fraction(timescale)
-    return Model(X, s.U, s.Y, (forward @ A @ back / k, forward @ B / k, C @ back, D))
+
+    def form() -> Realization:
+        back = _inverse(T.fractions())
+        forward, away = (back, T.fractions()) if inverse else (T.fractions(), back)
+        A, B, C, D = s.matrices
+        return forward @ A @ away / timescale, forward @ B / timescale, C @ away, D
+
+    return replace(s, X=X, form=form)
 
 
 def _permutes_axes(T: NDArray[Any]) -> bool:
@@ -389,7 +407,10 @@ def _diagonal(a: Rationals, b: Rationals) -> Rationals:
     return np.block([[a, _zeros(a.shape[0], b.shape[1])], [_zeros(b.shape[0], a.shape[1]), b]])
 
 
-def _inverse(M: Rationals) -> Rationals | None:
+def _inverse(M: Rationals) -> Rationals:
+    """The inverse of a matrix that has one: I - sign D2 D1 with a spectral radius below 1, or T with a solid image."""
     integers, factor = Matrix.from_fractions(M).as_integers()
     solution = solve_exactly(integers, np.eye(len(M), dtype=int).astype(object))
-    return None if solution is None else solution[0] * (1 / (Fraction(solution[1]) * factor))
+    if solution is None:
+        raise TooLargeError(f"the inverse of a {len(M)} x {len(M)} matrix is out of reach of exact arithmetic.")
+    return solution[0] * (1 / (Fraction(solution[1]) * factor))

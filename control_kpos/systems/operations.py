@@ -11,6 +11,8 @@ import numbers
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import control as ct
@@ -29,6 +31,7 @@ from ..errors import (
 from ..exact.intake import (
     choice,
     exact_matrix,
+    exact_number,
     flag,
     found,
     real_number,
@@ -38,9 +41,10 @@ from ..exact.intake import (
 from ..exact.matrix import Matrix, dense
 from ..theorems.positivity import PositivityCertificate
 from . import cones_of_connections as connections
-from .cones_of_connections import Model
+from .cones_of_connections import Connection
 from .reading import read_operand, refusing, require_names
 from .rounding import LAST_DIGITS, round_towards
+from .system import System
 
 # Holds whose sampled matrices are integrals of e^{At} with nonnegative weights.
 _POSITIVE_HOLDS = ("zoh", "foh", "impulse")
@@ -56,26 +60,23 @@ _MOST_TRACKED = 16
 class ConeOperations(StateSpace):
     """What a StateSpace with cones does differently: results keep cones where positivity is kept."""
 
+    @property
     @abstractmethod
-    def _model(self, tracked: bool) -> Model:
-        """The cones, and exact matrices if they are to be tracked."""
-
-    @abstractmethod
-    def _exact(self) -> dict[str, Matrix]:
-        """Matrices that doubles cannot hold."""
+    def exact(self) -> System:
+        """The system as exact data."""
 
     @abstractmethod
     def cone_positivity(self) -> PositivityCertificate:
         """The verdict on the system as it is."""
 
     @abstractmethod
-    def _with_cones(self, result: StateSpace, model: Model | None) -> StateSpace:
-        """The result as a system with cones; as it is if there are none."""
+    def _with_cones(self, result: StateSpace, found: Connection | None, tracked: bool) -> StateSpace:
+        """The result as a system with cones, with their exact matrices if `tracked`; as it is if there are none."""
 
     def _adopt(
         self,
         result: Any,
-        rule: Callable[..., Model | None],
+        rule: Callable[..., Connection | None],
         *others: ConeOperations,
         exactly: bool = False,
         copied: bool = False,
@@ -92,25 +93,28 @@ class ConeOperations(StateSpace):
             return result  # a system without timebase was positive as a continuous one
         if not _is_finite(result):
             return result  # overflow
-        tracked = exactly or any(s._exact() for s in operands)
+        given = [s.exact for s in operands]
+        tracked = exactly or not all(s.is_double for s in given)
         try:
-            model = rule(*(s._model(tracked) for s in operands))
+            found = rule(*map(Connection.of, given))
+            if found is not None and not tracked and not copied and result.nstates <= _MOST_ROUNDED:
+                # exact numbers are closer than any that a thin cone needs to be moved by
+                small = result.nstates <= _MOST_TRACKED
+                done = round_towards(result, found, operands, **({"most": LAST_DIGITS} if small else {}))
+                tracked = not done and small
+            return self._with_cones(result, found, tracked)
         except (TooLargeError, UndecidedError):
             return result  # cones that nobody can compute are no reason to refuse the operation
-        if model is not None and model.matrices is None and not copied and result.nstates <= _MOST_ROUNDED:
-            # exact numbers are closer than any that a thin cone needs to be moved by
-            small = result.nstates <= _MOST_TRACKED
-            done = round_towards(result, model, operands, **({"most": LAST_DIGITS} if small else {}))
-            if not done and small:
-                model = rule(*(s._model(True) for s in operands))
-        return self._with_cones(result, model)
 
-    def _scaled(self, result: Any, factor: Any, rule: Callable[[Model, Matrix], Model | None]) -> Any:
+    def _scaled(self, result: Any, factor: Any, rule: Callable[[Connection, Matrix], Connection | None]) -> Any:
         """Cones of s * factor or factor * s for a number or an array."""
-        if isinstance(factor, numbers.Real):
-            return self._adopt(result, lambda s: connections.scale(s, float(factor)))
         gain = _gain(factor)
-        return result if gain is None else self._adopt(result, lambda s: rule(s, gain), exactly=not gain.is_double)
+        if gain is None:
+            return result
+        if isinstance(factor, numbers.Real):
+            number = gain.fractions()[0, 0]
+            return self._adopt(result, lambda s: connections.scale(s, number), exactly=not gain.is_double)
+        return self._adopt(result, lambda s: rule(s, gain), exactly=not gain.is_double)
 
     def _require_operand(self, other: Any) -> None:
         if isinstance(other, (numbers.Number, np.ndarray)):
@@ -142,11 +146,11 @@ class ConeOperations(StateSpace):
     def __add__(self, other: Any) -> Any:
         self._require_operand(other)
         with self._sizes_in_errors(other):
-            result = super().__add__(other)
+            result = super().__add__(_in_doubles(other))
         if isinstance(other, ConeOperations):
             return self._adopt(result, connections.parallel, other)
         if isinstance(other, numbers.Real):
-            other = np.full((self.noutputs, self.ninputs), float(other))
+            other = np.full((self.noutputs, self.ninputs), other)
         gain = _gain(other)
         if gain is None:
             return result
@@ -161,7 +165,7 @@ class ConeOperations(StateSpace):
     def __mul__(self, other: Any) -> Any:
         self._require_operand(other)
         with self._sizes_in_errors(other):
-            result = super().__mul__(other)
+            result = super().__mul__(_in_doubles(other))
         if isinstance(other, ConeOperations):
             return self._adopt(result, connections.series, other)
         return self._scaled(result, other, connections.input_gain)
@@ -171,7 +175,7 @@ class ConeOperations(StateSpace):
             # the base class evaluates `other * self`, which would come straight back here
             return StateSpace.__mul__(other, self)
         with self._sizes_in_errors(other):
-            result = super().__rmul__(other)
+            result = super().__rmul__(_in_doubles(other))
         return self._scaled(result, other, connections.output_gain)
 
     def __pow__(self, other: Any) -> Any:
@@ -181,6 +185,11 @@ class ConeOperations(StateSpace):
             )
         result = super().__pow__(other)  # products of ours, except for powers 0 and -1
         return self._adopt(result, connections.unit, copied=True) if type(other) is int and other == 0 else result
+
+    def __truediv__(self, other: Any) -> Any:
+        if isinstance(other, numbers.Rational) and other and not self.exact.is_double:
+            return self * Fraction(1, other)  # 1 / 3 is no double
+        return super().__truediv__(other)
 
     # -- connections
 
@@ -232,16 +241,18 @@ class ConeOperations(StateSpace):
         """
         read_operand(other)
         self._require_operand(other)
-        k, D1 = real_number(sign, "sign"), self._direct()
+        k, D1 = exact_number(sign, "sign"), self.exact.D
         with refusing("other"), self._sizes_in_errors(other):
-            result = super().feedback(other, k)
+            result = super().feedback(_in_doubles(other), float(k))
+        own = float(k) == k
         if isinstance(other, ConeOperations):
-            D2 = other._direct()
-            return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, D1, D2, k), other)
+            D2 = other.exact.D
+            return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, D1, D2, k), other, exactly=not own)
         gain = _gain(other)
         if gain is None:
             return result
-        return self._adopt(result, lambda s: connections.feedback_gain(s, gain, D1, k), exactly=not gain.is_double)
+        rule = partial(connections.feedback_gain, K=gain, D1=D1, sign=k)
+        return self._adopt(result, rule, exactly=not (own and gain.is_double))
 
     def lft(self, other: Any, nu: int = -1, ny: int = -1) -> StateSpace:
         """Linear fractional transformation: `other` closes the last inputs and outputs of this system.
@@ -269,11 +280,8 @@ class ConeOperations(StateSpace):
             return result
         n_u = min(other.noutputs, self.ninputs) if nu == -1 else nu
         n_y = min(other.ninputs, self.noutputs) if ny == -1 else ny
-        D1, D2 = self._direct(), other._direct()
+        D1, D2 = self.exact.D, other.exact.D
         return self._adopt(result, lambda s1, s2: connections.lower_lft(s1, s2, D1, D2, n_u, n_y), other)
-
-    def _direct(self) -> Matrix:
-        return self._exact().get("D") or Matrix(self.D)
 
     def __getitem__(self, key: Any) -> StateSpace:
         result = super().__getitem__(key)
@@ -316,9 +324,9 @@ class ConeOperations(StateSpace):
             result = super().sample(Ts, method, *args, **kwargs)
         if method not in _POSITIVE_HOLDS or not _is_finite(result):
             return result
-        model = self._model(tracked=False)
-        round_towards(result, model, [self])
-        return self._with_cones(result, model)
+        same = Connection.of(self.exact)
+        round_towards(result, same, [self])
+        return self._with_cones(result, same, tracked=False)
 
     def linearize(self, x0: Any, *args: Any, **kwargs: Any) -> StateSpace:
         """The system itself: python-control differentiates it numerically, which costs ten digits.
@@ -385,25 +393,25 @@ class ConeOperations(StateSpace):
         """
         n = self.nstates
         exact = require_shape(exact_matrix(T, "T"), "T", (n, n), "the number of states")
-        timescale, inverse = real_number(timescale, "timescale"), flag(inverse, "inverse")
-        if not timescale:
+        scale, inverse = exact_number(timescale, "timescale"), flag(inverse, "inverse")
+        if not float(scale):
             raise DataError("timescale is 0; give a number that is not 0.")
         singular = DataError("T is singular; a change of coordinates must be invertible.")
         try:
             with np.errstate(all="ignore"):
-                result = ct.similarity_transform(self, dense(exact.values), timescale, inverse)
+                result = ct.similarity_transform(self, dense(exact.values), float(scale), inverse)
         except np.linalg.LinAlgError:
             raise singular from None
         if not _is_finite(result):
             raise DataError("T or timescale: the result leaves the range of doubles; choose other units.")
 
-        def moved(s: Model) -> Model | None:
-            model = connections.transform(s, exact, timescale, inverse)
-            if model is None and timescale > 0:
+        def moved(s: Connection) -> Connection | None:
+            found = connections.transform(s, exact, scale, inverse)
+            if found is None and scale > 0:
                 raise singular
-            return model
+            return found
 
-        return self._adopt(result, moved, exactly=not exact.is_double)
+        return self._adopt(result, moved, exactly=not (exact.is_double and float(scale) == scale))
 
 
 def _is_finite(s: StateSpace) -> bool:
@@ -415,6 +423,17 @@ def _ports(operand: Any) -> str:
         return f"{operand.name} has {operand.ninputs} inputs and {operand.noutputs} outputs"
     shape = np.shape(operand)
     return f"the array is {' x '.join(map(str, shape))}" if shape else f"the other operand is {operand!r}"
+
+
+def _in_doubles(operand: Any) -> Any:
+    """The operand in numbers that python-control computes with: fractions and text as the doubles closest to them."""
+    if isinstance(operand, str) or _gain(operand) is None:
+        return operand
+    array = np.asarray(operand)
+    if array.dtype.kind not in "OUS":
+        return operand
+    values = exact_matrix(operand, "other", ndim=array.ndim).values
+    return values if array.ndim else float(values)
 
 
 def _gain(factor: Any) -> Matrix | None:

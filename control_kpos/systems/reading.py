@@ -15,6 +15,7 @@ from control.exception import ControlDimension
 from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone, Orthant, as_cone
+from ..cones.orthant import nonnegative
 from ..errors import (
     ConeMismatchError,
     DataError,
@@ -25,7 +26,7 @@ from ..errors import (
 )
 from ..exact.intake import exact_matrix, found, whole_number
 from ..exact.matrix import Matrix, dense
-from .cones_of_connections import image, nonnegative, preimage
+from .cones_of_connections import image, preimage
 
 # Names for more signals than this would take gigabytes.
 _MOST_SIGNALS = 10**7

@@ -21,6 +21,7 @@ from control.exception import ControlDimension
 from numpy.typing import ArrayLike
 
 from ..cones import Cone, Orthant
+from ..cones.orthant import nonnegative
 from ..errors import (
     DataError,
     KposError,
@@ -30,11 +31,11 @@ from ..errors import (
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix, dense
 from ..proof.certificate import Status
-from ..theorems.dissipativity import DissipativityCertificate, dissipativity
-from ..theorems.gains import induced_gain
-from ..theorems.positivity import PositivityCertificate, cone_positivity
+from ..theorems.dissipativity import DissipativityCertificate, dissipativity_of
+from ..theorems.gains import induced_gain_of
+from ..theorems.positivity import PositivityCertificate, positivity_of
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
-from .cones_of_connections import Model, nonnegative
+from .cones_of_connections import Connection
 from .operations import ConeOperations
 from .reading import (
     KindError,
@@ -46,6 +47,7 @@ from .reading import (
     require_timebase,
     size_of,
 )
+from .system import System
 
 _MATRICES = ("A", "B", "C", "D")
 # As numpy summarises larger arrays, a cone with more numbers is described rather than listed.
@@ -132,7 +134,9 @@ class ConeStateSpace(ConeOperations):
                 given if given is not None else getattr(source, name, None)
                 for name, given in (("X", X), ("U", U), ("Y", Y))
             )
-            exact = source._exact() if isinstance(source, ConeStateSpace) else {}
+            own = getattr(source, "exact", None)
+            if isinstance(own, System):
+                exact = {name: m for name, m in zip(_MATRICES, own.matrices, strict=True) if not m.is_double}
         elif source is not None:
             raise KindError(
                 "sys: the one-argument constructor can only take in a StateSpace object; "
@@ -222,7 +226,7 @@ class ConeStateSpace(ConeOperations):
         >>> s.cone_positivity().witness.condition, s.cone_positivity().witness.value
         ('A X in X', -3.0)
         """
-        return cone_positivity(*self._question(), discrete=self._discrete)
+        return positivity_of(self._question())
 
     def linear_lyapunov(self, rate: Literal["max"] | None = None) -> LyapunovCertificate:
         """Theorem 2: proof that X is invariant and x' = A x exponentially stable, or that one of them fails.
@@ -243,8 +247,8 @@ class ConeStateSpace(ConeOperations):
         >>> round(s.linear_lyapunov(rate="max").decay_rate, 6)
         1.0
         """
-        A, _, _, _, X, _, _ = self._question()
-        return linear_lyapunov(A, X, discrete=self._discrete, rate=rate)
+        s = self._question()
+        return linear_lyapunov(s.A, s.X, discrete=s.discrete, rate=rate)
 
     def dissipativity(self, q: ArrayLike | None = None, r: ArrayLike | None = None) -> DissipativityCertificate:
         """Theorem 3: exponential dissipativity with storage v'x and supply rate r'u + q'y.
@@ -260,7 +264,7 @@ class ConeStateSpace(ConeOperations):
         DissipativityCertificate
             See `control_kpos.dissipativity.dissipativity`.
         """
-        return dissipativity(*self._question(ports=True), q=q, r=r, discrete=self._discrete)
+        return dissipativity_of(positivity_of(self._question(ports=True)), q=q, r=r)
 
     def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain from inputs in U to outputs in Y; inf if the system is not stable.
@@ -281,56 +285,40 @@ class ConeStateSpace(ConeOperations):
         >>> round(kp.ConeStateSpace([[-2]], [[1]], [[6]], [[1]]).gain(), 12)
         4.0
         """
-        return induced_gain(*self._question(ports=True), norm=norm, e=e, f=f, discrete=self._discrete)
+        return induced_gain_of(positivity_of(self._question(ports=True)), norm=norm, e=e, f=f)
 
     @property
-    def _discrete(self) -> bool:
-        return bool(self.dt)  # None and 0 are continuous time
+    def exact(self) -> System:
+        """The system as it is now, exactly: what was given, where no matrix has been assigned or changed since."""
+        A, B, C, D = map(self._matrix, _MATRICES)
+        return System(A, B, C, D, *self._cones, dt=self.dt)
 
-    def _exact(self) -> dict[str, Matrix]:
-        """Exact data of those matrices that have not been assigned or changed since they were given."""
-        out = {}
-        for name, (array, exact) in self._given.items():
-            if getattr(self, name) is array and np.array_equal(array, exact.values):
-                out[name] = exact
-        return out
+    def _matrix(self, name: str) -> Matrix:
+        array = getattr(self, name)
+        given, exact = self._given.get(name, (None, None))
+        if exact is not None and array is given and np.array_equal(array, exact.values):
+            return exact
+        return exact_matrix(array, name)
 
-    def _data(self) -> tuple[Matrix, ...]:
-        """A, B, C, D as they are now."""
-        exact = self._exact()
-        return tuple(exact.get(name) or exact_matrix(getattr(self, name), name) for name in _MATRICES)
-
-    def _question(self, *, ports: bool = False) -> tuple[Any, ...]:
-        """A, B, C, D, X, U, Y as the theorems take them; a static gain gets an idle state, x' = -x."""
+    def _question(self, *, ports: bool = False) -> System:
+        """The system as the theorems take it."""
         if ports and not (self.ninputs and self.noutputs):
             raise ShapeError(f"{self.name} has {self.ninputs} inputs and {self.noutputs} outputs; it needs both here.")
-        A, B, C, D = self._data()
-        X = self.X
-        if A.shape == (0, 0):
-            A = Matrix(np.array([[0.0 if self._discrete else -1.0]]))
-            B, C = Matrix.zeros(1, self.ninputs), Matrix.zeros(self.noutputs, 1)
-            X = nonnegative(1)
-        return A, B, C, D, X, self.U, self.Y
+        return self.exact.moving()
 
-    def _model(self, tracked: bool) -> Model:
-        if not tracked:
-            return Model(*self._cones)
-        A, B, C, D = (m.fractions() for m in self._data())
-        return Model(*self._cones, (A, B, C, D))
-
-    def _with_cones(self, result: StateSpace, model: Model | None) -> StateSpace:
-        if model is None:
+    def _with_cones(self, result: StateSpace, found: Connection | None, tracked: bool) -> StateSpace:
+        if found is None:
             return result
-        X = model.X
+        X = found.X
         if X.dim != result.nstates:  # python-control was told to remove useless states
             if not isinstance(X, Orthant):
                 return result
             X = nonnegative(result.nstates)
-        cones = {"X": X, "U": model.U, "Y": model.Y, "remove_useless_states": False}
-        if model.matrices is None or model.matrices[0].shape != result.A.shape:
+        cones = {"X": X, "U": found.U, "Y": found.Y, "remove_useless_states": False}
+        if not tracked or X is not found.X:
             return ConeStateSpace(result, **cones)
         labels = {"inputs": result.input_labels, "outputs": result.output_labels, "states": result.state_labels}
-        data = (Matrix.from_fractions(m) for m in model.matrices)
+        data = found.system(result.dt).matrices
         return ConeStateSpace(*data, result.dt, name=result.name, **labels, **cones)
 
     def _remove_useless_states(self) -> None:
@@ -367,7 +355,7 @@ class ConeStateSpace(ConeOperations):
         return {name: cone for name, cone in zip("XUY", self._cones, strict=True) if not isinstance(cone, Orthant)}
 
     def _repr_eval_(self) -> str:
-        exact = self._exact()
+        exact = {name: m for name, m in zip(_MATRICES, self.exact.matrices, strict=True) if not m.is_double}
         with np.printoptions(floatmode="unique") if _default_print_options() else nullcontext():
             text, at = super()._repr_eval_().removeprefix("StateSpace").removesuffix(")"), 0
             for name in _MATRICES:

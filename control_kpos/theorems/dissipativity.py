@@ -36,11 +36,11 @@ from ..proof.weights import (
     numbers,
 )
 from ..proof.weights import product as exact_product
+from ..systems.system import System
 from .positivity import (
     ClaimOnPositivity,
     PositivityCertificate,
     PositivityViolation,
-    System,
     cone_positivity,
 )
 from .stability import exact_row

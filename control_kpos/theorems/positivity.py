@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -42,22 +42,10 @@ from ..proof.violations import PlaneViolation as PlaneViolation
 from ..proof.violations import PositivityViolation as PositivityViolation
 from ..proof.violations import parallel, plane_violation
 from ..proof.weights import Prover, violation
+from ..systems.system import System
 
 _WEIGHTS = {"A": "P", "B": "N", "C": "L", "D": "K"}
 _MEANING = {NAMES["A"]: "A X in X", NAMES["B"]: "B U in X", NAMES["C"]: "C X in Y", NAMES["D"]: "D U in Y"}
-
-
-class System(NamedTuple):
-    """Matrices and cones of a system with inputs and outputs."""
-
-    A: Matrix
-    B: Matrix
-    C: Matrix
-    D: Matrix
-    X: Cone
-    U: Cone
-    Y: Cone
-    discrete: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -94,7 +82,7 @@ class PositivityCertificate(Certificate):
         """The data; DataError if the certificate is about A alone."""
         if self.B is None or self.C is None or self.D is None or self.U is None or self.Y is None:
             raise DataError("B, C, D and the cones U and Y are needed here; give them all.")
-        return System(self.A, self.B, self.C, self.D, self.X, self.U, self.Y, self.discrete)
+        return System(self.A, self.B, self.C, self.D, self.X, self.U, self.Y, dt=self.discrete)
 
     def conditions(self) -> Sequence[Condition]:
         """The inclusions of Theorem 1."""
@@ -299,8 +287,17 @@ def cone_positivity(
         if cone is not None:
             cone.require_proper(name)
             data[name] = cone
-    data.update(A=A, X=X, discrete=flag(discrete, "discrete"))
-    certificate = positivity_from_generators(**data) if has_open_facets(X) else None
+    return _decided(**data, A=A, X=X, discrete=flag(discrete, "discrete"))
+
+
+def positivity_of(s: System) -> PositivityCertificate:
+    """Theorem 1 for a system that has been read, on proper cones."""
+    A, B, C, D = s.matrices
+    return _decided(A=A, B=B, C=C, D=D, X=s.X, U=s.U, Y=s.Y, discrete=s.discrete)
+
+
+def _decided(**data: Any) -> PositivityCertificate:
+    certificate = positivity_from_generators(**data) if has_open_facets(data["X"]) else None
     return settle_positivity(**data) if certificate is None else certificate
 
 

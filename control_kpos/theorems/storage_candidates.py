@@ -15,8 +15,8 @@ from ..errors import TooLargeError
 from ..exact.matrix import Matrix, dense
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility
+from ..systems.system import System
 from .lyapunov_candidates import ScaledProblem, SingularMatrixError
-from .positivity import System
 
 Vector = NDArray[np.float64]
 Rationals = NDArray[np.object_]

@@ -101,7 +101,7 @@ def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> D
     if np.any(np.asarray(system.D)):
         raise DataError("scale-free design needs D = 0.")
     require_simplicial(plant.X, "scale-free design")
-    _, B, C, D = system._data()
+    B, C, D = system.exact.matrices[1:]
     ports = cone_positivity(np.eye(plant.n), B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
     if ports.status is Status.REFUTED:
         return DesignResult(

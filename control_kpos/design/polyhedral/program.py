@@ -90,7 +90,7 @@ class GainProgram:
             rows.append(self._coefficients((plant.facets @ B)[i], k))
             constants.append((plant.facets @ A @ plant.rays.T)[i, k])
         if plant.ports:
-            C, D = (np.asarray(M.values) for M in plant.system._data()[2:])
+            C, D = (np.asarray(M.values) for M in plant.system.exact.matrices[2:])
             facets = np.asarray(plant.system.Y.facets)
             a, b = (index.ravel() for index in np.indices((len(facets), len(plant.rays))))
             rows.append(self._coefficients((facets @ D)[a], b))

@@ -85,7 +85,7 @@ class SimplicialProgram:
             coupled = [(A + np.asarray(plant.coupling.values), B) for A, B in plant.pairs]
         q = feedback_inequalities(facets, plant.rays, plant.pairs, discrete=plant.discrete, drift_plants=coupled)
         if plant.ports:
-            C, D = (np.asarray(M.values) for M in plant.system._data()[2:])
+            C, D = (np.asarray(M.values) for M in plant.system.exact.matrices[2:])
             q = q.with_closed(*output_rows(C, D, np.asarray(plant.system.Y.facets), plant.rays))
         self.kept = np.concatenate([np.arange(n), n + np.flatnonzero(free.ravel())])
         self.owner = np.concatenate([np.arange(n), np.repeat(np.arange(n), m)])[self.kept]

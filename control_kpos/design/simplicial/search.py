@@ -194,14 +194,14 @@ def port_data(plant: Plant) -> tuple[Matrix, Matrix, Cone] | None:
     """(C, D, Y) if outputs are to stay in Y."""
     if not plant.ports:
         return None
-    _, _, C, D = plant.system._data()
+    C, D = plant.system.exact.matrices[2:]
     return C, D, plant.system.Y
 
 
 def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
     """The result for an accepted gain."""
     sys = plant.system
-    _, _, C, D = sys._data()
+    C, D = sys.exact.matrices[2:]
     full = found.F if plant.C is None else found.F @ np.asarray(plant.C.values)
     loop = ConeStateSpace(
         found.closed[0],

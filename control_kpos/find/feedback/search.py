@@ -35,10 +35,11 @@ from ...exact.budget import (
     seconds_left,
 )
 from ...exact.intake import exact_matrix, items, seconds, whole_number
-from ...exact.matrix import Matrix
+from ...exact.matrix import Matrix, dense
 from ...progress import Reporter, Target
 from ...proof.certificate import Certificate, Status
 from ...systems.statespace import ConeStateSpace
+from ...systems.system import System
 from ..find import square
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import modes
@@ -166,10 +167,8 @@ def design_cone_and_feedback(
                 f"vertices[{k}] has A {Ak.shape[0]} x {Ak.shape[1]} and B {Bk.shape[0]} x {Bk.shape[1]}, "
                 f"but the system has A {A.shape[0]} x {A.shape[1]} and B {B.shape[0]} x {B.shape[1]}."
             )
-    plant = StateSpace(
-        A.values, B.values, np.eye(A.shape[0]), np.zeros((A.shape[0], B.shape[1])), dt if dt is not None else 0
-    )
-    source = sys if isinstance(sys, StateSpace) else plant
+    n, m = B.shape
+    source = System.read(sys if isinstance(sys, StateSpace) else (A, B, np.eye(n), np.zeros((n, m))), dt=dt)
     with limited_to(limit), suppress(OutOfTimeError), Reporter(progress) as report:
         rank = _controllable(np.asarray(A.values), np.asarray(B.values))
         if rank < A.shape[0]:
@@ -198,7 +197,7 @@ def design_cone_and_feedback(
 
 
 def _search(
-    source: StateSpace, nominal: Pair, pairs: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
+    source: System, nominal: Pair, pairs: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
 ) -> CodesignResult | None:
     """Poles after poles, until cone and gain are proven."""
     matrices = np.array([np.asarray(a.values) for a, _ in [nominal, *pairs]])
@@ -227,7 +226,8 @@ def _is_within_reach(R: Array) -> bool:
 
 def _plant(item: Any, name: str) -> tuple[Matrix, Matrix, Any]:
     if isinstance(item, StateSpace):
-        A, B, dt = square(item.A, f"{name}.A"), exact_matrix(item.B, f"{name}.B"), item.dt
+        own = System.read(item, name)
+        A, B, dt = square(own.A, f"{name}.A"), own.B, item.dt
     elif isinstance(item, (tuple, list)) and len(item) == 2:
         A, B, dt = square(item[0], f"{name}: A"), exact_matrix(item[1], f"{name}: B"), None
     else:
@@ -314,10 +314,10 @@ def _starting_cone(A: Array, discrete: bool) -> Array | None:
     return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
 
 
-def _polished(source: StateSpace, R: Array, F: Array, pairs: list[Pair]) -> CodesignResult | None:
+def _polished(source: System, R: Array, F: Array, pairs: list[Pair]) -> CodesignResult | None:
     """The smallest gain at this cone, for the system and its vertices, with its proof; F if that is all there is."""
     cone = PolyhedralCone(np.ascontiguousarray(R.T))
-    system = ConeStateSpace(StateSpace(source.A, source.B, source.C, source.D, source.dt), X=cone)
+    system = ConeStateSpace(*source.matrices, source.dt or 0, X=cone, remove_useless_states=False)
     plant = read_plant(system, cone, vertices=pairs or None)
     given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
     design = state_feedback(system, X=cone, vertices=pairs or None, time_limit=max(seconds_left(), 1e-3))
@@ -325,5 +325,5 @@ def _polished(source: StateSpace, R: Array, F: Array, pairs: list[Pair]) -> Code
         design = succeed(plant, given, "", gain_of(given.F, plant.rays), float("nan"))
     if not design:
         return None
-    poles = np.linalg.eigvals(source.A + source.B @ design.F)
+    poles = np.linalg.eigvals(dense(source.A.values) + dense(source.B.values) @ design.F)
     return CodesignResult(Status.PROVED, cone, np.asarray(design.F), design.closed_loop, design.certificate, poles)
