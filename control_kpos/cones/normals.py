@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..exact.elimination import divide_by_content, normals
-from ..exact.matrix import HALF_ULP, Integers, integers_of_doubles
+from ..exact.matrix import Integers, integers_of_doubles
+from ..exact.rounding import error_factor, room
 from ..exact.rows import unit_rows
 
 # Entries of the matrices that are eliminated together, so that long integers do not fill the memory.
@@ -69,16 +70,16 @@ class Hyperplanes:
         center = np.broadcast_to(self._z_center, (len(vertices), 1, n))
         M = np.concatenate([self.Z[vertices], center], axis=1)
         N = _inverses(M)
-        # 2 n + 8 roundings cover the products, the rounding of Z, and that of these bounds themselves
-        small = (2 * n + 8) * HALF_ULP
+        # n roundings in a product, one of Z, two of the differences
+        small = error_factor(n + 3)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             h = N[:, :, -1]
             size_h = np.abs(h).max(axis=1)
             unit = np.eye(n)
-            norm_N = np.abs(N).sum(axis=2).max(axis=1) * (1 + 1e-9)
-            eta = np.abs(unit - N @ M).sum(axis=2).max(axis=1) * (1 + 1e-9) + small * n * norm_N
+            norm_N = np.abs(N).sum(axis=2).max(axis=1) * room(n)
+            eta = np.abs(unit - N @ M).sum(axis=2).max(axis=1) * room(n) + small * n * norm_N
             residual = np.abs(unit[-1] - (M @ h[:, :, None])[:, :, 0]).max(axis=1) + small * n * size_h
-            error = n * (norm_N * residual / (1 - eta) + small * size_h) * (1 + 1e-9)
+            error = n * (norm_N * residual / (1 - eta) + small * size_h) * room(n)
         return h, np.where((eta < 0.5) & np.isfinite(error), error, np.inf)
 
 

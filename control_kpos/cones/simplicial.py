@@ -17,12 +17,12 @@ from ..errors import TooLargeError
 from ..exact.dixon import transposed_inverse_rows
 from ..exact.elimination import divide_by_content
 from ..exact.matrix import (
-    HALF_ULP,
     Integers,
     Matrix,
     dense,
     granularity,
 )
+from ..exact.rounding import error_factor, room
 from ..exact.rows import equilibrate
 
 # Up to this dimension exact elimination is cheap.
@@ -72,9 +72,9 @@ def simplicial_facets(generators: Matrix) -> Matrix | None:
         except np.linalg.LinAlgError:
             return None
         size = np.abs(Z)
-        small = (n + 8) * HALF_ULP
-        C = np.abs(np.eye(n) - Z @ R.T) + size @ (small * np.abs(R.T) + radius.T) * (1 + 1e-9) + small
-        c = C.sum(axis=1).max() * (1 + 1e-9)
+        small = error_factor(n + 1)
+        C = np.abs(np.eye(n) - Z @ R.T) + size @ (small * np.abs(R.T) + radius.T) * room(n) + small
+        c = C.sum(axis=1).max() * room(n)
         if not c < 0.5:
             return None
         simple = _simple_rows(Z, R) if generators.is_double else None
@@ -82,7 +82,7 @@ def simplicial_facets(generators: Matrix) -> Matrix | None:
             values, shift = _unit_length(simple, -columns)
             if (np.ldexp(values, columns + shift) == simple).all():
                 return Matrix(values)
-        error = (C @ (size + c / (1 - c) * size.max(axis=0))) * (1 + 1e-9)
+        error = (C @ (size + c / (1 - c) * size.max(axis=0))) * room(n)
         values, shift = _unit_length(Z, -columns)
         error = np.ldexp(error, -columns - shift) + 2.0**-1073
     if not (np.isfinite(values).all() and np.isfinite(error).all()):

@@ -19,9 +19,18 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..exact.condition import Condition
-from .matrix import HALF_ULP, SMALLEST_NORMAL, Matrix, rounding_radius
+from .condition import Condition
+from .matrix import Matrix
 from .products import as_doubles, summed_products
+from .rounding import (
+    HALF_ULP,
+    RADIUS_ROOM,
+    SMALLEST_NORMAL,
+    error_factor,
+    room,
+    rounding_radius,
+    underflow,
+)
 from .signs import BilinearForms
 
 Array = NDArray[np.float64]
@@ -83,35 +92,33 @@ class Bounds(Condition):
 
 
 def enclosed_product(left: Matrix, right: Matrix) -> tuple[Array, Array]:
-    """left @ right' in floating point, and a bound on its distance from the exact product."""
+    """left @ right' in floating point, and a bound on its distance from the exact product (see `rounding`)."""
     a, b = np.asarray(left.values), np.asarray(right.values)
     width = a.shape[1]
     blocks = range(0, max(width, 1), _BLOCK)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         size = np.abs(a) @ np.abs(b).T
-        # Sums in blocks: each term passes through at most so many additions.
+        # Sums in blocks: each term passes through fewer roundings than the width has entries.
         product = sum((a[:, k : k + _BLOCK] @ b[:, k : k + _BLOCK].T for k in blocks), np.zeros(size.shape))
-        count = (2 * (min(width, _BLOCK) + len(blocks)) + 16 + width * 2.0**-20) * HALF_ULP
-        bound = count / (1 - count) * size + 4 * SMALLEST_NORMAL * (width + 1)
+        bound = error_factor(min(width, _BLOCK) + len(blocks)) * size + underflow(width)
         if left.radius is not None:
-            bound = bound + 1.01 * (left.radius @ np.abs(b).T)
+            bound = bound + RADIUS_ROOM * (left.radius @ np.abs(b).T)
         if right.radius is not None:
             reach = np.abs(a) if left.radius is None else np.abs(a) + left.radius
-            bound = bound + 1.01 * (reach @ right.radius.T)
+            bound = bound + RADIUS_ROOM * (reach @ right.radius.T)
         return product, bound
 
 
 def enclosed_sparse_product(rays: Matrix, P: sp.csr_array) -> tuple[Array, Array]:
-    """rays' P in floating point, and a bound on its distance from the exact product."""
+    """rays' P in floating point, and a bound on its distance from the exact product (see `rounding`)."""
     values, columns = np.asarray(rays.values), sp.csr_array(P.T)
     terms = int(np.diff(columns.indptr).max(initial=0))
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         product = np.asarray(columns @ values).T
         bound = np.asarray(abs(columns) @ np.abs(values)).T
-        count = (2 * terms + 16) * HALF_ULP
-        bound = count / (1 - count) * bound + 4 * SMALLEST_NORMAL * (terms + 1)
+        bound = error_factor(terms) * bound + underflow(terms)
         if rays.radius is not None:
-            bound = bound + 1.01 * np.asarray(abs(columns) @ rays.radius).T
+            bound = bound + RADIUS_ROOM * np.asarray(abs(columns) @ rays.radius).T
     return product, bound
 
 
@@ -135,7 +142,7 @@ class Generators:
         product, bound = enclosed_product(self.equilibrated.T, Matrix(self.inverse.T))
         with np.errstate(over="ignore", invalid="ignore"):
             defect = np.abs(np.eye(len(product)) - product) * (1 + 4 * HALF_ULP) + bound + 2 * HALF_ULP
-            self.defect = defect.sum(axis=1) * (1 + 2.0**-40)
+            self.defect = defect.sum(axis=1) * (1 + error_factor(len(product)))
 
     def solid(self) -> Bounds:
         """The generators span the whole space."""
@@ -222,7 +229,9 @@ class Generators:
             return np.full_like(Q, -np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
             spread = np.abs(self.inverse[support]).sum(axis=1) / (1 - defect)
-            return Q - np.outer(spread, worst) * (1 + 2.0**-30) - np.abs(Q) * (4 * HALF_ULP)
+            return (
+                Q - (np.outer(spread, worst) * room(self.inverse.shape[1]) + underflow(1)) - np.abs(Q) * (4 * HALF_ULP)
+            )
 
     def _corrected(self, Q: Array, residual: Matrix) -> Array:
         """Lower bounds on Q* for a residual known to full precision: Q* = Q + Y E + Y D (I - D)^-1 E."""
@@ -233,7 +242,7 @@ class Generators:
         with np.errstate(over="ignore", invalid="ignore"):
             worst = (np.abs(residual.values) + residual.radius).max(axis=0, initial=0.0)
             spread = np.abs(self.inverse).sum(axis=1) * defect / (1 - defect)
-            error = (error + np.outer(spread, worst)) * (1 + 2.0**-30)
+            error = (error + np.outer(spread, worst)) * room(self.inverse.shape[1]) + underflow(1)
             return Q + step - error - (np.abs(Q) + np.abs(step)) * (8 * HALF_ULP)
 
     def _exact_residual(

@@ -22,14 +22,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import DataError, TooLargeError
+from .rounding import rounding_radius
 
 Integers: TypeAlias = NDArray[np.object_]
 Index: TypeAlias = NDArray[np.intp]
 # ndarray of doubles, or csr_array
 Doubles: TypeAlias = Any
 
-HALF_ULP = 2.0**-53
-SMALLEST_NORMAL = 2.0**-1022
 # Above this many entries a dense array is refused (2e8 doubles are 1.6 GB).
 DENSE_LIMIT = 200_000_000
 
@@ -275,11 +274,6 @@ def nearest_double(x: Fraction) -> float:
         raise DataError(f"the number {x} does not fit into a double; rescale the data.") from None
 
 
-def rounding_radius(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Bound on the rounding error of correctly rounded doubles."""
-    return np.abs(values) * (2 * HALF_ULP) + 2.0**-1074
-
-
 def integers_of_doubles(values: NDArray[np.float64], *, by_row: bool = False) -> tuple[Integers, NDArray[np.int64]]:
     """Finite doubles as integers times a power of two: values = ints * 2**exponent.
 
@@ -290,7 +284,7 @@ def integers_of_doubles(values: NDArray[np.float64], *, by_row: bool = False) ->
     exponent = exponent.astype(np.int64) - 53
     nonzero = mantissa != 0
     lowest = np.where(nonzero, mantissa & -mantissa, 1)
-    zeros = np.log2(lowest).astype(np.int64)  # exact: powers of two
+    zeros = np.frexp(lowest)[1] - 1  # k of lowest = 2**k, read off the bits
     mantissa >>= zeros
     exponent += zeros
     far = np.iinfo(np.int64).max
@@ -310,7 +304,7 @@ def granularity(values: NDArray[np.float64]) -> int:
     if mantissa.size == 0:
         return 0
     mantissa = (mantissa * 2.0**53).astype(np.int64)
-    return int((np.log2(mantissa & -mantissa) + exponent).min()) - 53
+    return int((np.frexp(mantissa & -mantissa)[1] + exponent).min()) - 54
 
 
 def primitive(row: Sequence[int] | Integers) -> Integers:

@@ -8,7 +8,8 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from .matrix import Integers, Matrix, rounding_radius
+from .matrix import Integers, Matrix
+from .rounding import rounding_radius
 
 
 def summed_products(terms: list[tuple[Matrix, Matrix]]) -> tuple[Integers, Fraction]:

@@ -15,13 +15,8 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from .elimination import divide_by_content
-from .matrix import (
-    HALF_ULP,
-    Integers,
-    Matrix,
-    dense,
-    rounding_radius,
-)
+from .matrix import Integers, Matrix, dense
+from .rounding import error_factor, room, rounding_radius, underflow
 
 # Integer rows up to this size are shown as they are; larger ones are scaled into [1/2, 1).
 _READABLE = 2**20
@@ -113,18 +108,19 @@ class ImageRows:
 
 
 def _rounded_image(matrix: Matrix, T: Matrix) -> Matrix:
-    """Rows T x in floating point with an error bound, shape (p, m)."""
+    """Rows T x in floating point with an error bound (see `rounding`), shape (p, m)."""
     left, right = dense(matrix.values), dense(T.values).T
-    zeros = np.zeros(1)
-    left_radius = zeros if matrix.radius is None else np.asarray(matrix.radius)
-    right_radius = zeros if T.radius is None else np.asarray(T.radius).T
+    left_radius = np.zeros_like(left) if matrix.radius is None else np.asarray(matrix.radius)
+    right_radius = np.zeros_like(right) if T.radius is None else dense(T.radius).T
     with np.errstate(all="ignore"):
         values = left @ right
-        small = (left.shape[1] + 4) * HALF_ULP
-        radius = np.abs(left) @ (small * np.abs(right) + right_radius)
+        terms = left.shape[1]
+        radius = error_factor(terms) * (np.abs(left) @ np.abs(right))
+        if T.radius is not None:
+            radius += np.abs(left) @ right_radius
         if matrix.radius is not None:
             radius += left_radius @ (np.abs(right) + right_radius)
-        radius = radius * (1 + 1e-9) + 2.0**-1022 * left.shape[1]
+        radius = radius * room(terms) + underflow(terms)
     if not (np.isfinite(values).all() and np.isfinite(radius).all()):
         raise DataError("the image of the cone overflows; rescale T.")
     return Matrix(values, radius, integer_rows=ImageRows(matrix, T))

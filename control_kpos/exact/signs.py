@@ -3,9 +3,8 @@
 Every claim of this package comes down to signs of such numbers: h_k'A x_i for invariance, v'A x_i
 for stability.  Three steps, each taken only for what the one before left open:
 
-1. floating point with an a-priori bound: |fl(z) - z| <= g |l|'|M||r| with g = (K eps) / (1 - K eps),
-   eps = 2^-53, K the number of roundings (Higham, Accuracy and Stability of Numerical Algorithms,
-   section 3.1), first with norms, then entrywise;
+1. floating point with an a-priori bound, |fl(z) - z| <= g |l|'|M||r| + underflow by the lemma in `rounding`,
+   first with norms, then entrywise;
 2. exactness: if all data are multiples of powers of two so coarse that |l|'|M||r| stays below 2^52
    units, no rounding happened and fl(z) = z;
 3. integer arithmetic with mantissas at a common exponent.
@@ -25,14 +24,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .matrix import (
-    HALF_ULP,
-    SMALLEST_NORMAL,
     Integers,
     Matrix,
     dense,
     granularity,
     integers_of_doubles,
 )
+from .rounding import RADIUS_ROOM, SMALLEST_NORMAL, error_factor, room, underflow
 
 UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
@@ -160,9 +158,8 @@ class BilinearForms:
         return inner, _row_length(self.right)
 
     def _relative_error(self) -> float:
-        """g for fl(z), with room for the rounding of the magnitudes themselves."""
-        count = (2 * sum(self._lengths) + 16) * HALF_ULP
-        return count / (1 - count) if count < 0.5 else np.inf
+        """The factor of the lemma: a term passes through one rounding for each entry of both inner sums."""
+        return error_factor(sum(self._lengths))
 
     def _norm_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| through Euclidean norms: no matrix product."""
@@ -172,29 +169,29 @@ class BilinearForms:
             nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
             nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
             inner, outer = self._lengths
-            # the second term covers products that underflow on the way
-            bound = (self._relative_error() * nl * nm + 4 * SMALLEST_NORMAL * (inner + 1) * np.sqrt(outer)) * nr
-            bound = bound + 4 * SMALLEST_NORMAL * (outer + 1)
+            # l'M may underflow before r multiplies it; |r|_1 <= sqrt(outer) |r|_2
+            lost = underflow(inner) * np.sqrt(outer)
+            bound = (self._relative_error() * nl * nm + lost) * nr + underflow(outer)
             if any(m.radius is not None for m in self._operands):
-                bound = bound + 1.01 * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
+                bound = bound + RADIUS_ROOM * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
             return bound
 
     def _entry_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| entry by entry."""
         inner, outer = self._lengths
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            size = abs(self.right.values).sum(axis=-1)
-            underflow = 4 * SMALLEST_NORMAL * ((inner + 1) * np.asarray(size) + outer + 1)
+            size = np.asarray(abs(self.right.values).sum(axis=-1))
+            lost = underflow(inner) * size + underflow(outer)
             if self.is_sparse:
-                bound = self._relative_error() * self.magnitudes.data + underflow[self.pattern.indices]
+                bound = self._relative_error() * self.magnitudes.data + lost[self.pattern.indices]
             else:
-                bound = self._relative_error() * self.magnitudes + underflow[..., None, :]
+                bound = self._relative_error() * self.magnitudes + lost[..., None, :]
             done: list[Any] = []
             for i, m in enumerate(self._operands):
                 if m.radius is not None:
                     rest = [abs(k.values) for k in self._operands[i + 1 :]]
                     more = self._product(*done, m.radius, *rest)
-                    bound = bound + 1.01 * (self._on_pattern(more).data if self.is_sparse else dense(more))
+                    bound = bound + RADIUS_ROOM * (self._on_pattern(more).data if self.is_sparse else dense(more))
                 done.append(abs(m.values) if m.radius is None else abs(m.values) + m.radius)
             return bound
 
@@ -322,15 +319,18 @@ def _column_length(m: Matrix) -> int:
 
 
 def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.float64]:
-    """Bound on the Euclidean norm over trailing axes, at most the root of their size too large."""
+    """Bound on the Euclidean norm over trailing axes, at most the root of their size too large.
+
+    Square roots are correctly rounded (IEEE 754), as sums and products are.
+    """
     sizes = values.shape[len(values.shape) - len(axes) :]
     count = prod(sizes)
     if 0 < count <= _SHORT:  # numpy reduces short axes slowly
         entries = (np.abs(values[(..., *index)]) for index in product(*map(range, sizes)))
-        return reduce(np.maximum, entries) * (np.sqrt(count) * (1 + 1e-9)) + SMALLEST_NORMAL
+        return reduce(np.maximum, entries) * (np.sqrt(count) * room(1)) + SMALLEST_NORMAL
     top = np.abs(values).max(axis=axes, keepdims=True, initial=0.0)
     scaled = np.divide(values, top, out=np.zeros_like(values), where=top > 0)
-    total = np.sqrt(np.square(scaled).sum(axis=axes)) * (1 + 1e-9)
+    total = np.sqrt(np.square(scaled).sum(axis=axes)) * room(count)
     return total * top.reshape(total.shape) + SMALLEST_NORMAL
 
 
@@ -346,7 +346,7 @@ def _row_norms(m: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
     top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
-    return top * np.sqrt(np.diff(rows.indptr)) * (1 + 1e-9) + SMALLEST_NORMAL
+    return top * np.sqrt(np.diff(rows.indptr)) * room(1) + SMALLEST_NORMAL
 
 
 def _frobenius(m: Matrix) -> tuple[Any, Any]:

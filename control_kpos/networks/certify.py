@@ -17,7 +17,7 @@ import scipy.sparse as sp
 
 from ..cones import Cone, Orthant
 from ..exact.condition import Condition
-from ..exact.matrix import HALF_ULP
+from ..exact.rounding import HALF_ULP
 from ..proof.certificate import Status
 from ..theorems.positivity import settle_positivity
 from . import conditions as on

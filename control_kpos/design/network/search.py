@@ -20,7 +20,8 @@ from ...errors import (
 )
 from ...exact.budget import OVERTIME, SPEED, OutOfTimeError, seconds_left
 from ...exact.intake import flag, items, vector
-from ...exact.matrix import HALF_ULP, Matrix
+from ...exact.matrix import Matrix
+from ...exact.rounding import HALF_ULP
 from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, NodeStack, gather
 from ...networks.network import ConeNetwork
