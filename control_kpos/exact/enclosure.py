@@ -229,9 +229,8 @@ class Generators:
             return np.full_like(Q, -np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
             spread = np.abs(self.inverse[support]).sum(axis=1) / (1 - defect)
-            return (
-                Q - (np.outer(spread, worst) * room(self.inverse.shape[1]) + underflow(1)) - np.abs(Q) * (4 * HALF_ULP)
-            )
+            error = np.outer(spread, worst) * room(self.inverse.shape[1]) + underflow(1)
+            return Q - error - np.abs(Q) * (4 * HALF_ULP)
 
     def _corrected(self, Q: Array, residual: Matrix) -> Array:
         """Lower bounds on Q* for a residual known to full precision: Q* = Q + Y E + Y D (I - D)^-1 E."""
