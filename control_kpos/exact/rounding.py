@@ -20,6 +20,8 @@ HALF_ULP = 2.0**-53
 SMALLEST_NORMAL = 2.0**-1022
 # For sums in which an error bound is one of the factors.
 RADIUS_ROOM = 1.01
+# What `room` is at the least; enough for four million terms.
+ROOM = 1 + 2.0**-29
 
 
 def error_factor(roundings: int) -> float:
@@ -46,7 +48,7 @@ def underflow(terms: int) -> float:
 
 def room(terms: int) -> float:
     """A computed sum of so many nonnegative numbers, times this, is no smaller than the exact sum."""
-    return 1 + max(2.0**-29, error_factor(terms))
+    return max(ROOM, 1 + error_factor(terms))
 
 
 def rounding_radius(values: NDArray[np.float64]) -> NDArray[np.float64]:

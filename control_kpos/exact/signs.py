@@ -30,7 +30,7 @@ from .matrix import (
     granularity,
     integers_of_doubles,
 )
-from .rounding import RADIUS_ROOM, SMALLEST_NORMAL, error_factor, room, underflow
+from .rounding import RADIUS_ROOM, ROOM, SMALLEST_NORMAL, error_factor, room, underflow
 
 UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
@@ -161,6 +161,12 @@ class BilinearForms:
         """The factor of the lemma: a term passes through one rounding for each entry of both inner sums."""
         return error_factor(sum(self._lengths))
 
+    @cached_property
+    def _lost(self) -> tuple[float, float]:
+        """What underflows in l'M, before r multiplies it, and in the sum over b."""
+        inner, outer = self._lengths
+        return underflow(inner), underflow(outer)
+
     def _norm_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| through Euclidean norms: no matrix product."""
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
@@ -168,20 +174,17 @@ class BilinearForms:
             nr, dr = _row_norms(self.right)
             nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
             nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
-            inner, outer = self._lengths
-            # l'M may underflow before r multiplies it; |r|_1 <= sqrt(outer) |r|_2
-            lost = underflow(inner) * np.sqrt(outer)
-            bound = (self._relative_error() * nl * nm + lost) * nr + underflow(outer)
+            inner, outer = self._lost  # |r|_1 <= sqrt(length) |r|_2
+            bound = (self._relative_error() * nl * nm + inner * np.sqrt(self._lengths[1])) * nr + outer
             if any(m.radius is not None for m in self._operands):
                 bound = bound + RADIUS_ROOM * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
             return bound
 
     def _entry_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| entry by entry."""
-        inner, outer = self._lengths
+        inner, outer = self._lost
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            size = np.asarray(abs(self.right.values).sum(axis=-1))
-            lost = underflow(inner) * size + underflow(outer)
+            lost = inner * np.asarray(abs(self.right.values).sum(axis=-1)) + outer
             if self.is_sparse:
                 bound = self._relative_error() * self.magnitudes.data + lost[self.pattern.indices]
             else:
@@ -327,7 +330,7 @@ def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.floa
     count = prod(sizes)
     if 0 < count <= _SHORT:  # numpy reduces short axes slowly
         entries = (np.abs(values[(..., *index)]) for index in product(*map(range, sizes)))
-        return reduce(np.maximum, entries) * (np.sqrt(count) * room(1)) + SMALLEST_NORMAL
+        return reduce(np.maximum, entries) * (np.sqrt(count) * ROOM) + SMALLEST_NORMAL
     top = np.abs(values).max(axis=axes, keepdims=True, initial=0.0)
     scaled = np.divide(values, top, out=np.zeros_like(values), where=top > 0)
     total = np.sqrt(np.square(scaled).sum(axis=axes)) * room(count)
@@ -346,7 +349,7 @@ def _row_norms(m: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
     top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
-    return top * np.sqrt(np.diff(rows.indptr)) * room(1) + SMALLEST_NORMAL
+    return top * np.sqrt(np.diff(rows.indptr)) * ROOM + SMALLEST_NORMAL
 
 
 def _frobenius(m: Matrix) -> tuple[Any, Any]:
