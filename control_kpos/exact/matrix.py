@@ -12,7 +12,7 @@ them, so that a sign can be proven about the numbers the user meant.  Three form
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from math import gcd, lcm
 from typing import Any, TypeAlias
@@ -44,6 +44,12 @@ class Matrix:
     radius : ndarray or csr_array like `values`, or None
         |values - exact| <= radius entrywise, where each exact row may carry a positive factor of its
         own if `integer_rows` is set.
+    shape : tuple of int
+        Shape of `values`.
+    is_sparse : bool
+        True if `values` is a csr_array.
+    is_double : bool
+        True if the doubles in `values` are the exact data.
     numerators, denominator : ndarray of int (object), int
         Exact data numerators / denominator, for fractions, decimals and large integers.
     integer_rows : callable or None
@@ -56,8 +62,12 @@ class Matrix:
     numerators: Integers | None = None
     denominator: int = 1
     integer_rows: Callable[[Index], Integers] | None = None
+    shape: tuple[int, ...] = field(init=False, repr=False)
+    is_sparse: bool = field(init=False, repr=False)
+    is_double: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        vars(self).update(shape=self.values.shape, is_sparse=sp.issparse(self.values), is_double=self.radius is None)
         for name in ("values", "radius", "numerators"):
             array = getattr(self, name)
             if isinstance(array, np.ndarray) and array.flags.writeable:
@@ -131,21 +141,6 @@ class Matrix:
         return cls.join([m[None] for m in matrices], 0)
 
     # -- what it is
-
-    @property
-    def is_sparse(self) -> bool:
-        """True if `values` is a csr_array."""
-        return sp.issparse(self.values)
-
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """Shape of `values`."""
-        return self.values.shape
-
-    @property
-    def is_double(self) -> bool:
-        """True if the doubles in `values` are the exact data."""
-        return self.radius is None
 
     @property
     def is_zero(self) -> bool:

@@ -236,15 +236,8 @@ def gather(
             stacks.append(item)
             members.append(np.arange(count, count + len(item)))
         elif isinstance(item, ConeStateSpace):
-            key = (
-                item.nstates,
-                item.ninputs,
-                item.noutputs,
-                id(item.X),
-                id(item.U),
-                id(item.Y),
-                item._generic_name_check(),
-            )
+            sizes, cones = (item.nstates, item.ninputs, item.noutputs), item.cones
+            key = (*sizes, *map(id, cones), item._generic_name_check())
             groups.setdefault(key, []).append((count, item))
         else:
             raise ShapeError(
@@ -268,8 +261,7 @@ def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> l
     """Join groups whose cones are different objects but equal sets, without comparing all pairs."""
     merged: dict[Any, list[tuple[int, ConeStateSpace]]] = {}
     for key, nodes in groups.items():
-        system = nodes[0][1]
-        merged.setdefault((key[:3], system.X, system.U, system.Y, key[-1]), []).extend(nodes)
+        merged.setdefault((key[:3], *nodes[0][1].cones, key[-1]), []).extend(nodes)
     return list(merged.values())
 
 
@@ -282,7 +274,7 @@ def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     labels = ()
     if len(systems) <= READABLE:
         labels = tuple((tuple(s.state_labels), tuple(s.input_labels), tuple(s.output_labels)) for s in systems)
-    return NodeStack(**data, X=first.X, U=first.U, Y=first.Y, dt=first.dt, names=names, labels=labels)
+    return NodeStack(**data, **dict(zip("XUY", first.cones, strict=True)), dt=first.dt, names=names, labels=labels)
 
 
 def same_timebase(a: Timebase, b: Timebase) -> bool:
