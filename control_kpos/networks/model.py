@@ -274,7 +274,8 @@ def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     labels = ()
     if len(systems) <= READABLE:
         labels = tuple((tuple(s.state_labels), tuple(s.input_labels), tuple(s.output_labels)) for s in systems)
-    return NodeStack(**data, **dict(zip("XUY", first.cones, strict=True)), dt=first.dt, names=names, labels=labels)
+    X, U, Y = first.cones
+    return NodeStack(**data, X=X, U=U, Y=Y, dt=first.dt, names=names, labels=labels)
 
 
 def same_timebase(a: Timebase, b: Timebase) -> bool:
