@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import ConeMismatchError, DataError, ShapeError
+from ..errors import ConeMismatchError, DataError, TooLargeError
 from ..exact.intake import dimensions, exact_matrix, sparse_matrix
 from ..exact.matrix import Matrix
+from .blocks import Index
 from .model import NetworkModel
+
+# Entries up to which couplings with fractions are kept, in dense form.
+_EXACT_ENTRIES = 10**7
 
 
 def read_coupling(coupling: Any, model: NetworkModel) -> Matrix:
@@ -27,8 +33,9 @@ def read_coupling(coupling: Any, model: NetworkModel) -> Matrix:
     ConeMismatchError
         A coupling of another size than the nodes need (both sizes named).
     ShapeError, DataError
-        Ragged blocks, NaN, inf; graphs with parallel edges, unknown node labels or weights that are no
-        numbers.
+        Ragged blocks, NaN, inf; graphs with parallel edges or weights that are no numbers.
+    TooLargeError
+        Fractions among more than 10^7 entries, zeros counted.
     """
     if is_graph(coupling):
         return _from_graph(coupling, model)
@@ -78,24 +85,7 @@ def _from_graph(graph: Any, model: NetworkModel) -> Matrix:
                 f"{s.sizes[2]} outputs; "
                 "graphs couple nodes with one input and one output. Give a matrix or blocks."
             )
-    labels = list(graph.nodes)
-    if len(labels) != model.n_nodes:
-        raise ConeMismatchError(f"coupling is a graph of {len(labels)} nodes, but there are {model.n_nodes} systems.")
-    number: dict[Any, int] = {name: j for j, name in enumerate(model.names)}
-    if not any(label in number for label in labels):
-        number = {j: j for j in range(model.n_nodes)}
-    elif len(number) < model.n_nodes:
-        twice = next(name for j, name in enumerate(model.names) if number[name] != j)
-        raise ConeMismatchError(
-            f"coupling is a graph with names for nodes, but two systems are called {twice!r}; give them different "
-            f"names, or number the nodes of the graph 0 to {model.n_nodes - 1}."
-        )
-    strange = next((label for label in labels if label not in number), None)
-    if strange is not None:
-        raise ConeMismatchError(
-            f"coupling is a graph with a node {strange!r}; nodes must be named like the systems, or 0 to "
-            f"{model.n_nodes - 1}."
-        )
+    number = {label: j for j, label in enumerate(_labels_in_order(graph, model))}
     rows, columns, weights = [], [], []
     for tail, head, weight in graph.edges(data="weight", default=1):
         ends = [(tail, head)] if graph.is_directed() or tail == head else [(tail, head), (head, tail)]
@@ -104,17 +94,84 @@ def _from_graph(graph: Any, model: NetworkModel) -> Matrix:
             columns.append(number[a])
             weights.append(weight)
     values = exact_matrix(weights, "coupling weights", ndim=1)
-    if not values.is_double:
-        raise DataError("edge weights must be doubles; give exact fractions as a matrix.")
-    size = (model.n_nodes, model.n_nodes)
-    return Matrix(sparse_matrix(sp.coo_array((values.values, (rows, columns)), shape=size), "coupling"))
+    i, k = np.array(rows, dtype=np.intp), np.array(columns, dtype=np.intp)
+    return from_entries([i], [k], [values], (model.n_nodes, model.n_nodes))
+
+
+def _labels_in_order(graph: Any, model: NetworkModel) -> list[Any]:
+    """The nodes of a graph in the order of the systems.
+
+    Labels may be the names of the systems, or 0, ..., N - 1.  Any others stand for the systems in the order in which
+    the graph holds its nodes.
+    """
+    labels = list(graph.nodes)
+    if len(labels) != model.n_nodes:
+        raise ConeMismatchError(f"coupling is a graph of {len(labels)} nodes, but there are {model.n_nodes} systems.")
+    number: dict[Any, int] = {name: j for j, name in enumerate(model.names)}
+    if not any(label in number for label in labels):
+        numbered = set(labels) == set(range(len(labels)))
+        return list(range(len(labels))) if numbered else labels
+    if len(number) < model.n_nodes:
+        twice = next(name for j, name in enumerate(model.names) if number[name] != j)
+        raise ConeMismatchError(
+            f"coupling is a graph with names for nodes, but two systems are called {twice!r}; give them different "
+            f"names, or number the nodes of the graph 0 to {model.n_nodes - 1}."
+        )
+    strange = next((label for label in labels if label not in number), None)
+    if strange is not None:
+        raise ConeMismatchError(
+            f"coupling is a graph with a node {strange!r} that is no name of a system, although others are; name all "
+            f"nodes of the graph like the systems, or 0 to {model.n_nodes - 1}."
+        )
+    return model.names
+
+
+def named_by_graph(model: NetworkModel, coupling: Any) -> NetworkModel:
+    """The nodes with the labels of a graph as their names, where they have none of their own."""
+    if not is_graph(coupling) or any(s.names for s in model.stacks):
+        return model
+    labels = [str(label) for label in _labels_in_order(coupling, model)]
+    if len(set(labels)) < len(labels) or labels == [str(j) for j in range(len(labels))]:
+        return model
+    stacks = tuple(
+        replace(s, names=tuple(labels[j] for j in index.tolist()))
+        for s, index in zip(model.stacks, model.members, strict=True)
+    )
+    return NetworkModel(stacks, model.members, model.coupling, model.dt)
+
+
+def entries_of(M: Matrix) -> tuple[Index, Index, Matrix]:
+    """Rows, columns and exact values of the entries that are not zero."""
+    if M.is_double:
+        coo = sp.coo_array(M.values)
+        return coo.coords[0].astype(np.intp), coo.coords[1].astype(np.intp), Matrix(coo.data)
+    rows, columns = np.nonzero(M.as_integers()[0])
+    return rows, columns, M[rows, columns]
+
+
+def from_entries(rows: list[Index], columns: list[Index], values: list[Matrix], shape: tuple[int, int]) -> Matrix:
+    """A coupling from its entries, those in the same place added: sparse, or dense if there are fractions."""
+    at = np.concatenate([*rows, np.zeros(0, dtype=np.intp)]), np.concatenate([*columns, np.zeros(0, dtype=np.intp)])
+    if all(part.is_double for part in values):
+        data = np.concatenate([*(part.values for part in values), np.zeros(0)])
+        return Matrix(sparse_matrix(sp.coo_array((data, at), shape=shape), "coupling"))
+    if shape[0] * shape[1] > _EXACT_ENTRIES:
+        raise TooLargeError(
+            f"a coupling of {shape[0]} x {shape[1]} with decimals or fractions is refused (limit {_EXACT_ENTRIES} "
+            "entries, zeros counted); give links of networks this large in doubles."
+        )
+    out = np.full(shape, Fraction(0), dtype=object)
+    np.add.at(out, at, np.concatenate([part.fractions() for part in values]))
+    return Matrix.from_fractions(out)
 
 
 def _has_blocks(coupling: Any) -> bool:
     if not isinstance(coupling, (list, tuple)):
         return False
-    entries = [b for row in coupling if isinstance(row, (list, tuple)) for b in row]
-    return any(b is None or sp.issparse(b) or (not isinstance(b, str) and dimensions(b) == 2) for b in entries)
+    entries = (b for row in coupling if isinstance(row, (list, tuple)) for b in row)
+    return any(
+        b is None or sp.issparse(b) or dimensions(b) == 2 for b in entries if not isinstance(b, (str, int, float))
+    )
 
 
 def _from_blocks(coupling: Any, model: NetworkModel) -> Matrix:
@@ -127,7 +184,7 @@ def _from_blocks(coupling: Any, model: NetworkModel) -> Matrix:
             f"{n} blocks."
         )
     m, q = np.diff(model.offsets[1]), np.diff(model.offsets[2])
-    rows, columns, data = [], [], []
+    rows, columns, values = [], [], []
     for j, row in enumerate(coupling):
         for k, block in enumerate(row):
             if block is None or (dimensions(block) == 0 and not sp.issparse(block) and block == 0):
@@ -139,15 +196,8 @@ def _from_blocks(coupling: Any, model: NetworkModel) -> Matrix:
                     f"{name} is {exact.shape[0]} x {exact.shape[1]}, but {model.name_of(j)} has {m[j]} inputs and "
                     f"{model.name_of(k)} has {q[k]} outputs."
                 )
-            if not exact.is_double:
-                raise ShapeError(f"{name} holds fractions; give them as one dense coupling matrix.")
-            coo = sp.coo_array(exact.values)
-            rows.append(coo.coords[0] + model.offsets[1][j])
-            columns.append(coo.coords[1] + model.offsets[2][k])
-            data.append(coo.data)
-    if not data:
-        return Matrix(sp.csr_array((model.totals[1], model.totals[2])))
-    at = (np.concatenate(rows), np.concatenate(columns))
-    return Matrix(
-        sparse_matrix(sp.coo_array((np.concatenate(data), at), shape=(model.totals[1], model.totals[2])), "coupling")
-    )
+            i, k_own, entries = entries_of(exact)
+            rows.append(i + model.offsets[1][j])
+            columns.append(k_own + model.offsets[2][k])
+            values.append(entries)
+    return from_entries(rows, columns, values, model.totals[1:])

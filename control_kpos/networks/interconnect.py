@@ -8,21 +8,21 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from control import StateSpace
 from numpy.typing import ArrayLike
 
 from ..errors import ShapeError
 from ..exact.intake import places
 from ..exact.matrix import Matrix
-from ..systems.statespace import ConeStateSpace
 from .blocks import Index
-from .coupling import read_coupling
+from .coupling import named_by_graph, read_coupling
 from .given_rates import SupplyRates, certify_rates, read_rates
 from .model import NetworkModel, NodeStack, gather
 from .network import ConeNetwork
 
 
 def feedback_interconnect(
-    systems: NodeStack | ConeStateSpace | Iterable[NodeStack | ConeStateSpace],
+    systems: NodeStack | StateSpace | Iterable[NodeStack | StateSpace],
     coupling: ArrayLike | Any,
     *,
     supply_rates: SupplyRates | None = None,
@@ -42,11 +42,14 @@ def feedback_interconnect(
     Parameters
     ----------
     systems : sequence of ConeStateSpace, or NodeStack
-        Nodes of any sizes and cones; `control_kpos.stack` for many alike.  They may be mixed.
+        Nodes of any sizes and cones; `control_kpos.stack` for many alike.  They may be mixed.  A plain
+        `control.StateSpace` gets the nonnegative orthants as its cones.
     coupling : array_like, sparse matrix, list of lists of blocks, or networkx graph
         W, shape (sum m_j, sum q_k).  Blocks W[j][k] are m_j x q_k; None stands for zeros.  In a graph,
-        for nodes with one input and one output, an edge j -> k of weight w feeds y_j into u_k; its nodes
-        are 0, 1, ... or the names of the systems, and edges without a weight have weight 1.
+        for nodes with one input and one output, an edge j -> k of weight w feeds y_j into u_k, an undirected
+        edge both ways; edges without a weight have weight 1.  Its nodes are 0, ..., N - 1 or the names of the
+        systems.  Any other labels stand for the systems in the order of ``list(graph.nodes)`` and become
+        the names of the nodes, if these have none.
     supply_rates : sequence of (q_j, r_j), optional
         Test these local supply rates r_j'u_j + q_j'y_j and find weights sigma, instead of finding rates.
     inputs, outputs : sequence of int or str, optional
@@ -89,7 +92,7 @@ def feedback_interconnect(
     """
     stacks, members, dt = gather(systems)
     empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
-    model = empty.with_coupling(read_coupling(coupling, empty))
+    model = named_by_graph(empty, coupling).with_coupling(read_coupling(coupling, empty))
     external = None
     if inputs is not None or outputs is not None:
         external = (_select(model, inputs, 1, "inputs"), _select(model, outputs, 2, "outputs"))

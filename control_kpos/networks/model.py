@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
+from control import StateSpace
 from numpy.typing import NDArray
 
 from ..errors import ShapeError, TimebaseError
@@ -191,8 +192,12 @@ class NetworkModel:
     def restrict(self, keep: NDArray[np.bool_]) -> NetworkModel:
         """The nodes where `keep` is True and the links among them."""
         stacks, members = self.kept(keep, np.cumsum(keep) - 1)
-        W = self.W[np.flatnonzero(keep[self.owners(1)])][:, np.flatnonzero(keep[self.owners(2)])]
-        return NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array(W)), self.dt)
+        rows, columns = np.flatnonzero(keep[self.owners(1)]), np.flatnonzero(keep[self.owners(2)])
+        if self.coupling.is_double:
+            W = Matrix(sp.csr_array(self.W[rows][:, columns]))
+        else:
+            W = self.coupling[np.ix_(rows, columns)]
+        return NetworkModel(tuple(stacks), tuple(members), W, self.dt)
 
     def kept(self, keep: NDArray[np.bool_], position: Index) -> tuple[list[NodeStack], list[Index]]:
         """Stacks of the nodes where `keep` is True, and their new numbers."""
@@ -200,7 +205,7 @@ class NetworkModel:
         for s, index in zip(self.stacks, self.members, strict=True):
             chosen = np.flatnonzero(keep[index])
             if chosen.size:
-                stacks.append(s.take(chosen))
+                stacks.append(s if chosen.size == len(s) else s.take(chosen))
                 members.append(position[index[chosen]])
         return stacks, members
 
@@ -210,10 +215,12 @@ class NetworkModel:
 
 
 def gather(
-    systems: NodeStack | ConeStateSpace | Iterable[NodeStack | ConeStateSpace],
+    systems: NodeStack | StateSpace | Iterable[NodeStack | StateSpace],
     name: str = "systems",
 ) -> tuple[tuple[NodeStack, ...], tuple[Index, ...], Timebase]:
     """Sort nodes into stacks of one size and equal cones; return stacks, node numbers and timebase.
+
+    A plain StateSpace gets the nonnegative orthants as its cones.
 
     Raises
     ------
@@ -222,7 +229,7 @@ def gather(
     TimebaseError
         Nodes with different timebases.
     """
-    given: list[Any] = [systems] if isinstance(systems, (NodeStack, ConeStateSpace)) else items(systems, name)
+    given: list[Any] = [systems] if isinstance(systems, (NodeStack, StateSpace)) else items(systems, name)
     if not given:
         raise ShapeError(f"{name} is empty; a network needs at least one node.")
     dt: Timebase = None
@@ -235,7 +242,8 @@ def gather(
         if isinstance(item, NodeStack):
             stacks.append(item)
             members.append(np.arange(count, count + len(item)))
-        elif isinstance(item, ConeStateSpace):
+        elif isinstance(item, StateSpace):
+            item = item if isinstance(item, ConeStateSpace) else ConeStateSpace(item)
             sizes, cones = (item.nstates, item.ninputs, item.noutputs), item.cones
             key = (*sizes, *map(id, cones), item._generic_name_check())
             groups.setdefault(key, []).append((count, item))

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+import numpy as np
 from control import StateSpace
 
 from ..cards import card
-from ..errors import DataError, ShapeError, UndecidedError
+from ..errors import ShapeError, UndecidedError
 from ..exact.intake import (
     flag,
-    found,
-    items,
     real_number,
-    whole_number,
     words,
 )
 from ..progress import Reporter, Target
@@ -25,21 +23,14 @@ from .blocks import Index
 from .certificate import NetworkCertificate
 from .certify import certify
 from .coupling import read_coupling
-from .edits import Overlay, check_timebase
-from .inherited import LocalCertificate, inherit
-from .model import NetworkModel, NodeStack, gather
+from .edits import inherited, node_number, permissible_weight, placed, single_node, weights_by_node
+from .model import NetworkModel, NodeStack
 from .responses import NetworkResponses
-from .room import room_for
 from .spectrum.bracket import AbscissaCertificate, bracket
 from .witnesses import NetworkInstability
 
 # Brackets are not sought narrower than this: rounding is in the way.
 _NARROWEST = 1e-13
-
-
-def _require_numbers(nodes: Iterable[Any], name: str) -> list[int]:
-    """Numbers of nodes; of nodes that do not exist, `Overlay.identity` tells."""
-    return [whole_number(node, f"{name}: a node", least=None) for node in nodes]
 
 
 class ConeNetwork(NetworkResponses):
@@ -57,10 +48,8 @@ class ConeNetwork(NetworkResponses):
 
     Parameters
     ----------
-    model : NetworkModel, optional
+    model : NetworkModel
         Nodes in stacks and the coupling.
-    overlay : Overlay, optional
-        Instead of `model`: a certified network and what has changed since.
     external : tuple of two ndarrays of int, optional
         Places of the external inputs and outputs kept; all if not given.
     name : str, optional
@@ -97,22 +86,21 @@ class ConeNetwork(NetworkResponses):
 
     def __init__(
         self,
-        model: NetworkModel | None = None,
+        model: NetworkModel,
         *,
-        overlay: Overlay | None = None,
         external: tuple[Index, Index] | None = None,
         name: str | None = None,
-        certificate: NetworkCertificate | LocalCertificate | None = None,
+        certificate: NetworkCertificate | None = None,
         find: Callable[[NetworkModel], NetworkCertificate] | None = None,
         progress: Target = None,
     ) -> None:
-        super().__init__(model, overlay=overlay, external=external, name=name, progress=progress)
+        super().__init__(model, external=external, name=name, progress=progress)
         self._find = certify if find is None else find
         if certificate is not None:
             self.__dict__["certificate"] = certificate
 
     @cached_property
-    def certificate(self) -> NetworkCertificate | LocalCertificate:
+    def certificate(self) -> NetworkCertificate:
         """Theorem 4 for this network: PROVED, or REFUTED with what breaks it."""
         with Reporter(self._progress) as report:
             if self._find is certify:
@@ -193,18 +181,12 @@ class ConeNetwork(NetworkResponses):
         Returns
         -------
         ConeNetwork
-            Its certificate holds the same v, r, q and is proven for the new links without a solve if what
-            is left of every link and what is taken away both map Y into U, or if (III') still holds.
+            Its certificate holds the same v and is proven for the new links without a solve if what is left of
+            every link and what is taken away both map Y into U, or if Theorem 4 still holds with this v.
             Otherwise it is found anew when first asked for.
         """
         model = self.model.with_coupling(read_coupling(coupling, self.model))
-        known = self.certificate
-        return ConeNetwork(
-            model,
-            external=self._external,
-            certificate=inherit(known.whole if isinstance(known, LocalCertificate) else known, model),
-            progress=self._progress,
-        )
+        return self._edited(model, np.arange(model.n_nodes), self._external)
 
     def with_node(
         self,
@@ -226,13 +208,11 @@ class ConeNetwork(NetworkResponses):
         Returns
         -------
         ConeNetwork
-            With all external signals.  If this network is certified and its certificate leaves room, the
-            new one is proven by looking at the new node and its neighbours only, whatever the size of the
-            network; otherwise its certificate is found anew when first asked for.
+            With all external signals.  If this network is certified and its sources can afford the new node,
+            the certificate is inherited, without a solve for the whole network; otherwise it is found anew when
+            first asked for.
         """
-        overlay = self._changes()
-        stack = self._single(system)
-        return self._changed(overlay.place(overlay.count, stack, *self._identified(overlay, incoming, outgoing)))
+        return self._with_placed(self.model.n_nodes, system, incoming or {}, outgoing or {})
 
     def replace_node(
         self,
@@ -256,12 +236,7 @@ class ConeNetwork(NetworkResponses):
         ConeNetwork
             Certified like that of `with_node`.
         """
-        overlay = self._changes()
-        identity = overlay.identity(node)
-        into, out_of = self._identified(overlay, incoming, outgoing)
-        into = overlay.links(identity, True) if incoming is None else into
-        out_of = overlay.links(identity, False) if outgoing is None else out_of
-        return self._changed(overlay.place(identity, self._single(system), into, out_of))
+        return self._with_placed(node_number(self.model, node), system, incoming, outgoing)
 
     def without_node(self, node: int) -> ConeNetwork:
         """The network without a node and its links; later nodes move up.
@@ -273,12 +248,13 @@ class ConeNetwork(NetworkResponses):
         Returns
         -------
         ConeNetwork
-            Certified if this one is, without looking at more than the neighbours.
+            With all external signals; certified by the same vectors if this one is.
         """
-        overlay = self._changes()
-        if overlay.n_nodes == 1:
+        if self.model.n_nodes == 1:
             raise ShapeError("the only node of a network cannot be removed.")
-        return self._changed(overlay.remove(overlay.identity(node)))
+        left = np.delete(np.arange(self.model.n_nodes), node_number(self.model, node))
+        keep = np.isin(np.arange(self.model.n_nodes), left)
+        return self._edited(self.model.restrict(keep), left)
 
     def room_for(
         self,
@@ -309,38 +285,21 @@ class ConeNetwork(NetworkResponses):
         ConeMismatchError
             Links of another shape than the ports; feedthrough in the node or in a source.
         """
-        overlay = self._changes()
-        links = []
-        for given, name in ((sources, "sources"), (targets, "targets")):
-            nodes = _require_numbers(given if isinstance(given, Mapping) else items(given, name), name)
-            shapes = given if isinstance(given, Mapping) else dict.fromkeys(nodes, 1.0)
-            links.append({overlay.identity(k): w for k, w in shapes.items()})
-        return room_for(overlay, self._single(system), *links)
+        return permissible_weight(self.certificate, single_node(system, self.dt), sources, targets)
 
-    def _changes(self) -> Overlay:
-        certificate = self.certificate
-        return certificate.overlay if isinstance(certificate, LocalCertificate) else Overlay.of(certificate)
+    def _with_placed(
+        self, node: int, system: Any, incoming: Mapping[int, Any] | None, outgoing: Mapping[int, Any] | None
+    ) -> ConeNetwork:
+        stack = single_node(system, self.dt)
+        given = zip((incoming, outgoing), ("incoming", "outgoing"), strict=True)
+        into, out_of = (None if w is None else weights_by_node(self.model, w, name) for w, name in given)
+        model = placed(self.model, node, stack, into, out_of)
+        origin = np.arange(model.n_nodes)
+        return self._edited(model, np.where(origin == node, -1, origin))
 
-    def _single(self, system: ConeStateSpace | NodeStack) -> NodeStack:
-        stacks, _, _ = gather(system, "system")
-        if len(stacks) != 1 or len(stacks[0]) != 1:
-            raise ShapeError("give one node; add several one after the other.")
-        check_timebase(stacks[0], self.dt)
-        return stacks[0]
-
-    @staticmethod
-    def _identified(overlay: Overlay, *links: Mapping[int, Any] | None) -> list[dict[int, Any]]:
-        for link, name in zip(links, ("incoming", "outgoing"), strict=True):
-            if not (link is None or isinstance(link, Mapping)):
-                raise DataError(f"{name} is {found(link)}; give a dictionary of weights by the number of the node.")
-            _require_numbers(link or {}, name)
-        return [{overlay.identity(k): w for k, w in (link or {}).items()} for link in links]
-
-    def _changed(self, overlay: Overlay) -> ConeNetwork:
-        if overlay.covered:
-            certificate = LocalCertificate(overlay=overlay, status=Status.PROVED)
-            return ConeNetwork(overlay=overlay, certificate=certificate, progress=self._progress)
-        return ConeNetwork(overlay.build(), progress=self._progress)
+    def _edited(self, model: NetworkModel, origin: Index, external: tuple[Index, Index] | None = None) -> ConeNetwork:
+        certificate = inherited(self.certificate, model, origin)
+        return ConeNetwork(model, external=external, certificate=certificate, progress=self._progress)
 
     def copy(self, name: str | None = None, use_prefix_suffix: bool = True) -> ConeNetwork:
         """A network that shares the immutable data.

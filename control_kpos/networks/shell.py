@@ -11,12 +11,11 @@ from control import StateSpace
 from numpy.typing import NDArray
 
 from ..cones import Cone, product
-from ..errors import DataError, TooLargeError
+from ..errors import TooLargeError
 from ..exact.intake import words
 from ..progress import Reporter, Target
 from .blocks import Index
 from .closed_loop import ClosedLoop
-from .edits import Overlay
 from .model import READABLE, NetworkModel
 
 # States above which dense matrices are refused (200 MB for A).
@@ -28,9 +27,7 @@ class NetworkShell(StateSpace):
 
     Parameters
     ----------
-    model : NetworkModel, optional
-        Or an `overlay` from which the model is built when needed.
-    overlay : Overlay, optional
+    model : NetworkModel
     external : tuple of two ndarrays of int, optional
         External inputs and outputs kept; all if not given.
     name : str, optional
@@ -39,38 +36,23 @@ class NetworkShell(StateSpace):
 
     def __init__(
         self,
-        model: NetworkModel | None = None,
+        model: NetworkModel,
         *,
-        overlay: Overlay | None = None,
         external: tuple[Index, Index] | None = None,
         name: str | None = None,
         progress: Target = None,
     ) -> None:
         # StateSpace.__init__ would ask for dense matrices; set up what the classes above it need.
         self.name = self._name_or_default(words(name, "name"))
-        self._overlay = overlay
-        if model is not None:
-            self.__dict__["model"] = model
-            self.__dict__["loop"] = ClosedLoop(model)  # refuses networks that are not well posed
+        self.model = model
+        self.loop = ClosedLoop(model)  # refuses networks that are not well posed
         self._external = external
-        self.dt = model.dt if model is not None else overlay.base.model.dt if overlay is not None else None
+        self.dt = model.dt
         self._repr_format = None
         self.params: dict[str, Any] = {}
         self._current_params: dict[str, Any] = {}
         Reporter(progress)  # refuses what is no target
         self._progress = progress
-
-    @cached_property
-    def model(self) -> NetworkModel:
-        """Nodes in stacks and the coupling."""
-        if self._overlay is None:
-            raise DataError("a network needs a model.")
-        return self._overlay.build()
-
-    @cached_property
-    def loop(self) -> ClosedLoop:
-        """The closed loop as sparse matrices and as an operator."""
-        return ClosedLoop(self.model)
 
     @cached_property
     def _inputs(self) -> Index:
