@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,6 +36,28 @@ from ..exact.signs import UNKNOWN, BilinearForms
 
 # Largest dimension and number of generators of a cone that is listed in a notebook.
 _MOST_SHOWN = 30
+
+
+@runtime_checkable
+class HoldsCone(Protocol):
+    """The answer of a search for a cone, which is taken wherever a cone is."""
+
+    def __cone__(self) -> Cone | str:
+        """The cone that was found, or why there is none."""
+        ...
+
+
+def held_cone(given: Any, name: str) -> Any:
+    """The cone in the answer of a search; anything else as it is.
+
+    A search that failed is refused with its reason.
+    """
+    if not isinstance(given, HoldsCone):
+        return given
+    cone = given.__cone__()
+    if isinstance(cone, str):
+        raise DataError(f"{name} is the answer of a search that found no cone. {cone}")
+    return cone
 
 
 class Cone(ABC):
@@ -197,7 +219,7 @@ class Cone(ABC):
         >>> X.contains([[1, 0], [0, 1]])
         array([ True, False])
         """
-        strict = flag(strict, "strict")
+        strict, x = flag(strict, "strict"), held_cone(x, "x")
         if isinstance(x, Cone):
             self._require_same_dimension(x)
             return bool(self._contains_rows(x.exact_rays, strict).all())
@@ -245,9 +267,11 @@ class Cone(ABC):
         return Cone._from_rays(-self._dense_exact(self.exact_rays, "rays"))
 
     def __mul__(self, other: Cone) -> Cone:
+        other = held_cone(other, "the factor")
         return Cone._product([self, other]) if isinstance(other, Cone) else NotImplemented
 
     def __and__(self, other: Cone) -> Cone:
+        other = held_cone(other, "the operand of &")
         if not isinstance(other, Cone):
             return NotImplemented
         self._require_same_dimension(other)
@@ -255,6 +279,7 @@ class Cone(ABC):
         return Cone._from_normals(Matrix.join(parts, -2))
 
     def __add__(self, other: Cone) -> Cone:
+        other = held_cone(other, "the summand")
         if not isinstance(other, Cone):
             return NotImplemented
         self._require_same_dimension(other)

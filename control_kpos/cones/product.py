@@ -16,7 +16,7 @@ from ..errors import DataError, ShapeError
 from ..exact.intake import found, items
 from ..exact.matrix import Integers, Matrix
 from ..exact.rows import frozen
-from .base import Cone
+from .base import Cone, held_cone
 from .orthant import Orthant
 
 
@@ -285,7 +285,7 @@ def product(factors: Iterable[Cone]) -> Cone:
     position = 0
     for _, group in groupby(items(factors, "factors"), key=id):
         same = list(group)
-        X: Any = same[0]
+        X: Any = held_cone(same[0], f"factors[{position}]")
         if not isinstance(X, Cone):
             raise DataError(f"factors[{position}] is {found(X)}; give cones.")
         position += len(same)

@@ -2,51 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from typing import Any, Literal
 
 import numpy as np
 from control import StateSpace, TransferFunction
 
 from ..cones import Cone
-from ..errors import (
-    ConeMismatchError,
-    DataError,
-    ShapeError,
-    TimebaseError,
-    TooLargeError,
-)
-from ..exact.budget import OutOfTimeError, limited_to
-from ..exact.intake import (
-    choice,
-    dimensions,
-    exact_matrix,
-    flag,
-    items,
-    seconds,
-    whole_number,
-)
+from ..cones.base import held_cone
+from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError, TooLargeError
+from ..exact.intake import choice, dimensions, exact_matrix, flag, items, seconds, whole_number
 from ..exact.matrix import Matrix
 from ..exact.rational_programs import exact_feasibility
 from ..exact.signs import BilinearForms
 from ..progress import Reporter, Target
-from ..proof.certificate import Status
 from ..systems.system import System
-from .certificate import ConeCertificate
-from .family.search import NEARLY, Effort, find_common
-from .generated import proper_cone
-from .impossible.existence import spectral_obstruction
-from .impossible.port_obstruction import port_obstruction
-from .one_matrix.explicit import fewest_rays
-from .one_matrix.modes import dominant_index
-from .one_matrix.repeated import repeated_cones
-from .one_matrix.search import eigenvalues, find_single, prove_exactly
-from .ports.search import find_with_ports
-from .result import FoundCone
-
-# Relative distance to which rounding may move copies of a repeated eigenvalue.
-_SPLIT = 1e-4
+from .answer import FoundCone
+from .question import Question
+from .search import find_within
 
 
 def find_cone(
@@ -59,7 +31,7 @@ def find_cone(
     few: Literal["rays", "facets"] = "rays",
     seed: int = 0,
     restarts: int = 200,
-    time_limit: float = 30.0,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> FoundCone:
     """Find a proper polyhedral cone X that A leaves invariant, or prove that there is none.
@@ -83,8 +55,9 @@ def find_cone(
         Which of the two descriptions of X should be short.  For one matrix without contains and within.
     seed, restarts : int
         Random starts of such a search.
-    time_limit : float
-        Seconds for the whole search, after which the answer is UNDECIDED; inf for no limit.
+    time_limit : float, optional
+        Seconds for the whole search, after which the answer is UNDECIDED; inf for no limit.  Without it operations
+        are counted instead, and the answer is the same on every machine; they last for about half a minute.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
         terminal or a notebook; False: never; True: also where nobody seems to watch.
@@ -120,43 +93,37 @@ def find_cone(
     by_facets = choice(few, "few", ("rays", "facets")) == "facets"
     most = None if max_rays is None else whole_number(max_rays, "max_rays", least=1)
     timed = None if discrete is None else flag(discrete, "discrete")
-    effort = Effort(whole_number(seed, "seed"), whole_number(restarts, "restarts"))
-    limit = seconds(time_limit)
+    more: dict[str, Any] = {"seed": whole_number(seed, "seed"), "restarts": whole_number(restarts, "restarts")}
+    limit = None if time_limit is None else seconds(time_limit)
     if isinstance(A, TransferFunction):
         raise DataError("A is a transfer function, which has no state; convert it with control.ss first.")
     if _is_family(A):
         if contains is not None or within is not None or by_facets:
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
         matrices, timed = family(A, "A"), _timed(A, timed)
-        with Reporter(progress) as report:
-            search = partial(_common, matrices, most, bool(timed), effort, report)
-            return _carefully(search, limit, matrices, bool(timed))
-    if isinstance(A, StateSpace):
+        more["switching"] = True
+    elif isinstance(A, StateSpace):
         matrix, vectors, normals, timed = _of_system(A, contains, within, timed)
+        matrices, more = Matrix.stack([matrix]), {**more, **_between(vectors, normals)}
     else:
         matrix = square(A, "A")
         n = matrix.shape[0]
         vectors, normals = _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets")
-    if vectors.shape[0] or normals.shape[0]:
-        with Reporter(progress) as report:
-            search = partial(_with_ports, matrix, vectors, normals, most, bool(timed), report)
-            return _carefully(search, limit, Matrix.stack([matrix]), bool(timed))
+        matrices, more = Matrix.stack([matrix]), {**more, **_between(vectors, normals)}
+    if not more.keys() & {"contains", "within"}:
+        more["by_facets"] = by_facets
     with Reporter(progress) as report:
-        search = partial(_one, matrix, most, bool(timed), by_facets, effort, report)
-        return _carefully(search, limit, Matrix.stack([matrix]), bool(timed))
+        question = Question(matrices=matrices, discrete=bool(timed), max_rays=most, report=report, **more)
+        return find_within(question, limit)
 
 
-def _carefully(search: Callable[[], FoundCone], limit: float, matrices: Matrix, discrete: bool) -> FoundCone:
-    """What a search finds; nothing if time is over, or eigenvalues or singular values do not converge."""
-    try:
-        with np.errstate(all="ignore"), limited_to(limit):
-            return search()
-    except OutOfTimeError:
-        reason = f"The time limit of {limit:g} s ended the search; more may help."
-    except np.linalg.LinAlgError as error:
-        reason = f"Numerical linear algebra failed: {error}."
-    nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
-    return FoundCone(nothing, None, matrices.shape[-1], np.inf, reason)
+def _between(vectors: Matrix | None, normals: Matrix | None) -> dict[str, Matrix]:
+    """Vectors and half-spaces as fields of a question, those that there are."""
+    given = {"contains": vectors, "within": normals}
+    found = {name: rows for name, rows in given.items() if rows is not None and rows.shape[0]}
+    if vectors is not None and normals is not None:
+        _require_fit(vectors, normals)
+    return found
 
 
 def _is_family(A: Any) -> bool:
@@ -194,33 +161,6 @@ def family(data: Any, name: str) -> Matrix:
     return Matrix.stack(read)
 
 
-def _common(
-    matrices: Matrix, max_rays: int | None, discrete: bool, effort: Effort, report: Callable[[str], None]
-) -> FoundCone:
-    bound = max(lower_bound(matrices[s], discrete=discrete) for s in range(matrices.shape[0]))
-    certificate, separators, conditioning, best = find_common(
-        matrices, discrete=discrete, max_rays=max_rays, effort=effort, report=report
-    )
-    if certificate.status is not Status.REFUTED:
-        _require_rays(max_rays, bound)
-    if not certificate or certificate.rays is None or certificate.right_inverse is None:
-        more = f"Any common cone needs at least {bound} rays. More restarts, another seed or more time may help."
-        if best > -NEARLY:
-            more = (
-                f"Rays were found that all matrices keep up to {max(-best, 0.0):.1g}, but the numbers leave no room "
-                "for a proof. If such a cone is meant to exist, give exact data (fractions), else a smaller family."
-            )
-        more = "" if certificate.witness else more
-        return FoundCone(certificate, None, bound, np.inf, more)
-    cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
-    more = (
-        "It is invariant under the whole convex hull of the family."
-        if certificate.v is None
-        else "It is invariant under the whole convex hull of the family; v proves stability under arbitrary switching."
-    )
-    return FoundCone(certificate, cone, bound, conditioning, more)
-
-
 def _of_system(
     sys: StateSpace, contains: Any, within: Any, discrete: bool | None
 ) -> tuple[Matrix, Matrix, Matrix, bool]:
@@ -242,6 +182,7 @@ def _rows(data: Any, name: str, n: int, kind: str) -> Matrix:
     """Vectors or normals, one a row, from an array or a cone; none if data is None."""
     if data is None:
         return Matrix.zeros(0, n)
+    data = held_cone(data, name)
     if isinstance(data, Cone):
         data = data.exact_rays if kind == "rays" else data.exact_facets
     matrix = exact_matrix(data, name).plain()
@@ -264,14 +205,8 @@ def _nonzero(rows: Matrix) -> Matrix | None:
     return rows[index] if index.size else None
 
 
-def _with_ports(
-    A: Matrix,
-    vectors: Matrix,
-    normals: Matrix,
-    max_rays: int | None,
-    discrete: bool,
-    report: Callable[[str], None],
-) -> FoundCone:
+def _require_fit(vectors: Matrix, normals: Matrix) -> None:
+    """Raise if no cone holds the vectors and lies in the half-spaces, whatever the matrix."""
     signs = BilinearForms(normals, None, vectors).signs() if normals.shape[0] and vectors.shape[0] else np.zeros((0, 0))
     if (signs < 0).any():
         i, j = (int(k) for k in np.argwhere(signs < 0)[0])
@@ -280,26 +215,11 @@ def _with_ports(
             f"product is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and "
             "lies in the other. Change the sign of an input or output, or choose other ones."
         )
-    _require_room(vectors, "contains", "vectors", "holds them holds a line, and is not pointed")
-    _require_room(normals, "within", "normals", "lies in these half-spaces is flat, and not solid")
-    bound = lower_bound(A, discrete=discrete)
-    certificate, separators, conditioning = find_with_ports(
-        A, vectors, normals, discrete=discrete, max_rays=max_rays, report=report
-    )
-    if certificate and certificate.rays is not None and certificate.right_inverse is not None:
-        cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
-        return FoundCone(certificate, cone, bound, conditioning)
-    obstruction = spectral_obstruction(A, discrete=discrete) or port_obstruction(A, vectors, normals, discrete=discrete)
-    if obstruction is not None:
-        refuted = ConeCertificate.settle(
-            matrices=Matrix.stack([A]), discrete=discrete, contains=vectors, within=normals, witness=obstruction
-        )
-        return FoundCone(refuted, None, bound, np.inf)
-    _require_rays(max_rays, bound)
-    return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
+    _require_one_side(vectors, "contains", "vectors", "holds them holds a line, and is not pointed")
+    _require_one_side(normals, "within", "normals", "lies in these half-spaces is flat, and not solid")
 
 
-def _require_room(rows: Matrix, name: str, kind: str, consequence: str) -> None:
+def _require_one_side(rows: Matrix, name: str, kind: str, consequence: str) -> None:
     """Raise if a combination of some rows with positive weights is zero."""
     index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
     if index.size < 2:
@@ -317,71 +237,9 @@ def _require_room(rows: Matrix, name: str, kind: str, consequence: str) -> None:
         )
 
 
-def _require_rays(max_rays: int | None, bound: int) -> None:
-    if max_rays is not None and max_rays < bound:
-        raise _too_few(max_rays, bound)
-
-
-def _too_few(max_rays: int | None, bound: int) -> DataError:
-    return DataError(
-        f"max_rays is {max_rays}, but every invariant polyhedral cone of this matrix has at least {bound} rays "
-        f"(and as many facets); ask for max_rays >= {bound}."
-    )
-
-
 def square(data: Any, name: str) -> Matrix:
     """Read a square matrix, or the A of a system."""
     matrix = System.read(data, name).A if isinstance(data, StateSpace) else exact_matrix(data, name)
     if matrix.shape[0] != matrix.shape[1] or not matrix.shape[0]:
         raise ShapeError(f"{name} is {matrix.shape[0]} x {matrix.shape[1]}; it must be square and not empty.")
     return Matrix(matrix.values.toarray()) if matrix.is_sparse else matrix
-
-
-def _one(
-    A: Matrix,
-    max_rays: int | None,
-    discrete: bool,
-    by_facets: bool,
-    effort: Effort,
-    report: Callable[[str], None],
-) -> FoundCone:
-    bound = lower_bound(A, discrete=discrete)
-    searched = A.T if by_facets else A
-    if max_rays is not None and max_rays < bound:
-        certificate, separators, conditioning = None, None, np.inf
-    else:
-        certificate, separators, conditioning = find_single(searched, discrete=discrete, max_rays=max_rays)
-        if not certificate and not discrete:
-            for rays, pointing in repeated_cones(searched):
-                if max_rays is None or rays.shape[0] <= max_rays:
-                    certificate, separators, conditioning = prove_exactly(searched, rays, pointing, discrete=False)
-        if not certificate and max_rays is not None:  # the modes need more: turn and move rays instead
-            certificate, separators, conditioning, _ = find_common(
-                Matrix.stack([searched]), discrete=discrete, max_rays=max_rays, effort=effort, report=report
-            )
-    if certificate is None or not certificate:
-        obstruction = spectral_obstruction(A, discrete=discrete)
-        if obstruction is not None:
-            refuted = ConeCertificate.settle(matrices=Matrix.stack([A]), discrete=discrete, witness=obstruction)
-            return FoundCone(refuted, None, bound, np.inf)
-    if certificate is None:
-        raise _too_few(max_rays, bound)
-    if not certificate or certificate.rays is None or certificate.right_inverse is None:
-        return FoundCone(certificate, None, bound, np.inf, f"Any such cone needs at least {bound} rays.")
-    cone: Cone = proper_cone(certificate.rays, separators, certificate.right_inverse)
-    if by_facets:
-        cone = cone.dual
-        data = {**certificate.data(), "matrices": Matrix.stack([A]), "by_facets": True, "v": None}
-        certificate = ConeCertificate.settle(**data)
-    return FoundCone(certificate, cone, bound, conditioning)
-
-
-def lower_bound(A: Matrix, *, discrete: bool) -> int:
-    """Least number of rays (and of facets) of an invariant polyhedral cone, from the spectrum."""
-    values = eigenvalues(A)
-    first = dominant_index(values, discrete=discrete)
-    rest = values[np.arange(len(values)) != first]
-    # Rounding turns a repeated eigenvalue into pairs close to it, which bound nothing.
-    rest = rest[np.abs(rest - values[first]) > _SPLIT * np.abs(values).max()]
-    size = float(abs(values[first])) if discrete else float(values[first].real)
-    return fewest_rays(rest[rest.imag > 0], size, len(values))

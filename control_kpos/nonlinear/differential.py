@@ -13,10 +13,7 @@ all displacements d in X: the flow contracts.
 
 from __future__ import annotations
 
-import time
-from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -25,7 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone, as_cone
 from ..errors import ConeMismatchError, DataError, ShapeError
-from ..exact.budget import OVERTIME, SPEED
+from ..exact.budget import OVERTIME, OutOfBudgetError, affords, budget, operations_left, seconds_left, spend
 from ..exact.intake import (
     dimensions,
     exact_matrix,
@@ -43,7 +40,7 @@ from ..exact.intervals import (
     jacobian_pieces,
 )
 from ..exact.matrix import Matrix, dense
-from ..exact.programs import solve
+from ..exact.programs import program_effort, solve
 from ..proof.certificate import Status
 from ..systems.system import System
 from .certificate import (
@@ -56,12 +53,13 @@ from .certificate import (
 Array = NDArray[np.float64]
 
 _SAMPLES = 200
-# Share of the time that goes into enclosures; the rest looks for a violation.
+# Operations of a decision without a time limit: a minute or so.
+_EFFORT = 6e10
+# The part of them that goes into enclosures; the rest looks for a violation.
 _FOR_PROOFS = 0.7
-# Last steps of each kind that an estimate rests on.
-_TIMED = 15
-# To set up a linear program, for each of its entries.
-_SECONDS_PER_ENTRY = 2e-7
+# Operations of one enclosure, unless a time limit is given and the clock says that the system's function takes more;
+# and of the conditions on one Jacobian, besides those that grow with its size.
+_PER_ENCLOSURE, _PER_JACOBIAN = 1e6, 3e5
 
 
 def differential_positivity(
@@ -72,7 +70,7 @@ def differential_positivity(
     inputs: ArrayLike | None = None,
     discrete: bool | None = None,
     pieces: int = 256,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
 ) -> DifferentialCertificate:
     """Decide whether a nonlinear system keeps the cone X of displacements.
 
@@ -90,8 +88,10 @@ def differential_positivity(
         For matrices: x[k+1] = f(x[k]).  Systems know.
     pieces : int
         Largest number of boxes the region may be cut into to tighten the enclosure.
-    time_limit : float
-        Seconds; what is not settled by then is UNDECIDED.  Boxes are cut while the decisions about them still fit.
+    time_limit : float, optional
+        Seconds, inf for no limit; what is not settled by then is UNDECIDED.  Without it operations are counted
+        instead, and the answer is the same on every machine; they last for about a minute.  Boxes are cut while the
+        decisions about them still fit.
 
     Returns
     -------
@@ -119,41 +119,22 @@ def differential_positivity(
     X = as_cone(X, "X")
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")
-    clock, pieces = _Clock(seconds(time_limit)), whole_number(pieces, "pieces", least=1)
-    if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
-        return _of_system(jacobians, X, region, inputs, pieces, clock)
-    if isinstance(jacobians, StateSpace):
-        system = System.read(jacobians, "jacobians")
-        timed, jacobians = system.discrete, [system.A]
-    elif region is not None or inputs is not None:
-        raise DataError(f"{'region' if region is not None else 'inputs'} is for a system, not for matrices.")
-    stack = _vertices(jacobians, X)
-    return _settled(stack, np.zeros(stack.shape), X, bool(timed), "vertices", clock)
+    pieces, limit = whole_number(pieces, "pieces", least=1), None if time_limit is None else seconds(time_limit)
+    with budget(_EFFORT if limit is None else np.inf, time_limit=limit):
+        if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
+            return _of_system(jacobians, X, region, inputs, pieces)
+        if isinstance(jacobians, StateSpace):
+            system = System.read(jacobians, "jacobians")
+            timed, jacobians = system.discrete, [system.A]
+        elif region is not None or inputs is not None:
+            raise DataError(f"{'region' if region is not None else 'inputs'} is for a system, not for matrices.")
+        stack = _vertices(jacobians, X)
+        return _settled(stack, np.zeros(stack.shape), X, bool(timed), "vertices")
 
 
-class _Clock:
-    """The time limit, and what an enclosure and a decision about one piece take, as measured."""
-
-    def __init__(self, limit: float) -> None:
-        self._begin, self.limit, self.last_decision = time.monotonic(), limit, False
-        self._spent: dict[str, deque[float]] = {kind: deque(maxlen=_TIMED) for kind in ("enclosure", "decision")}
-
-    @property
-    def left(self) -> float:
-        return self._begin + self.limit - time.monotonic()
-
-    @contextmanager
-    def timing(self, kind: str) -> Iterator[None]:
-        """Time one step."""
-        begin = time.monotonic()
-        try:
-            yield
-        finally:
-            self._spent[kind].append(time.monotonic() - begin)
-
-    def needed(self, kind: str, count: int) -> float:
-        """Seconds for so many more steps."""
-        return count * float(np.median(self._spent[kind])) if self._spent[kind] else 0.0
+def _effort(X: Cone, count: int) -> float:
+    """Operations of the conditions on so many Jacobians."""
+    return count * (_PER_JACOBIAN + 20.0 * X.n_facets * X.n_rays * X.dim)
 
 
 def _vertices(data: Any, X: Cone) -> Matrix:
@@ -171,36 +152,29 @@ def _vertices(data: Any, X: Cone) -> Matrix:
     return Matrix.from_fractions(np.array([m.fractions() for m in read], dtype=object))
 
 
-def _settled(
-    centres: Matrix, radii: Array, X: Cone, discrete: bool, source: str, clock: _Clock
-) -> DifferentialCertificate:
+def _settled(centres: Matrix, radii: Array, X: Cone, discrete: bool, source: str) -> DifferentialCertificate:
     """The certificate for enclosed or given Jacobians, with a violation or a common vector if there is one."""
     data: dict[str, Any] = {"centres": centres, "radii": radii, "X": X, "discrete": discrete, "source": source}
-    draft, count = DifferentialCertificate(**data), centres.shape[0]
-    for s in range(min(count, _TIMED)):
-        with clock.timing("decision"):
-            invariance(draft, s).verdict()
-    if clock.needed("decision", count) > clock.left + OVERTIME / SPEED:
-        witness = _violation(draft, None, clock)
-        return draft if witness is None else DifferentialCertificate.settle(**data, witness=witness)
-    plain = DifferentialCertificate.settle(**data)
-    if plain.status is not Status.PROVED:
-        witness = _violation(plain, None, clock)
-        return plain if witness is None else DifferentialCertificate.settle(**data, witness=witness)
-    if clock.needed("decision", count) > clock.left:
-        return plain
-    v = _common_vector(np.asarray(centres.values), radii, X, discrete, clock.left)
-    if v is None or clock.needed("decision", 2 * count) > clock.left + OVERTIME / SPEED:
-        return plain
+    effort = _effort(X, centres.shape[0])
+    certificate = DifferentialCertificate(**data)
+    if affords(effort - OVERTIME):
+        certificate = DifferentialCertificate.settle(**data)
+    if certificate.status is not Status.PROVED:
+        witness = _violation(certificate, None)
+        return certificate if witness is None else DifferentialCertificate.settle(**data, witness=witness)
+    try:
+        v = _common_vector(np.asarray(centres.values), radii, X, discrete)
+    except OutOfBudgetError:
+        return certificate
+    if v is None or not affords(2 * effort - OVERTIME):
+        return certificate
     contracting = DifferentialCertificate.settle(**data, v=v)
-    return contracting if contracting else plain
+    return contracting if contracting else certificate
 
 
-def _violation(
-    certificate: DifferentialCertificate, points: Array | None, clock: _Clock
-) -> DifferentialViolation | None:
+def _violation(certificate: DifferentialCertificate, points: Array | None) -> DifferentialViolation | None:
     for s in range(certificate.centres.shape[0]):
-        if s and clock.left < 0:
+        if s and not affords():
             break
         radius = certificate.radii[s]
         if radius.any() and points is None:
@@ -216,13 +190,38 @@ def _violation(
     return None
 
 
+class _Enclosure:
+    """The system's function on boxes, and decisions about the Jacobians found.
+
+    With a time limit the clock says what an enclosure takes, because the function is the user's.
+    """
+
+    def __init__(self, function: Callable[[Any], Any], X: Cone, discrete: bool) -> None:
+        self._function, self._X, self._discrete = function, X, discrete
+        self.effort, self.last_decision = _PER_ENCLOSURE, False
+
+    def __call__(self, z: Any) -> Any:
+        before = operations_left()
+        value = self._function(z)
+        self.effort = max(self.effort, before - operations_left())
+        spend(_PER_ENCLOSURE if affords(_PER_ENCLOSURE) else 0.0)
+        return value
+
+    def decided(self, centre: Array, radius: Array) -> bool:
+        """Whether the condition is proven for every Jacobian of this piece."""
+        piece = DifferentialCertificate(
+            centres=Matrix(centre[None]), radii=radius[None], X=self._X, discrete=self._discrete
+        )
+        self.last_decision = invariance(piece, 0).verdict() is True
+        return self.last_decision
+
+    def affords(self, enclosures: int, decisions: int) -> bool:
+        """Whether so many more may begin."""
+        return affords(enclosures * self.effort + _effort(self._X, decisions))
+
+
 def _of_system(
-    sys: NonlinearIOSystem,
-    X: Cone,
-    region: ArrayLike | None,
-    inputs: ArrayLike | None,
-    pieces: int,
-    clock: _Clock,
+    sys: NonlinearIOSystem, X: Cone, region: ArrayLike | None, inputs: ArrayLike | None, pieces: int
 ) -> DifferentialCertificate:
     n = int(sys.nstates or 0)
     if X.dim != n:
@@ -232,61 +231,57 @@ def _of_system(
     box, held = _box(region, n, "region"), _box(inputs, int(sys.ninputs or 0), "inputs")
     discrete = sys.dt is not None and (sys.dt is True or sys.dt != 0)
     instant = _AnyTime()
-    function = _closed_over(sys, n, instant)
+    enclosure = _Enclosure(_closed_over(sys, n, instant), X, discrete)
     whole = np.concatenate([box, held])
-
-    def decided(centre: Array, radius: Array) -> bool:
-        with clock.timing("decision"):
-            piece = DifferentialCertificate(centres=Matrix(centre[None]), radii=radius[None], X=X, discrete=discrete)
-            clock.last_decision = invariance(piece, 0).verdict() is True
-        return clock.last_decision
-
-    def enclosed(z: Any) -> Any:
-        with clock.timing("enclosure"):
-            return function(z)
-
-    found: list[tuple[Array, Array]] = []
-    open_: list[tuple[Array, Array]] = []  # pieces that were not cut, and not decided
-
-    def late(waiting: int) -> bool:
-        more = clock.needed("enclosure", waiting) + clock.needed("decision", len(found) + waiting)
-        return more > clock.left - (1 - _FOR_PROOFS) * clock.limit
-
     try:
-        for piece in jacobian_pieces(enclosed, whole, n, decided, pieces, late):
-            found.append(piece)
-            if not clock.last_decision:
-                open_.append(piece)
-            clock.last_decision = False
+        found, is_proven = _pieces(enclosure, whole, n, pieces)
     except UnsupportedError:
         if instant.was_read:
             raise DataError(
                 "jacobians: the system depends on time t; differential positivity is about systems that do not. "
                 "Make t an input and give its range with inputs."
             ) from None
-        return _sampled(sys, X, box, held, discrete, clock)
+        return _sampled(sys, X, box, held, discrete)
     centres, radii = np.array([c for c, _ in found]), np.array([r for _, r in found])
-    data = {"centres": Matrix(centres), "X": X, "discrete": discrete}
-    if all(decided(*piece) for piece in open_):
-        certificate = _settled(Matrix(centres), radii, X, discrete, "enclosed", clock)
-    else:
-        certificate = DifferentialCertificate(**data, radii=radii, source="enclosed")
+    data = {"centres": Matrix(centres), "radii": radii, "X": X, "discrete": discrete, "source": "enclosed"}
+    certificate = _settled(**data) if is_proven else DifferentialCertificate(**data)
     if certificate:
         return certificate
+    witness = _at_points(enclosure, whole, n, data)
+    return certificate if witness is None else DifferentialCertificate.settle(**data, witness=witness)
+
+
+def _pieces(enclosure: _Enclosure, whole: Array, n: int, most: int) -> tuple[list[tuple[Array, Array]], bool]:
+    """Jacobians enclosed on pieces of the region, and whether the condition is proven for all of them."""
+    found: list[tuple[Array, Array]] = []
+    open_: list[tuple[Array, Array]] = []  # pieces that were not cut, and not decided
+    with budget(_FOR_PROOFS * operations_left(), time_limit=_FOR_PROOFS * seconds_left()):
+
+        def late(waiting: int) -> bool:
+            return not enclosure.affords(waiting, len(found) + waiting)
+
+        for piece in jacobian_pieces(enclosure, whole, n, enclosure.decided, most, late):
+            found.append(piece)
+            if not enclosure.last_decision:
+                open_.append(piece)
+            enclosure.last_decision = False
+    return found, all(enclosure.decided(*piece) for piece in open_)
+
+
+def _at_points(enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any]) -> DifferentialViolation | None:
+    """A violation at one of several points of the region."""
     for k, point in enumerate(box_points(whole, 60)):
-        if clock.needed("enclosure", 1) + clock.needed("decision", 3) > clock.left + (0.0 if k else OVERTIME / SPEED):
-            break
+        if k and not enclosure.affords(1, 3):
+            return None
         try:
-            centre, radius = enclosed_jacobian(enclosed, np.column_stack([point, point]), n)
+            centre, radius = enclosed_jacobian(enclosure, np.column_stack([point, point]), n)
         except UnboundedError:
             continue
-        single = DifferentialCertificate.settle(
-            **{**data, "centres": Matrix(centre[None])}, radii=radius[None], source="enclosed"
-        )
-        witness = _violation(single, point[None, :n], clock)
+        at_point = {**data, "centres": Matrix(centre[None]), "radii": radius[None]}
+        witness = _violation(DifferentialCertificate.settle(**at_point), point[None, :n])
         if witness is not None:
-            return DifferentialCertificate.settle(**data, radii=radii, source="enclosed", witness=witness)
-    return certificate
+            return witness
+    return None
 
 
 class _AnyTime:
@@ -305,33 +300,27 @@ class _AnyTime:
     __float__ = __int__ = __index__ = __bool__ = __array__ = __array_ufunc__ = _read
 
 
-def _closed_over(sys: NonlinearIOSystem, n: int, clock: _AnyTime) -> Callable[[Any], Any]:
+def _closed_over(sys: NonlinearIOSystem, n: int, instant: _AnyTime) -> Callable[[Any], Any]:
     """f(x, u) as a function of all states and inputs together."""
 
     def function(z: Any) -> Any:
         if sys.updfcn is None:
             raise UnsupportedError("the system has no update function")
-        return sys.updfcn(clock, z[:n], z[n:], dict(sys.params))
+        return sys.updfcn(instant, z[:n], z[n:], dict(sys.params))
 
     return function
 
 
-def _sampled(
-    sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete: bool, clock: _Clock
-) -> DifferentialCertificate:
-    """Jacobians by central differences at points of the region, as many as there is time for."""
+def _sampled(sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete: bool) -> DifferentialCertificate:
+    """Jacobians by central differences at points of the region, as many as the effort allows."""
     n = len(box)
-    found = []
+    found, effort = [], _PER_ENCLOSURE
     for point in box_points(np.concatenate([box, held]), _SAMPLES):
-        if found and clock.needed("enclosure", 1) + clock.needed("decision", len(found) + 1) > clock.left:
+        if found and not affords(effort + _effort(X, len(found) + 1)):
             break
-        with clock.timing("enclosure"):
-            found.append(jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box))
-        with clock.timing("decision"):
-            sample = DifferentialCertificate(
-                centres=Matrix(found[-1][None]), radii=np.zeros((1, n, n)), X=X, discrete=discrete
-            )
-            invariance(sample, 0).verdict()
+        before = operations_left()
+        found.append(jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box))
+        effort = max(effort, before - operations_left())
     stack = np.array(found)
     if not np.isfinite(stack).all():
         raise DataError("the Jacobian is not finite at some points of region; choose a smaller region.")
@@ -352,10 +341,9 @@ def _box(data: ArrayLike | None, n: int, name: str) -> Array:
     return box
 
 
-def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool, time_limit: float) -> Array | None:
+def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Array | None:
     """v in int X* with v'J x < 0 for all enclosed J: a linear program in v and sizes w >= |v|."""
-    if len(centres) * X.n_rays * X.dim * _SECONDS_PER_ENTRY > time_limit:
-        return None
+    spend(_effort(X, len(centres)) + program_effort(len(centres) * X.n_rays, 2 * X.dim))
     rays = np.asarray(X.rays, dtype=float)
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     n = rays.shape[1]
@@ -373,5 +361,5 @@ def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool, time_l
     cost = np.zeros(2 * n + 1)
     cost[-1] = -1.0
     lower = np.concatenate([np.full(n, -1.0), np.zeros(n + 1)])
-    answer = solve(cost, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(lower, np.ones(2 * n + 1)), time_limit=time_limit)
+    answer = solve(cost, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(lower, np.ones(2 * n + 1)))
     return answer.x[:n] if answer and answer.x[-1] > 1e-9 else None

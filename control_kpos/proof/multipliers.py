@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import TooLargeError
-from ..exact.budget import require_seconds
+from ..exact.budget import spend
 from ..exact.matrix import Matrix
-from ..exact.programs import solve
+from ..exact.programs import program_effort, solve
 from ..exact.rational_programs import exact_feasibility
 
 Array = NDArray[np.float64]
@@ -144,7 +144,7 @@ def multipliers(
     size = float(np.abs(images).max()) or 1.0
     columns: list[NDArray] = []
     for j in range(rays.shape[0]):
-        require_seconds()
+        spend(program_effort(*frame.R.shape))
         p, t = nonnegative_combination(frame, images[:, j], None if discrete else j, size=size)
         column: NDArray | None
         if t > _STRICT:

@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ...exact.budget import seconds_left
-from ...exact.programs import solve
+from ...exact.budget import affords, spend
+from ...exact.programs import program_effort, solve
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 60
-# Dense rows of the program for all matrices: what fits into memory, and how fast they are built and solved.
+# Dense rows of the program for all matrices: what fits into memory, and operations to build and solve each entry.
 _MOST_ENTRIES = 10**8
-_ENTRIES_PER_SECOND = 2 * 10**7
+_PER_ENTRY = 50.0
 
 
 def simplicial_descent(matrices: Array, R: Array, *, discrete: bool, goal: float = 1e-3) -> tuple[Array, float]:
@@ -47,7 +47,7 @@ def simplicial_descent(matrices: Array, R: Array, *, discrete: bool, goal: float
     radius = 0.3
     margin = _margin(matrices, R, discrete)
     for _ in range(_ROUNDS):
-        if margin >= goal or radius < 1e-5 or seconds_left() <= 0:
+        if margin >= goal or radius < 1e-5 or not affords():
             break
         step = _step(matrices, R, radius, discrete)
         if step is None:
@@ -92,8 +92,9 @@ def commutator_rows(P: Array) -> Array:
 def _step(matrices: Array, R: Array, radius: float, discrete: bool) -> Array | None:
     P = _images(matrices, R)
     n = len(R)
-    if P.size * n**2 > min(_MOST_ENTRIES, seconds_left() * _ENTRIES_PER_SECOND):
+    if P.size * n**2 > _MOST_ENTRIES:
         return None
+    spend(_PER_ENTRY * P.size * n**2)
     rows = commutator_rows(P)
     required = required_entries(n, discrete)
     rows = rows[:, required].reshape(-1, n * n)
@@ -106,6 +107,7 @@ def _step(matrices: Array, R: Array, radius: float, discrete: bool) -> Array | N
     heights = np.concatenate([np.kron(np.ones((1, n)), np.eye(n)), np.zeros((n, 1))], axis=1)
     upper = np.full(n * n + 1, radius)
     upper[-1] = 1.0
+    spend(program_effort(len(rows) + n, n * n + 1))
     answer = solve(
         cost,
         A_ub=np.column_stack([-rows, np.ones(len(rows))]),

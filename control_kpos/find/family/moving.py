@@ -18,15 +18,15 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import seconds_left
+from ...exact.budget import affords, spend
 from ...exact.programs import solve
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 40
-# Of the program for all matrices: what fits into memory, and how fast it is built and solved.
+# Of the program for all matrices: what fits into memory, and operations to build and solve each entry.
 _MOST_ENTRIES = 5 * 10**7
-_ENTRIES_PER_SECOND = 4 * 10**6
+_PER_ENTRY = 250.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ def moving_descent(
     place = _solve(matrices, X, None, w, 0.0, discrete)
     radius = 0.3
     for _ in range(_ROUNDS):
-        if place is None or place.margin >= goal or radius < 1e-5 or seconds_left() <= 0:
+        if place is None or place.margin >= goal or radius < 1e-5 or not affords():
             break
         moved = _solve(matrices, place.X, place.P, w, radius, discrete)
         if moved is None:
@@ -76,8 +76,9 @@ def _solve(matrices: Array, X: Array, P0: Array | None, w: Array, radius: float,
     """One program; without `P0` the rays stay where they are."""
     M, (n, N) = len(matrices), X.shape
     entries = M * N * n * (N if P0 is None else 2 * N + n)
-    if entries > min(_MOST_ENTRIES, seconds_left() * _ENTRIES_PER_SECOND):
+    if entries > _MOST_ENTRIES:
         return None
+    spend(_PER_ENTRY * entries)
     # Coordinates in which the rays are well spread.
     u, s, _ = np.linalg.svd(X, full_matrices=False)
     if not s[-1] > 1e-9 * s[0]:

@@ -1,24 +1,25 @@
-"""A common cone for a family A_1..A_M: filters, then searches from many starts within a time limit."""
+"""A common cone for a family A_1..A_M: linear programs that move the rays, from many starts."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.budget import OutOfTimeError, seconds_left
+from ...exact.budget import OutOfBudgetError, affords
 from ...exact.matrix import Matrix
 from ...exact.programs import solve
-from ...proof.multipliers import multipliers, pointing_functional
+from ...proof.multipliers import pointing_functional
 from ..certificate import ConeCertificate
-from ..impossible.filters import family_obstruction
+from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone
-from ..one_matrix.modes import Modes, modes
-from ..one_matrix.search import balancing_units, flatness
-from ..reduction import extreme_generators
+from ..one_matrix.modes import Modes, balancing_units, modes
+from ..one_matrix.search import Analysis
+from ..question import Candidate, Proven, Question
 from .commutator import simplicial_descent
 from .moving import moving_descent
 
@@ -29,84 +30,114 @@ NEARLY = 1e-5
 _DENOMINATORS = (1, 12, 1000)
 
 
-@dataclass(frozen=True)
-class Effort:
-    """Random starts of a search: their seed, and how many."""
+class FamilySearch:
+    """Searches from many starts.
 
-    seed: int
-    restarts: int
-
-
-def find_common(
-    matrices: Matrix,
-    *,
-    discrete: bool,
-    max_rays: int | None,
-    effort: Effort,
-    report: Callable[[str], None],
-) -> tuple[ConeCertificate, Array | None, float, float]:
-    """Certificate, separators, conditioning of a common cone, and the best margin of the search.
-
-    Every attempt is put to the proof; the certificate is REFUTED only with a proven obstruction.
+    Attributes
+    ----------
+    best : float
+        Largest margin that any start reached.
     """
-    units = _units(matrices)
-    balanced = np.asarray(matrices.values) * units / units[:, None]
-    known = [modes(A, discrete=discrete) for A in balanced]
-    obstruction = family_obstruction(matrices, [_unscaled(m, units) for m in known], discrete=discrete)
-    if obstruction is not None:
-        report(f"excluded: {obstruction}")
-        return ConeCertificate.settle(matrices=matrices, discrete=discrete, witness=obstruction), None, np.inf, -np.inf
-    nothing = ConeCertificate.settle(matrices=matrices, discrete=discrete)
-    if all(m is None for m in known):
-        return nothing, None, np.inf, -np.inf
-    normal, e, w = _aligned(balanced, [m for m in known if m is not None], discrete)
-    rng = np.random.default_rng(effort.seed)
-    best = -np.inf
-    for attempt, R in enumerate(_starts(normal, e, w, rng, discrete, effort.restarts, max_rays)):
-        if seconds_left() <= 0:
-            report(f"time limit reached after {attempt} starts")
-            break
-        if R.shape[1] == R.shape[0]:
-            R, margin = simplicial_descent(normal, R, discrete=discrete)
-        else:
-            place = moving_descent(normal, R, w, discrete=discrete)
-            R, margin = (R, -np.inf) if place is None else (place.X, place.margin)
-        best = max(best, margin)
-        report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {best:.3g})")
-        if margin < -NEARLY:
-            continue
-        try:
-            certificate = next(
-                filter(None, (_proven(matrices, x, units, discrete) for x in _roundings(R, units, margin))), None
-            )
-        except OutOfTimeError:  # another start may be cheaper to prove
-            continue
-        if certificate is not None:
-            return certificate, _separators(certificate), flatness(R), best
-    return nothing, None, np.inf, best
+
+    def __init__(self, question: Question) -> None:
+        values = np.asarray(question.searched.values)
+        self.question, self.units = question, balancing_units(np.abs(values).max(axis=0))
+        self.balanced = values * self.units / self.units[:, None]
+        self.best = -np.inf
+
+    @cached_property
+    def analyses(self) -> list[Analysis]:
+        """Every matrix with its modes, in units where all together are balanced."""
+        matrices, discrete = self.question.searched, self.question.discrete
+        return [
+            Analysis(matrices[s], A, self.units, discrete, modes(A, discrete=discrete))
+            for s, A in enumerate(self.balanced)
+        ]
+
+    @property
+    def is_near(self) -> bool:
+        """Whether some start came close to a cone."""
+        return self.best > -NEARLY
+
+    def modes_in_user_units(self) -> list[Modes | None]:
+        """Modes of every matrix as it was given."""
+        return [
+            m and Modes(m.dominant, m.right * self.units, m.left / self.units, m.others, m.bases, m.conditioning)
+            for m in (a.modes for a in self.analyses)
+        ]
+
+    def candidates(self) -> Iterator[Candidate]:
+        """Rays moved from each start until all matrices keep their cone, or nearly."""
+        known = [a.modes for a in self.analyses if a.modes is not None]
+        if not known:
+            return
+        question, discrete = self.question, self.question.discrete
+        normal, e, w = _aligned(self.balanced, known, discrete)
+        late: OutOfBudgetError | None = None
+        for attempt, R in enumerate(_starts(normal, e, w, question)):
+            if not affords():
+                question.report(f"the limit is reached after {attempt} starts")
+                return
+            try:
+                R, margin = _moved(normal, R, w, discrete)
+                self.best = max(self.best, margin)
+                question.report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {self.best:.3g})")
+                if margin >= -NEARLY:
+                    yield from (self._candidate(rays) for rays in _roundings(R, self.units, margin))
+            except OutOfBudgetError as error:  # another start may need less
+                late = error
+        if late is not None and not self.is_near:
+            raise late
+
+    def _candidate(self, rays: Matrix) -> Candidate:
+        values = np.asarray(rays.values)
+        return Candidate(
+            rays=rays,
+            pointing=pointing_functional(values / self.units) / self.units,
+            right_inverse=np.linalg.pinv((values / self.units).T) / self.units,
+            multipliers=self._solved(rays),
+            units=self.units,
+        )
+
+    def _solved(self, rays: Matrix) -> Matrix | None:
+        """Multipliers of a simplicial cone, if they are well away from zero."""
+        n = rays.shape[1]
+        if rays.shape[0] != n:
+            return None
+        R = (np.asarray(rays.values) / self.units).T
+        P = np.linalg.solve(R, self.balanced @ R)
+        free = P[:, np.ones((n, n), dtype=bool) if self.question.discrete else ~np.eye(n, dtype=bool)]
+        return Matrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
 
 
-def _separators(certificate: ConeCertificate) -> Array | None:
-    """Functionals that single out each generator, if all are extreme and there is time to see that."""
-    rays, pointing = certificate.rays, certificate.pointing
-    if rays is None or pointing is None:
-        return None
+def _moved(matrices: Array, R: Array, w: Array, discrete: bool) -> tuple[Array, float]:
+    """Rays and margin after a descent from one start."""
+    if R.shape[1] == R.shape[0]:
+        return simplicial_descent(matrices, R, discrete=discrete)
+    place = moving_descent(matrices, R, w, discrete=discrete)
+    return (R, -np.inf) if place is None else (place.X, place.margin)
+
+
+def with_separators(found: Proven) -> Proven:
+    """The same with functionals that single out each generator, if all are extreme and that is cheap enough to see."""
+    candidate = found.candidate
     try:
-        index, separators = extreme_generators(np.asarray(rays.values), pointing)
-    except OutOfTimeError:
-        return None
-    return separators if len(index) == rays.shape[0] else None
+        index, separators = extreme_generators(np.asarray(candidate.rays.values), candidate.pointing)
+    except OutOfBudgetError:
+        return found
+    if len(index) != candidate.rays.shape[0]:
+        return found
+    return Proven(found.certificate, replace(candidate, separators=separators))
 
 
-def _units(matrices: Matrix) -> Array:
-    """Powers of two in which all matrices together are balanced."""
-    return balancing_units(np.abs(matrices.values).max(axis=0))
-
-
-def _unscaled(m: Modes | None, units: Array) -> Modes | None:
-    if m is None:
-        return None
-    return Modes(m.dominant, m.right * units, m.left / units, m.others, m.bases, m.conditioning)
+def with_common_vector(question: Question, found: Proven) -> Proven:
+    """The same with a common Lyapunov vector, if there is one."""
+    rays = np.asarray(found.candidate.rays.values)
+    v = common_vector(np.asarray(question.searched.values), rays, discrete=question.discrete)
+    if v is None:
+        return found
+    certificate = ConeCertificate.settle(**{**found.certificate.data(), "v": v})
+    return Proven(certificate, found.candidate) if certificate else found
 
 
 def _aligned(matrices: Array, known: list[Modes], discrete: bool) -> tuple[Array, Array, Array]:
@@ -126,21 +157,19 @@ def _aligned(matrices: Array, known: list[Modes], discrete: bool) -> tuple[Array
     return scaled, right / (height if height > 0 else 1.0), left
 
 
-def _starts(
-    matrices: Array, e: Array, w: Array, rng: np.random.Generator, discrete: bool, restarts: int, max_rays: int | None
-) -> Iterator[Array]:
+def _starts(matrices: Array, e: Array, w: Array, question: Question) -> Iterator[Array]:
     """Generators to begin with: the orthant, cones of the mean matrix, and random simplices around e."""
-    n = len(e)
-    most = max_rays or 3 * n + 4
+    n, rng = len(e), np.random.default_rng(question.seed)
+    most = question.max_rays or 3 * n + 4
     yield np.eye(n)
-    mean = modes(matrices.mean(axis=0), discrete=discrete)
-    cone = None if mean is None else modal_cone(mean, discrete=discrete, max_rays=most)
+    mean = modes(matrices.mean(axis=0), discrete=question.discrete)
+    cone = None if mean is None else modal_cone(mean, discrete=question.discrete, max_rays=most)
     if cone is not None and not (w @ cone.R > 0).all():
         cone = None
     if cone is not None and cone.R.shape[1] == n:
         yield cone.R
     centre = e if w @ e > 0 else w / (w @ w)
-    for k in range(restarts):
+    for k in range(question.restarts):
         if k == 3 and cone is not None and cone.R.shape[1] > n:
             yield cone.R
         extra = 0 if n < 3 or k % 4 < 3 else 1 + int(rng.integers(0, max(1, min(n, most - n))))
@@ -176,49 +205,6 @@ def _roundings(R: Array, units: Array, margin: float) -> Iterator[Matrix]:
             rows = [[Fraction(float(x)).limit_denominator(most) for x in row] for row in scaled]
             if np.linalg.matrix_rank(np.array(rows, dtype=float)) == rays.shape[1]:
                 yield Matrix.from_fractions(np.array(rows, dtype=object))
-
-
-def _proven(matrices: Matrix, rays: Matrix, units: Array, discrete: bool) -> ConeCertificate:
-    """The certificate for these generators, with a common Lyapunov vector if there is one."""
-    values = np.asarray(rays.values)
-    pointing = pointing_functional(values / units) / units
-    inverse = np.linalg.pinv((values / units).T) / units
-    quick = _solved(matrices, rays, units, discrete)
-    if quick is None:
-        found = []
-        for s in range(matrices.shape[0]):
-            P = multipliers(matrices[s], rays, pointing, discrete=discrete)
-            if P is None:
-                return ConeCertificate.settle(matrices=matrices, discrete=discrete)
-            found.append(P)
-        quick = Matrix.stack(found)
-    data = {
-        "matrices": matrices,
-        "discrete": discrete,
-        "rays": rays,
-        "multipliers": quick,
-        "pointing": pointing,
-        "right_inverse": inverse,
-    }
-    certificate = ConeCertificate.settle(**data)
-    if not certificate:
-        return certificate
-    v = common_vector(np.asarray(matrices.values), values, discrete=discrete)
-    if v is None:
-        return certificate
-    with_vector = ConeCertificate.settle(**data, v=v)
-    return with_vector if with_vector else certificate
-
-
-def _solved(matrices: Matrix, rays: Matrix, units: Array, discrete: bool) -> Matrix | None:
-    """Multipliers of a simplicial cone, if they are well away from zero."""
-    n = rays.shape[1]
-    if rays.shape[0] != n:
-        return None
-    R = (np.asarray(rays.values) / units).T
-    P = np.linalg.solve(R, (np.asarray(matrices.values) * units / units[:, None]) @ R)
-    free = P[:, np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)]
-    return Matrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
 
 
 def common_vector(matrices: Array, rays: Array, *, discrete: bool) -> Array | None:

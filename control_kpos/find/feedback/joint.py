@@ -20,15 +20,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from ...exact.budget import require_seconds, seconds_left
-from ...exact.programs import solve
+from ...exact.budget import affords, spend
+from ...exact.programs import program_effort, solve
 from ..family.commutator import required_entries
 
 Array = NDArray[np.float64]
 
 _ROUNDS = 80
-# Seconds to set up and scale a program, for each entry of its rows.
-_SECONDS_PER_ENTRY = 2e-7
+# Operations to set up and scale a program, for each entry of its rows.
+_PER_ENTRY = 200.0
 
 
 def joint_descent(
@@ -62,7 +62,7 @@ def joint_descent(
     P = _loops(matrices, inputs, R, F)
     margin = _margin(P, discrete)
     for _ in range(_ROUNDS):
-        if margin >= goal or radius < 1e-4 or seconds_left() <= 0:
+        if margin >= goal or radius < 1e-4 or not affords():
             break
         reach = np.asarray(np.linalg.solve(R, inputs), dtype=np.float64)
         found = _step(P, reach, R, radius, discrete)
@@ -89,8 +89,8 @@ def _loops(matrices: Array, inputs: Array, R: Array, F: Array) -> Array:
 
 def _margin(P: Array, discrete: bool) -> float:
     entries = float(P[:, required_entries(P.shape[1], discrete)].min(initial=np.inf))
-    room = float((discrete - P.sum(axis=2)).min())
-    return min(entries, room) / (1.0 if discrete else float(np.abs(P).max()) or 1.0)
+    decrease = float((discrete - P.sum(axis=2)).min())
+    return min(entries, decrease) / (1.0 if discrete else float(np.abs(P).max()) or 1.0)
 
 
 def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool) -> tuple[Array, Array] | None:
@@ -102,13 +102,14 @@ def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool) -> tu
     entries, sums = [], []
     # P E - E P + reach (G R), entry by entry; G R has variables of its own, so that rows have few entries
     for s in range(count):
-        require_seconds(n * n * (2 * n + m) * _SECONDS_PER_ENTRY)
+        spend(_PER_ENTRY * n * n * (2 * n + m))
         rows = sp.csr_array(
             sp.hstack([sp.kron(P[s], eye) - sp.kron(eye, P[s].T), sp.csr_array((n * n, m * n)), sp.kron(reach[s], eye)])
         )
         entries.append(-rows[required])
         sums.append(ones @ rows)
-    require_seconds(count * n * n * (2 * n + m) * _SECONDS_PER_ENTRY)
+    numbers = count * n * n * (2 * n + m)
+    spend(_PER_ENTRY * numbers + program_effort(count * n * n, n * (n + 2 * m), numbers))
     bounded = sp.csr_array(sp.vstack([*entries, *sums]))
     largest = float(np.abs(reach).max(initial=0.0) * np.abs(R).max())
     size = float(np.abs(P).max() / max(largest, 1e-300))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds
+from ...exact.budget import spend
 
 Array = NDArray[np.float64]
 
@@ -19,8 +19,8 @@ _TURNS = 10
 _TINY = 1e-12
 # Condition of the eigenvectors beyond which the poles of A + B F are anywhere.
 _WORST = 1e15
-# Seconds for each of n^4 operations on the subspaces.
-_SECONDS_PER_STEP = 1.5e-9
+# Operations on the subspaces, divided by n^4.
+_PER_STEP = 1.5
 
 
 def placed(A: Array, B: Array, poles: Array) -> Array | None:
@@ -34,8 +34,8 @@ def placed(A: Array, B: Array, poles: Array) -> Array | None:
 
     Raises
     ------
-    OutOfTimeError
-        If there is no time for it.
+    OutOfBudgetError
+        If the effort left is too little for it.
 
     Notes
     -----
@@ -48,7 +48,7 @@ def placed(A: Array, B: Array, poles: Array) -> Array | None:
     array([[-1., -3.]])
     """
     n = len(A)
-    require_seconds(n**4 * _SECONDS_PER_STEP)
+    spend(_PER_STEP * n**4)
     try:
         with np.errstate(all="ignore"):
             X = _far_apart(_subspaces(A, B, poles))

@@ -10,9 +10,7 @@ vertices are served.  At the cone the smallest gain is then found by the linear 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,16 +26,13 @@ from ...design.plant import read_plant
 from ...design.simplicial.program import gain_of
 from ...design.simplicial.search import succeed
 from ...errors import ConeMismatchError, DataError, ShapeError
-from ...exact.budget import (
-    OutOfTimeError,
-    limited_to,
-    require_seconds,
-    seconds_left,
-)
+from ...exact.budget import OutOfBudgetError, affords, budget, reason, seconds_left, spend
 from ...exact.intake import exact_matrix, items, seconds, whole_number
 from ...exact.matrix import Matrix, dense
+from ...exact.programs import program_effort
 from ...progress import Reporter, Target
-from ...proof.certificate import Certificate, Status
+from ...proof.answer import Answer, first_proven
+from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
 from ..find import square
@@ -51,68 +46,83 @@ Pair = tuple[Matrix, Matrix]
 
 # Random pole patterns of the robust search after the ones listed.
 _RANDOM = 1000
-# The facets of 60 generators in integers, where floating point does not do.
-_SECONDS_FOR_SIXTY = 4.0
-# Of a singular value decomposition.
-_SECONDS_PER_STEP = 1.5e-9
+# Operations of a search without a time limit: a minute or so.
+_EFFORT = 6e10
+# Operations for the facets of 60 generators in integers, where floating point does not do.
+_FOR_SIXTY = 4e9
+# Operations of a singular value decomposition, divided by the cube of its size.
+_PER_STEP = 1.5
 
 
-@dataclass(frozen=True, eq=False)
-class CodesignResult:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class CodesignResult(Answer):
     """A cone, and a gain that makes it invariant and the loop stable.
 
-    `bool(result)` is True only for PROVED.
+    `bool(result)` is True only for PROVED.  A `CodesignResult` is taken wherever a cone is asked for.
 
     Attributes
     ----------
-    status : Status
     cone : Cone or None
         Simplicial.
     F : ndarray, shape (m, n), or None
         Gain of u = F x.
     closed_loop : ConeStateSpace or None
         From the input added to F x to all states as outputs, or to the system's own.
-    certificate : Certificate or None
-        Of the closed loop on the cone, for all vertices if there are any.
     poles : ndarray, shape (n,), or None
         Closed-loop poles of the nominal system.
-    explanation : str
-        What stands in the way, for a design that failed.
     """
 
-    status: Status
     cone: Cone | None = None
     F: Array | None = None
     closed_loop: Any = None
-    certificate: Certificate | None = None
     poles: NDArray[np.complex128] | None = None
-    explanation: str = ""
+
+    def __cone__(self) -> Cone | str:
+        return self.explain() if self.cone is None else self.cone
 
     @property
     def K(self) -> Array | None:
         """Gain of python-control's u = -K x."""
         return None if self.F is None else -self.F
 
-    def explain(self) -> str:
-        """A few sentences a person can act on."""
-        if not self:
-            return self.explanation
-        text = self.certificate.explain() if self.certificate is not None else ""
-        size = float(np.abs(self.F).max()) if self.F is not None else 0.0
-        return f"A cone and a gain (largest entry {size:.4g}) were found. {text}"
+    @property
+    def explanation(self) -> str:
+        """`message`, by its earlier name."""
+        return self.message
 
-    def __bool__(self) -> bool:
-        return self.status is Status.PROVED
+    def explain(self) -> str:
+        """A few sentences a person can act on.
+
+        Returns
+        -------
+        str
+        """
+        if self.F is None:
+            return super().explain()
+        size = float(np.abs(self.F).max())
+        return f"A cone and a gain (largest entry {size:.4g}) were found. {super().explain()}"
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Names and values for the card that a notebook shows.
+
+        Returns
+        -------
+        list of (str, str)
+        """
+        if self.F is None or self.poles is None:
+            return []
+        poles = ", ".join(f"{pole:.4g}" for pole in np.sort_complex(self.poles))
+        return [("cone", repr(self.cone)), ("largest entry of F", f"{np.abs(self.F).max():.4g}"), ("poles", poles)]
 
     def __repr__(self) -> str:
-        return f"<CodesignResult {self.status.name}{'' if self.cone is None else f', {self.cone!r}'}>"
+        return super().__repr__() if self.cone is None else f"<CodesignResult {self.status.name}, {self.cone!r}>"
 
 
 def design_cone_and_feedback(
     sys: Any,
     vertices: Sequence[Any] | None = None,
     *,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
     seed: int = 0,
     progress: Target = None,
 ) -> CodesignResult:
@@ -124,8 +134,9 @@ def design_cone_and_feedback(
         Continuous or discrete time.  (A, B) controllable.
     vertices : sequence of StateSpace or (A_s, B_s), optional
         Plants that the same cone and gain must serve as well, together with their convex hull.
-    time_limit : float
-        Seconds.
+    time_limit : float, optional
+        Seconds, inf for no limit.  Without it operations are counted instead, and the answer is the same on every
+        machine; they last for about a minute.
     seed : int
         Of the random starts of the robust search.
     progress : callable or bool, optional
@@ -135,7 +146,7 @@ def design_cone_and_feedback(
     Returns
     -------
     CodesignResult
-        UNDECIDED with an explanation if (A, B) is not controllable, or if no design was found.
+        UNDECIDED with a message if (A, B) is not controllable, or if no design was found.
 
     Raises
     ------
@@ -154,7 +165,7 @@ def design_cone_and_feedback(
     >>> design.status.name, design.cone.is_simplicial
     ('PROVED', True)
     """
-    begin, limit, seed = time.monotonic(), seconds(time_limit), whole_number(seed, "seed")
+    limit, seed = None if time_limit is None else seconds(time_limit), whole_number(seed, "seed")
     A, B, dt = _plant(sys, "sys")
     discrete = dt is not None and (dt is True or dt != 0)
     pairs = [
@@ -169,30 +180,29 @@ def design_cone_and_feedback(
             )
     n, m = B.shape
     source = System.read(sys if isinstance(sys, StateSpace) else (A, B, np.eye(n), np.zeros((n, m))), dt=dt)
-    with limited_to(limit), suppress(OutOfTimeError), Reporter(progress) as report:
-        rank = _controllable(np.asarray(A.values), np.asarray(B.values))
-        if rank < A.shape[0]:
-            return CodesignResult(
-                Status.UNDECIDED,
-                explanation=(
-                    f"(A, B) is not controllable: only {rank} of {A.shape[0]} directions can be moved by the input. "
-                    "Design for the controllable part, or use state_feedback with a cone of your own."
-                ),
-            )
-        found = _search(source, (A, B), pairs, discrete, seed, report)
-        if found is not None:
-            return found
-    lead = (
-        "The time limit was reached before a cone and a gain were found"
-        if limit - (time.monotonic() - begin) <= 0
-        else "No cone and gain were found within the time limit"
-    )
-    return CodesignResult(
-        Status.UNDECIDED,
-        explanation=(
+    operations = _EFFORT if limit is None else np.inf
+    with budget(operations, time_limit=limit), Reporter(progress) as report:
+        try:
+            rank = _controllable(np.asarray(A.values), np.asarray(B.values))
+            if rank < A.shape[0]:
+                return CodesignResult(status=Status.UNDECIDED, message=_uncontrollable(rank, A.shape[0]))
+            found = _search(source, (A, B), pairs, discrete, seed, report)
+        except OutOfBudgetError:
+            found = None
+        lead = "No cone and gain were found" if affords() else f"No cone and gain were found before {reason()} was over"
+    return found or CodesignResult(
+        status=Status.UNDECIDED,
+        message=(
             f"{lead}; none was excluded. Smaller vertices, more inputs, "
             "or more time may help: the dominant pole must stay real and isolated in every vertex."
         ),
+    )
+
+
+def _uncontrollable(rank: int, n: int) -> str:
+    return (
+        f"(A, B) is not controllable: only {rank} of {n} directions can be moved by the input. "
+        "Design for the controllable part, or use state_feedback with a cone of your own."
     )
 
 
@@ -202,26 +212,31 @@ def _search(
     """Poles after poles, until cone and gain are proven."""
     matrices = np.array([np.asarray(a.values) for a, _ in [nominal, *pairs]])
     inputs = np.array([np.asarray(b.values) for _, b in [nominal, *pairs]])
-    for k, gain in enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)):
-        if seconds_left() <= 0:
-            return None
-        with suppress(OutOfTimeError):  # other poles may need less
-            F, R = gain, _starting_cone(matrices[0] + inputs[0] @ gain, discrete)
+
+    def proven(attempt: tuple[int, Array]) -> CodesignResult | None:
+        (k, F), found = attempt, None
+        try:
+            R = _starting_cone(matrices[0] + inputs[0] @ F, discrete)
             if R is not None and pairs:
                 R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
                 report(f"poles {k}: margin {margin:.3g}")
                 R = R if margin > 0 else None
             found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)
-            if found:
-                return found
-        report(f"poles {k}: no cone and gain")
-    return None
+        except OutOfBudgetError:
+            if not affords():
+                raise
+        if not found:  # other poles may need less
+            report(f"poles {k}: no cone and gain")
+        return found
+
+    return first_proven(enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)), proven)
 
 
 def _is_within_reach(R: Array) -> bool:
-    """Whether the facets of the cone can be computed in the time that is left."""
-    seconds = (len(R) / 60) ** 6.5 * _SECONDS_FOR_SIXTY
-    return seconds < seconds_left() or simplicial_facets(Matrix(np.ascontiguousarray(R.T))) is not None
+    """Whether the facets of the cone can be computed with the effort that is left."""
+    return (
+        affords((len(R) / 60) ** 6.5 * _FOR_SIXTY) or simplicial_facets(Matrix(np.ascontiguousarray(R.T))) is not None
+    )
 
 
 def _plant(item: Any, name: str) -> tuple[Matrix, Matrix, Any]:
@@ -246,7 +261,7 @@ def _controllable(A: Array, B: Array) -> int:
     for k in range(1, n + 1):
         blocks.append(block)
         if k in (first, n):  # more columns make no singular value smaller
-            require_seconds(n * n * m * k * _SECONDS_PER_STEP)
+            spend(_PER_STEP * n * n * m * k)
             rank = int(np.linalg.matrix_rank(np.column_stack(blocks), tol=1e-12 * n))
         if rank == n:
             break
@@ -316,6 +331,7 @@ def _starting_cone(A: Array, discrete: bool) -> Array | None:
 
 def _polished(source: System, R: Array, F: Array, pairs: list[Pair]) -> CodesignResult | None:
     """The smallest gain at this cone, for the system and its vertices, with its proof; F if that is all there is."""
+    spend(program_effort((len(pairs) + 1) * R.size, F.size))
     cone = PolyhedralCone(np.ascontiguousarray(R.T))
     system = ConeStateSpace(*source.matrices, source.dt or 0, X=cone, remove_useless_states=False)
     plant = read_plant(system, cone, vertices=pairs or None)
@@ -326,4 +342,11 @@ def _polished(source: System, R: Array, F: Array, pairs: list[Pair]) -> Codesign
     if not design:
         return None
     poles = np.linalg.eigvals(dense(source.A.values) + dense(source.B.values) @ design.F)
-    return CodesignResult(Status.PROVED, cone, np.asarray(design.F), design.closed_loop, design.certificate, poles)
+    return CodesignResult(
+        status=Status.PROVED,
+        certificate=design.certificate,
+        cone=cone,
+        F=np.asarray(design.F),
+        closed_loop=design.closed_loop,
+        poles=poles,
+    )

@@ -15,7 +15,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ...exact.budget import require_seconds
+from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.polynomials import real_roots_above
@@ -32,6 +32,8 @@ from .port_obstruction import resolvent
 
 _LARGEST = 16
 _POWER = 24
+# Operations on one long integer.
+_PER_NUMBER = 1e3
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,8 +144,8 @@ def _product(matrices: Matrix, cycle: tuple[int, ...], shifts: tuple[Fraction, .
     """The product of resolvents (or powers) up to a positive factor; None where one is not invariant."""
     out = None
     for i, s in zip(cycle, shifts, strict=True):
-        require_seconds()
         A = matrices[i]
+        spend(_PER_NUMBER * A.values.size * A.shape[0])
         if discrete:
             if s.denominator != 1 or not 1 <= s <= _POWER:
                 return None

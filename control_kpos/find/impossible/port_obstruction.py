@@ -20,7 +20,7 @@ import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds
+from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.polynomials import real_roots_above
@@ -29,6 +29,8 @@ from .existence import fact, spectrum_polynomial
 
 _LARGEST = 40
 _MOST = 400
+# Operations of one product of long integers.
+_PER_PRODUCT = 200.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +100,7 @@ def port_obstruction(A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: b
         return None
     for j in range(vectors.shape[0]):
         for i in range(normals.shape[0]):
-            require_seconds()
+            spend(_PER_PRODUCT * A.values.size)
             b, c = vectors[[j]], normals[[i]]
             for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
                 found = PortObstruction(c, b, k, s, value, time, zero)
@@ -188,7 +190,7 @@ def _negative(A: Matrix, w: PortObstruction) -> bool:
         M = A.as_integers()[0]
         x = b
         for _ in range(w.power):
-            require_seconds()
+            spend(_PER_PRODUCT * M.size)
             x = M @ x
         return bool(c @ x < 0)
     if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift) or _is_root(A, w.shift):
@@ -196,7 +198,7 @@ def _negative(A: Matrix, w: PortObstruction) -> bool:
     adjugate, determinant = resolvent(A, w.shift)
     x = b
     for _ in range(w.power):
-        require_seconds()
+        spend(_PER_PRODUCT * adjugate.size)
         x = adjugate @ x
     value = (c @ x) * (1 if determinant > 0 or w.power % 2 == 0 else -1)
     if value < 0:
@@ -227,7 +229,7 @@ def resolvent(A: Matrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
     # Faddeev and LeVerrier: T^-1 = -(last power) / (last coefficient)
     coefficient, power, before = 1, eye * 0, eye
     for k in range(1, n + 1):
-        require_seconds()
+        spend(_PER_PRODUCT * n**3)
         before = power + eye * coefficient
         power = T @ before
         coefficient = -sum(power[i, i] for i in range(n)) // k

@@ -1,8 +1,8 @@
 """An invariant cone from the modes of A, with P in closed form.
 
 Every cone here has generators e + V w: the dominant direction e displaced along the other modes.
-One real mode gets a segment, a complex pair a regular m-gon, and a few modes together can share one
-m-gon as its harmonics (`polygons`).
+One real mode gets a segment, a complex pair a regular m-gon, and a few modes together can be the
+harmonics of one m-gon (`polygons`).
 
 Polygons are combined in two ways.  *Free sum*: the convex hull around e.  *Attaching*: one vertex x
 is replaced by x + (polygon), which saves a generator; it costs decay, since the polygon must now be
@@ -22,10 +22,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds, seconds_left
-from .grouping import Group, groupings
+from ...exact.budget import affords, spend
+from ...exact.matrix import Matrix
 from .modes import Modes
-from .polygons import Polygon, dimensions, smallest_polygon
+from .polygons import Group, Polygon, dimensions, groupings, smallest_polygon
 
 Array = NDArray[np.float64]
 
@@ -38,6 +38,8 @@ LARGE = 1000
 _SEPARATED = 3000
 # Entries of all generators together at most: two hundred megabytes or so, for R, P and what the proof needs.
 MOST_ENTRIES = 4 * 10**6
+# Operations to place one mode, and to build one number of the generators.
+_PER_MODE, _PER_NUMBER = 2e5, 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +71,8 @@ class Multipliers:
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
-    """Generators and the multipliers that show their invariance, before any proof.
+class ModalCone:
+    """Generators and the multipliers that show their invariance, in the units of the modes, before any proof.
 
     Attributes
     ----------
@@ -97,6 +99,14 @@ class Candidate:
         out[some] = np.linalg.pinv(self.R[:, some])
         return out
 
+    @property
+    def stacked_multipliers(self) -> Matrix | None:
+        """The multipliers as a certificate takes them: a stack of one, or sparse."""
+        if self.multipliers is None:
+            return None
+        P = self.multipliers.combined()
+        return Matrix(P) if sp.issparse(P) else Matrix(P[None])
+
 
 def fewest_rays(others: NDArray[np.complex128], dominant: float, n: int) -> int:
     """Lower bound max(n, p_i) on the number of generators of any invariant polyhedral cone.
@@ -118,7 +128,7 @@ def fewest_rays(others: NDArray[np.complex128], dominant: float, n: int) -> int:
 
 def modal_cone(
     m: Modes, *, discrete: bool = False, max_rays: int | None = None, thin: bool | None = None
-) -> Candidate | None:
+) -> ModalCone | None:
     """The smallest of several attached sums of polygons; None if none has at most `max_rays`.
 
     Parameters
@@ -150,12 +160,13 @@ def modal_cone(
     separators = best.separators(points)
     if separators is not None:
         separators = np.asarray(np.linalg.solve(V.T, separators.T).T, dtype=np.float64)
-    return Candidate(V @ points, m.left, multipliers, separators)
+    return ModalCone(V @ points, m.left, multipliers, separators)
 
 
 def _smallest_sum(targets: NDArray[np.complex128], *, discrete: bool, thin: bool, most: int | None) -> _Sum | None:
     """The smallest of several sums of polygons, of at most `most` generators unless `thin`."""
     best: _Sum | None = None
+    effort = _PER_MODE * len(targets)
     for groups in groupings(targets, 1.0 if discrete else 0.0, discrete=discrete):
         for tight in (True, False):
             built = _placed(targets, groups, discrete=discrete, thin=thin, tight=tight)
@@ -165,10 +176,9 @@ def _smallest_sum(targets: NDArray[np.complex128], *, discrete: bool, thin: bool
                 and (thin or not most or built.size <= most)
             ):
                 best = built
-        if best is None:
-            require_seconds()
-        elif best.size > LARGE or seconds_left() <= 0:
+        if best is not None and (best.size > LARGE or not affords(effort)):
             break
+        spend(effort)
     return best
 
 
@@ -211,7 +221,7 @@ class _Sum:
     def _append(self, step: _Step, kept: NDArray[np.intp]) -> None:
         self.steps.append(step)
         self.stay = np.concatenate([self.stay[kept], np.full(step.polygon.size, step.polygon.rates[0])])
-        self.weighted = np.concatenate([self.weighted[kept], step.polygon.shares(thin=self.thin) > 0])
+        self.weighted = np.concatenate([self.weighted[kept], step.polygon.convex_weights(thin=self.thin) > 0])
 
     def place(self, group: NDArray[np.complex128], rows: NDArray[np.intp], *, tight: bool) -> bool:
         """Add one group of modes where it costs the fewest generators."""
@@ -250,23 +260,23 @@ class _Sum:
         weights, slack = np.zeros(0), np.zeros(0)
         placed = 0
         for step in self.steps:
-            require_seconds()
             N, m, k = len(weights), step.polygon.size, step.place
-            shares, ring = step.polygon.shares(thin=self.thin), _circulant(step.polygon.rates)
+            spend(_PER_NUMBER * self.dims * (N + m))
+            even, ring = step.polygon.convex_weights(thin=self.thin), _circulant(step.polygon.rates)
             if k is None:
                 kept = np.concatenate([np.arange(N), np.full(m, -1)])
                 points = np.column_stack([points, np.zeros((self.dims, m))])
                 points[0, N:] = 1.0
                 core = sp.csr_array(sp.block_diag([core, ring])) if N else ring
                 part = len(step.rows) / (len(step.rows) + placed) if N else 1.0
-                weights = np.concatenate([weights * (1 - part), shares * part])
+                weights = np.concatenate([weights * (1 - part), even * part])
                 slack = np.concatenate([slack, np.full(m, step.slack)])
             else:
                 rest = np.delete(np.arange(N), k)
                 kept = np.concatenate([rest, np.full(m, k)])
                 points, slack = points[:, kept], slack[kept]
-                weights = np.concatenate([weights[rest], weights[k] * shares])
-                core = _attached(core, k, rest, ring, shares)
+                weights = np.concatenate([weights[rest], weights[k] * even])
+                core = _attached(core, k, rest, ring, even)
             points[np.ix_(step.rows, np.arange(len(weights) - m, len(weights)))] = step.polygon.corners
             placed += len(step.rows)
         return points, Multipliers(core, weights, slack)
@@ -301,12 +311,12 @@ def _circulant(rates: Array) -> sp.csr_array:
     return sp.csr_array((data.ravel(), (((column + k) % m).ravel(), column.ravel())), shape=(m, m))
 
 
-def _attached(core: sp.csr_array, k: int, rest: NDArray[np.intp], ring: sp.csr_array, shares: Array) -> sp.csr_array:
-    """Core after generator k was replaced: what flowed to it is shared by its copies, which flow as it did."""
+def _attached(core: sp.csr_array, k: int, rest: NDArray[np.intp], ring: sp.csr_array, even: Array) -> sp.csr_array:
+    """Core after generator k was replaced: what flowed to it flows to its copies, which flow as it did."""
     outflow, inflow = core[:, [k]][rest], core[[k]][:, rest]
-    copied = outflow @ sp.csr_array(np.ones((1, len(shares))))
-    shared = sp.csr_array(shares[:, None]) @ inflow
-    return sp.csr_array(sp.block_array([[core[rest][:, rest], copied], [shared, ring]], format="csr"))
+    copied = outflow @ sp.csr_array(np.ones((1, len(even))))
+    divided = sp.csr_array(even[:, None]) @ inflow
+    return sp.csr_array(sp.block_array([[core[rest][:, rest], copied], [divided, ring]], format="csr"))
 
 
 def _placed(

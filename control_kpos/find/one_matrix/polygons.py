@@ -1,23 +1,33 @@
-"""Circulant matrices on the corners of one polygon: rates and corners for one mode, or a few.
+"""Circulant matrices on the corners of a polygon: which modes share one, its rates and its corners.
 
-A circulant Q = sum_k c_k S^k, S the cyclic shift, has the eigenvalues sum_k c_k z^(jk), z = exp(2 pi i/m),
-j = 0..m-1, so c follows from the wanted eigenvalues by a discrete Fourier transform, and what must hold is c_k >= 0
-for k >= 1 (discrete time: also c_0 >= 0).  For one pair with decay gap a and frequency w that is
-tan(pi/m) <= a/w (Dmitriev and Dynkin, 1946).
+A circulant Q = sum_k c_k S^k on m corners, S the cyclic shift, has the eigenvalues sum_k c_k z^(jk),
+z = exp(2 pi i/m), j = 0..m-1; harmonic 0 is its column sum t.  Given the eigenvalues, c is a discrete Fourier
+transform away, and what must hold is c_k >= 0 for k >= 1 (discrete time: also c_0 >= 0).  For one pair with decay
+gap a and frequency w that is tan(pi/m) <= a/w (Dmitriev and Dynkin, 1946).
+
+Since t adds t/m to every c_k, there is a least t, the *need* of a group of modes, from which on c >= 0.  A group of
+m - 1 dimensions that meets its need costs one generator per dimension, which is as cheap as it gets; a complex pair
+alone may need a polygon with many more corners.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import combinations, permutations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .grouping import spectra
+from ...exact.budget import spend
+
+Group = tuple[int, ...]
 
 _LARGEST = 100_000
 # Up to so many corners every corner may flow to every other one.
 _DENSE = 500
+# Pairs, and real modes, with the smallest gaps that look for partners: groups of three grow with the cube.
+_PARTNERS = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +50,7 @@ class Polygon:
         """Number of corners."""
         return len(self.rates)
 
-    def shares(self, *, thin: bool) -> NDArray[np.float64]:
+    def convex_weights(self, *, thin: bool) -> NDArray[np.float64]:
         """Convex weights of corners whose mean is zero: equal ones, or on three corners only if `thin`."""
         if not thin or len(self.corners) != 2 or self.size <= 6:
             return np.full(self.size, 1 / self.size)
@@ -118,7 +128,7 @@ def _polygon(target: complex, m: int, total: float, discrete: bool) -> Polygon |
         rest = total - rates.sum()
         if rest < -1e-14 or rates.min() < -1e-14:
             return None
-        even = Polygon(rates, corners).shares(thin=m > _DENSE)
+        even = Polygon(rates, corners).convex_weights(thin=m > _DENSE)
         return Polygon(np.maximum(rates, 0.0) + max(rest, 0.0) * even, corners)
     rates[1] = target.imag / np.sin(angle[1])
     rest = total - target.real - rates[1] * (1 - np.cos(angle[1]))
@@ -129,3 +139,113 @@ def _polygon(target: complex, m: int, total: float, discrete: bool) -> Polygon |
     rates[far[1]] += max(rest, 0.0) / (1 - np.cos(angle[far[1]])) / 2
     rates[0] = total - rates[1:].sum()
     return Polygon(rates, corners)
+
+
+def spectra(
+    pairs: NDArray[np.complex128], real: NDArray[np.float64] | None
+) -> Iterator[tuple[list[int], NDArray[np.complex128]]]:
+    """Ways to put some pairs, and possibly one real eigenvalue, on the harmonics of one circulant.
+
+    Parameters
+    ----------
+    pairs : ndarray of complex, shape (k, G)
+        k pairs, for G groups at once.
+    real : ndarray, shape (G,), or None
+
+    Yields
+    ------
+    harmonics : list of int
+        Harmonic of each pair, negative for the conjugate.
+    spectrum : ndarray of complex, shape (G, m)
+        Eigenvalues with column sum 0.
+    """
+    k, count = pairs.shape
+    m = 2 * k + 1 + (real is not None)
+    for order in permutations(range(1, k + 1)):
+        for signs in product((1, -1), repeat=k):
+            if signs and signs[0] < 0:
+                continue  # a mirror image
+            spectrum = np.zeros((count, m), dtype=complex)
+            for j, sign, value in zip(order, signs, pairs, strict=True):
+                spectrum[:, sign * j] = value
+                spectrum[:, -sign * j] = value.conj()
+            if real is not None:
+                spectrum[:, m // 2] = real
+            yield [s * j for s, j in zip(signs, order, strict=True)], spectrum
+
+
+def needs(pairs: NDArray[np.complex128], real: NDArray[np.float64] | None, *, discrete: bool) -> NDArray[np.float64]:
+    """Least column sum with nonnegative rates, for G groups at once; shape (G,)."""
+    best = np.full(pairs.shape[1], np.inf)
+    for _, spectrum in spectra(pairs, real):
+        rates = np.fft.fft(spectrum, axis=1).real
+        best = np.minimum(best, -(rates if discrete else rates[:, 1:]).min(axis=1))
+    return best
+
+
+def groupings(targets: NDArray[np.complex128], top: float, *, discrete: bool, seed: int = 0) -> Iterator[list[Group]]:
+    """Partitions of the modes into groups worth trying, each in a good order for attaching.
+
+    Pairs that need no more than a triangle stay alone; the others look for partners.
+    """
+    gap = top - (np.abs(targets) if discrete else targets.real)
+    by_gap = [int(i) for i in np.argsort(gap, kind="stable")]
+    yield [(i,) for i in by_gap]
+    pairs = [i for i in by_gap if targets[i].imag > 0]
+    reals = [i for i in by_gap if targets[i].imag == 0]
+    if len(pairs) + len(reals) < 2 or not pairs:
+        return
+    pairs, reals = pairs[:_PARTNERS], reals[:_PARTNERS]
+    needed, members = _offers(targets, pairs, reals, top, discrete)
+    alone = np.full(len(targets), -np.inf)
+    alone[pairs] = needs(targets[None, pairs], None, discrete=discrete)
+    rng = np.random.default_rng(seed)
+    for trial in range(8):
+        spend(1e3 * len(members))
+        spare = top - needed
+        if trial:
+            spare = spare * rng.uniform(0.5, 1.5, len(spare))
+        yield _greedy(members, alone >= (0.5 * top if trial % 2 else top), spare, by_gap)
+
+
+def _offers(
+    targets: NDArray[np.complex128], pairs: list[int], reals: list[int], top: float, discrete: bool
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Needs of feasible groups of two or three modes, and the groups, one a row, filled up with -1."""
+    lists: list[tuple[list[Group], int]] = [
+        ([(i, j) for i in pairs for j in reals], 1),
+        (list(combinations(pairs, 2)), 2),
+        ([(i, j, r) for i, j in combinations(pairs, 2) for r in reals], 2),
+        (list(combinations(pairs[:20], 3)), 3),
+    ]
+    needed, members = [np.zeros(0)], [np.zeros((0, 3), dtype=np.intp)]
+    for groups, k in lists:
+        if not groups:
+            continue
+        index = np.array(groups).T
+        real = targets[index[k]].real if len(index) > k else None
+        need = needs(targets[index[:k]], real, discrete=discrete)
+        below = np.flatnonzero(need < top)
+        needed.append(need[below])
+        rows = np.full((len(below), 3), -1)
+        rows[:, : len(index)] = index[:, below].T
+        members.append(rows)
+    return np.concatenate(needed), np.concatenate(members)
+
+
+def _greedy(
+    members: NDArray[np.intp], helped: NDArray[np.bool_], spare: NDArray[np.float64], by_gap: list[int]
+) -> list[Group]:
+    """Take the groups one by one: those that help the most of their modes first, then those with most to spare."""
+    part = np.append(helped, False)[members].sum(axis=1) / (members >= 0).sum(axis=1)
+    order = np.lexsort((-spare, -part))
+    taken: set[int] = set()
+    chosen: list[Group] = []
+    for row in members[order[: np.count_nonzero(part)]].tolist():
+        group = tuple(i for i in row if i >= 0)
+        if not taken.intersection(group):
+            chosen.append(group)
+            taken.update(group)
+    chosen += [(i,) for i in by_gap if i not in taken]
+    place = {i: k for k, i in enumerate(by_gap)}
+    return sorted(chosen, key=lambda group: min(place[i] for i in group))

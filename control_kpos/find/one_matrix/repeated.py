@@ -30,24 +30,19 @@ from ...exact.polynomials import (
 from ...exact.rationals import Rationals, identity, jordan_chains, nullspace, solve_columns
 from ...proof.multipliers import pointing_functional
 from ..impossible.existence import spectrum_polynomial
-from ..ports.search import find_with_ports
-from .search import find_single
+from ..ports import search as ports
+from ..question import Candidate, Question, first_cone
+from .search import analysis, candidates
 
 _LARGEST = 16
 # Roots that coincide are known to about half the digits, or a third of them.
 _NEAR = 1e-3
 
 
-def repeated_cones(A: Matrix) -> Iterator[tuple[Matrix, NDArray[np.float64]]]:
-    """Exact generators and a functional that is positive on them.
-
-    Yields
-    ------
-    rays : Matrix, shape (N, n)
-    pointing : ndarray, shape (n,)
-    """
-    n = A.shape[0]
-    if n > _LARGEST:
+def repeated_cones(question: Question) -> Iterator[Candidate]:
+    """Exact generators, for one matrix in continuous time."""
+    A = question.searched[0]
+    if A.shape[0] > _LARGEST or question.discrete:
         return
     factors = square_free_factors(spectrum_polynomial(A))
     top = float(np.linalg.eigvals(A.values).real.max())
@@ -63,8 +58,9 @@ def repeated_cones(A: Matrix) -> Iterator[tuple[Matrix, NDArray[np.float64]]]:
     if chains is None:
         return
     rays = _generators(M, S, chains, nullspace(_at(others, S)), d)
-    if rays is not None:
-        yield rays, pointing_functional(np.asarray(rays.values))
+    if rays is not None and question.admits(rays.shape[0]):
+        values = np.asarray(rays.values)
+        yield Candidate(rays=rays, pointing=pointing_functional(values), right_inverse=np.linalg.pinv(values.T))
 
 
 def _roots(p: Polynomial) -> NDArray[np.complex128]:
@@ -111,23 +107,26 @@ def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Ra
     """The cone of the companion matrix in every block, and the cone of the last block with the rest."""
     last = np.array(_cyclic(S, chains[0][-1], d), dtype=object).T
     companion = Matrix.from_fractions(solve_columns(last, S @ last))
-    found, _, _ = find_single(companion, discrete=False, max_rays=None)
-    if not found or found.rays is None:
+    inner = _cone_of(companion)
+    if inner is None:
         return None
-    inner = found.rays.fractions()
     blocks = [w for k, chain in enumerate(chains) for w in (chain[:-1] if k == 0 else chain)]
     rows = [inner @ np.array(_cyclic(S, w, d), dtype=object) for w in blocks]
     if not W.shape[1]:
         return Matrix.from_fractions(np.concatenate([*rows, inner @ last.T]))
     basis = np.concatenate([last, W], axis=1)
     joined = Matrix.from_fractions(solve_columns(basis, M @ basis))
+    held = None
     if len(chains[0]) > 1:  # N moves the cone of the block before into the last one
         zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
         held = Matrix.from_fractions(np.concatenate([inner, zeros], axis=1))
-        nothing = Matrix.zeros(0, basis.shape[1])
-        outer, _, _ = find_with_ports(joined, held, nothing, discrete=False, max_rays=None, report=lambda _: None)
-    else:
-        outer, _, _ = find_single(joined, discrete=False, max_rays=None)
-    if not outer or outer.rays is None:
-        return None
-    return Matrix.from_fractions(np.concatenate([*rows, outer.rays.fractions() @ basis.T]))
+    outer = _cone_of(joined, held)
+    return None if outer is None else Matrix.from_fractions(np.concatenate([*rows, outer @ basis.T]))
+
+
+def _cone_of(A: Matrix, contains: Matrix | None = None) -> Rationals | None:
+    """Generators of an invariant cone that holds the given vectors, or None."""
+    question = Question(matrices=Matrix.stack([A]), contains=contains)
+    attempts = candidates if contains is None else ports.candidates
+    found = first_cone(question, attempts(question, analysis(A, discrete=False)))
+    return None if found is None else found.candidate.rays.fractions()

@@ -2,91 +2,143 @@
 
 1. The modes of A and polygons, where eigenvectors are well conditioned (`explicit`).
 2. The same for a neighbouring matrix with better conditioned ones, where they are not.
-3. The same in coordinates close to the modes (`preconditioned`).
+3. The same in coordinates close to the modes.  Computed in floating point, eigenvectors of condition number k are
+   wrong by about |A| k / gap units in the last place, which for k = 1e7 can be all of them.  Rounded, they are still
+   a basis V, known exactly, and T = V^-1 A V is nearly diagonal, with well conditioned eigenvectors.  Iterative
+   refinement with the residual A V - V T in exact arithmetic gives every entry of T to almost full precision.  A cone
+   R for T becomes the cone V R for A, with the same P; V R is kept exactly, since rounding it would move it by k
+   units in the last place.
 4. The orthant, and exact rational modes, where A has several dominant eigenvalues (`rational_modes`; irrational
    ones: `repeated`).
-Every candidate is put to the proof; the first one proven wins.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import chain
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds
+from ...exact.budget import affords, spend
 from ...exact.matrix import Matrix
-from ...exact.products import exact_product
+from ...exact.products import as_doubles, exact_product, summed_products
 from ...proof.multipliers import multipliers
-from ..certificate import ConeCertificate
-from .explicit import LARGE, Candidate, modal_cone
-from .modes import (
-    SECONDS_PER_CUBE,
-    Modes,
-    dominant_index,
-    eigenbasis,
-    modes,
-)
-from .preconditioned import modal_coordinates
+from ..question import Candidate, Question
+from .explicit import LARGE, ModalCone, fewest_rays, modal_cone
+from .modes import PER_CUBE, Modes, balanced, dominant_index, eigenbasis, modes
 from .rational_modes import rational_cones
 
-# Beyond the first, a neighbouring matrix with better eigenvectors is tried before A's own; beyond the
-# second, A's own are of use in coordinates close to them only.
+Array = NDArray[np.float64]
+
+# Beyond this, a neighbouring matrix with better eigenvectors is tried, and then A in coordinates close to its own.
 _WELL_CONDITIONED = 1e4
-_ILL_CONDITIONED = 3e5
-# The proof takes a few products of n x n with n x N matrices, and singular values: seconds divided by n^2 N.
-_SECONDS_PER_PRODUCT = 6e-10
 _SPREADS = (0.3, 0.5, 0.7, 0.15)
+# Rounds of iterative refinement, and operations of an exact product divided by n^3.
+_ROUNDS, _PER_EXACT_PRODUCT = 6, 100.0
+# Relative distance to which rounding may move copies of a repeated eigenvalue.
+_SPLIT = 1e-4
 
 
-def balanced(A: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A in units where its rows and columns have similar size, and the units (powers of two).
+@dataclass(frozen=True, eq=False)
+class Analysis:
+    """A in balanced units, with its modes.
 
-    Returns
-    -------
+    Attributes
+    ----------
+    A : Matrix, shape (n, n)
     matrix : ndarray, shape (n, n)
-        diag(units)^-1 A diag(units).
+        diag(units)^-1 A diag(units), up to rounding.
     units : ndarray, shape (n,)
+    discrete : bool
+    modes : Modes or None
+        Of `matrix`.
     """
-    values = np.asarray(A.values)
-    units = balancing_units(values)
-    with np.errstate(over="ignore", under="ignore", invalid="ignore"):
-        matrix = values * units / units[:, None]
-    return (matrix, units) if np.isfinite(matrix).all() else (values, np.ones(len(values)))
+
+    A: Matrix
+    matrix: Array
+    units: Array
+    discrete: bool
+    modes: Modes | None
+
+    @property
+    def is_well_conditioned(self) -> bool:
+        """Whether the modes are known and may be used as they are."""
+        return self.modes is not None and self.modes.conditioning < _WELL_CONDITIONED
+
+    @cached_property
+    def near_modes(self) -> tuple[Array, Array] | None:
+        """A basis V close to eigenvectors of A, and T = V^-1 A V accurately.
+
+        None if V is numerically singular, or the effort left is too little for exact products.
+        """
+        effort = _ROUNDS * _PER_EXACT_PRODUCT * len(self.matrix) ** 3
+        basis = eigenbasis(self.matrix)
+        if not np.linalg.cond(basis) < 1e12 or not affords(effort):
+            return None
+        spend(effort)
+        V = basis * self.units[:, None]
+        exact, inverse = Matrix(V), np.linalg.inv(basis) / self.units
+        T, last = np.zeros_like(V), np.inf
+        for _ in range(_ROUNDS):
+            rest = as_doubles(*summed_products([(self.A, Matrix(V.T)), (exact, Matrix(-T.T))]))
+            with np.errstate(over="ignore", invalid="ignore"):
+                change = inverse @ rest
+                size = float(np.abs(change).max())
+            if not size < last:
+                break
+            T, last = T + change, size
+        return (V, T) if np.isfinite(T).all() else None
+
+    @cached_property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues, accurate as long as the condition number of the eigenvectors is below 1e12."""
+        m = self.modes
+        if m is not None and m.conditioning < _WELL_CONDITIONED:
+            return np.concatenate([[m.dominant], m.others, m.others[m.others.imag > 0].conj()])
+        simple = m is None and np.linalg.cond(eigenbasis(self.matrix)) < _WELL_CONDITIONED
+        near = None if simple else self.near_modes
+        return np.linalg.eigvals(self.matrix if near is None else near[1]).astype(np.complex128)
+
+    @cached_property
+    def fewest_rays(self) -> int:
+        """Least number of rays (and of facets) of an invariant polyhedral cone, from the spectrum."""
+        values = self.eigenvalues
+        first = dominant_index(values, discrete=self.discrete)
+        rest = values[np.arange(len(values)) != first]
+        # Rounding turns a repeated eigenvalue into pairs close to it, which bound nothing.
+        rest = rest[np.abs(rest - values[first]) > _SPLIT * np.abs(values).max()]
+        size = float(abs(values[first])) if self.discrete else float(values[first].real)
+        return fewest_rays(rest[rest.imag > 0], size, len(values))
 
 
-def balancing_units(size: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Powers of two u that make row and column sizes of diag(u)^-1 A diag(u) similar (Osborne)."""
-    with np.errstate(divide="ignore"):
-        level = np.log2(np.abs(size))
-    np.fill_diagonal(level, -np.inf)
-    exponent = np.zeros(len(level))
-    for _ in range(20):
-        before = exponent.copy()
-        for i in range(len(level)):
-            row = (level[i] + exponent).max(initial=-np.inf) - exponent[i]
-            column = (level[:, i] - exponent).max(initial=-np.inf) + exponent[i]
-            if np.isfinite(row) and np.isfinite(column):
-                exponent[i] = np.clip(exponent[i] + np.rint((row - column) / 2), -500, 500)
-        if np.array_equal(before, exponent):
-            break
-    return np.exp2(exponent)
-
-
-def eigenvalues(A: Matrix) -> NDArray[np.complex128]:
-    """Eigenvalues that are accurate as long as the condition number of the eigenvectors is below 1e12."""
+def analysis(A: Matrix, *, discrete: bool) -> Analysis:
+    """Units and modes of a matrix: one dense eigenvalue decomposition."""
     matrix, units = balanced(A)
-    found = None
-    if not np.linalg.cond(eigenbasis(matrix)) < _WELL_CONDITIONED:
-        found = modal_coordinates(A, matrix, units)
-    return np.linalg.eigvals(A.values if found is None else found[1]).astype(np.complex128)
+    return Analysis(A, matrix, units, discrete, modes(matrix, discrete=discrete))
 
 
-def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[Candidate]:
+def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
     """Cones worth proving, the most economic first."""
+    well_conditioned, most = a.is_well_conditioned, question.max_rays
+    for cone in modal_cones(a.matrix, a.modes, discrete=a.discrete, max_rays=most):
+        yield from _of_modal_cone(cone, a.units, programs=well_conditioned or cone.multipliers is None)
+    if not well_conditioned and a.near_modes is not None:
+        yield from _near_modes(a, *a.near_modes, max_rays=most)
+    n = len(a.matrix)
+    if question.admits(n) and (a.matrix + (0 if a.discrete else np.diag(np.full(n, np.inf))) >= 0).all():
+        P = Matrix.stack([a.A])
+        yield Candidate(rays=Matrix.identity(n), pointing=np.ones(n), right_inverse=np.eye(n), multipliers=P)
+    for rays, pointing in rational_cones(a.A, discrete=a.discrete):
+        if question.admits(rays.shape[0]):
+            inverse = np.linalg.pinv(np.asarray(rays.values).T)
+            yield Candidate(rays=rays, pointing=pointing, right_inverse=inverse)
+
+
+def modal_cones(A: Array, m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[ModalCone]:
+    """Cones from the modes of A, or of a matrix near A where those are ill-conditioned, the most economic first."""
     if m is not None and m.conditioning < _WELL_CONDITIONED:
         found = modal_cone(m, discrete=discrete, max_rays=max_rays)
         if found is not None:
@@ -99,20 +151,16 @@ def candidates(A: NDArray[np.float64], m: Modes | None, *, discrete: bool, max_r
         # Multipliers for A itself take a linear program for each generator.
         found = modal_cone(near, discrete=discrete, max_rays=min(max_rays or LARGE, LARGE))
         if found is not None:
-            yield Candidate(found.R, found.pointing, None, found.separators)
-    if m is not None and _WELL_CONDITIONED <= m.conditioning < _ILL_CONDITIONED:
-        found = modal_cone(m, discrete=discrete, max_rays=max_rays)
-        if found is not None:
-            yield found
+            yield ModalCone(found.R, found.pointing, None, found.separators)
 
 
-def spread(A: NDArray[np.float64], part: float, *, discrete: bool) -> NDArray[np.float64]:
+def spread(A: Array, part: float, *, discrete: bool) -> Array:
     """A with its other eigenvalues moved towards the dominant one, each by a different part of its gap.
 
-    A (nearly) defective A has no usable eigenvectors; a neighbour with less decay has, and its cone has room
-    for A.  The dominant eigenvector stays.
+    A (nearly) defective A has no usable eigenvectors; a neighbour with less decay has, and its cone is one for A
+    as well.  The dominant eigenvector stays.
     """
-    require_seconds(SECONDS_PER_CUBE * len(A) ** 3)
+    spend(PER_CUBE * len(A) ** 3)
     values = np.linalg.eigvals(A).astype(np.complex128)
     top = values[dominant_index(values, discrete=discrete)].real
     near = 1e-6 * float(np.abs(values).max(initial=0.0))
@@ -135,126 +183,37 @@ def spread(A: NDArray[np.float64], part: float, *, discrete: bool) -> NDArray[np
     return Z @ T @ Z.T
 
 
-def find_single(
-    A: Matrix, *, discrete: bool, max_rays: int | None
-) -> tuple[ConeCertificate, NDArray[np.float64] | None, float]:
-    """Certificate (PROVED or UNDECIDED), separators and conditioning of the first proven cone."""
-    matrix, units = balanced(A)
-    m = modes(matrix, discrete=discrete)
-    stack = Matrix.stack([A])
-    well_conditioned = m is not None and m.conditioning < _WELL_CONDITIONED
-    for candidate in candidates(matrix, m, discrete=discrete, max_rays=max_rays):
-        programs = well_conditioned or candidate.multipliers is None
-        certificate = prove(stack, candidate, units, discrete=discrete, programs=programs)
-        if certificate:
-            separators = None if candidate.separators is None else candidate.separators / units
-            return certificate, separators, flatness(candidate.R)
-    if not well_conditioned:
-        for certificate, separators in _preconditioned(A, matrix, units, discrete=discrete, max_rays=max_rays):
-            if certificate and certificate.rays is not None:
-                return certificate, separators, flatness((certificate.rays.values / units).T)
-    eye = Matrix.identity(A.shape[0])
-    orthant = (matrix + (0 if discrete else np.diag(np.full(len(matrix), np.inf))) >= 0).all()
-    exact = [(eye, np.ones(A.shape[0]))] if orthant else []
-    for rays, pointing in chain(exact, rational_cones(A, discrete=discrete)):
-        if max_rays is None or rays.shape[0] <= max_rays:
-            found = prove_exactly(A, rays, pointing, discrete=discrete)
-            if found[0]:
-                return found
-    return ConeCertificate.settle(matrices=stack, discrete=discrete), None, np.inf
-
-
-def _preconditioned(
-    A: Matrix,
-    matrix: NDArray[np.float64],
-    units: NDArray[np.float64],
-    *,
-    discrete: bool,
-    max_rays: int | None,
-) -> Iterator[tuple[ConeCertificate, NDArray[np.float64] | None]]:
-    """Certificates, proven or not, of cones found for V^-1 A V, with separators."""
-    found = modal_coordinates(A, matrix, units)
-    if found is None:
-        return
-    V, T = found
-    inverse = np.linalg.inv(V / units[:, None]) / units
-    for candidate in candidates(T, modes(T, discrete=discrete), discrete=discrete, max_rays=max_rays):
-        R = Matrix(np.ascontiguousarray(candidate.R.T))
-        P = _own_multipliers(candidate) or multipliers(Matrix(T), R, candidate.pointing, discrete=discrete)
-        if P is None:
-            continue
-        certificate = ConeCertificate.settle(
-            matrices=Matrix.stack([A]),
-            discrete=discrete,
-            rays=exact_product(R, Matrix(V)),
-            multipliers=P if P.is_sparse else Matrix.stack([P]),
-            pointing=candidate.pointing @ inverse,
-            right_inverse=candidate.right_inverse @ inverse,
-        )
-        yield certificate, None if candidate.separators is None else candidate.separators @ inverse
-
-
-def prove(
-    stack: Matrix, candidate: Candidate, units: NDArray[np.float64], *, discrete: bool, programs: bool
-) -> ConeCertificate:
-    """Put a candidate in balanced coordinates to the proof, with linear programs for P if its own will not do."""
-    require_seconds(_SECONDS_PER_PRODUCT * candidate.R.size * len(units))
-    rays = Matrix(np.ascontiguousarray(candidate.R.T * units))
-    pointing = candidate.pointing / units
-    inverse = candidate.right_inverse / units
-    P = _own_multipliers(candidate)
-    certificate = ConeCertificate.settle(matrices=stack, discrete=discrete)
-    if P is not None:
-        certificate = ConeCertificate.settle(
-            matrices=stack,
-            discrete=discrete,
-            rays=rays,
-            multipliers=P if P.is_sparse else Matrix.stack([P]),
-            pointing=pointing,
-            right_inverse=inverse,
-        )
-    if certificate or not programs or rays.shape[0] > LARGE:
-        return certificate
-    return _prove(stack, rays, pointing, np.linalg.pinv(candidate.R) / units, discrete=discrete)
-
-
-def _own_multipliers(candidate: Candidate) -> Matrix | None:
-    return None if candidate.multipliers is None else Matrix(candidate.multipliers.combined())
-
-
-def prove_exactly(
-    A: Matrix, rays: Matrix, pointing: NDArray[np.float64], *, discrete: bool
-) -> tuple[ConeCertificate, None, float]:
-    """Certificate, without separators, and conditioning of a cone that may have no margin at all."""
-    require_seconds(_SECONDS_PER_PRODUCT * rays.values.size * rays.shape[1])
-    values = np.asarray(rays.values).T
-    certificate = _prove(Matrix.stack([A]), rays, pointing, np.linalg.pinv(values), discrete=discrete)
-    return certificate, None, flatness(values)
-
-
-def _prove(
-    stack: Matrix,
-    rays: Matrix,
-    pointing: NDArray[np.float64],
-    inverse: NDArray[np.float64],
-    *,
-    discrete: bool,
-) -> ConeCertificate:
-    """A certificate for generators whose multipliers are still to be found."""
-    P = multipliers(stack[0], rays, pointing, discrete=discrete)
-    if P is None:
-        return ConeCertificate.settle(matrices=stack, discrete=discrete)
-    return ConeCertificate.settle(
-        matrices=stack,
-        discrete=discrete,
-        rays=rays,
-        multipliers=Matrix.stack([P]),
-        pointing=pointing,
-        right_inverse=inverse,
+def _of_modal_cone(cone: ModalCone, units: Array, *, programs: bool) -> Iterator[Candidate]:
+    """A cone in the user's units: with its own multipliers, then with those of linear programs."""
+    own = Candidate(
+        rays=Matrix(np.ascontiguousarray(cone.R.T * units)),
+        pointing=cone.pointing / units,
+        right_inverse=cone.right_inverse / units,
+        multipliers=cone.stacked_multipliers,
+        separators=None if cone.separators is None else cone.separators / units,
+        units=units,
     )
+    if own.multipliers is not None:
+        yield own
+    if programs and cone.R.shape[1] <= LARGE:
+        yield replace(own, multipliers=None, right_inverse=np.linalg.pinv(cone.R) / units)
 
 
-def flatness(R: NDArray[np.float64]) -> float:
-    """Condition number of generators scaled to length 1: large means nearly in a hyperplane, or nearly a line."""
-    lengths = np.linalg.norm(R, axis=0)
-    return float(np.linalg.cond(R / lengths)) if (lengths > 0).all() else np.inf
+def _near_modes(a: Analysis, V: Array, T: Array, *, max_rays: int | None) -> Iterator[Candidate]:
+    """Cones found for T = V^-1 A V."""
+    inverse = np.linalg.inv(V / a.units[:, None]) / a.units
+    for cone in modal_cones(T, modes(T, discrete=a.discrete), discrete=a.discrete, max_rays=max_rays):
+        R, P = Matrix(np.ascontiguousarray(cone.R.T)), cone.stacked_multipliers
+        if P is None:
+            found = multipliers(Matrix(T), R, cone.pointing, discrete=a.discrete)
+            if found is None:
+                continue
+            P = Matrix.stack([found])
+        yield Candidate(
+            rays=exact_product(R, Matrix(V)),
+            pointing=cone.pointing @ inverse,
+            right_inverse=cone.right_inverse @ inverse,
+            multipliers=P,
+            separators=None if cone.separators is None else cone.separators @ inverse,
+            units=a.units,
+        )

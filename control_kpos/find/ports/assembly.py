@@ -10,8 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .core import LARGEST_DENSE, Core
-from .first_steps import FirstSteps
-from .orbit import Flow, Orbit
+from .orbit import FirstSteps, Flow, Orbit
 
 Array = NDArray[np.float64]
 
@@ -46,7 +45,7 @@ class Assembly:
     ----------
     points : ndarray, shape (N, n)
     P : ndarray or csr_array, shape (N, N)
-    shares : ndarray, shape (k, N)
+    combinations : ndarray, shape (k, N)
         The vector that each path starts from as a combination of the generators.
     starts : list of int
         Its row; -1 if it lies inside the core.
@@ -58,7 +57,7 @@ class Assembly:
 
     points: Array
     P: Any
-    shares: Array
+    combinations: Array
     starts: list[int]
     exact: NDArray[np.bool_]
     support: NDArray[np.intp]
@@ -73,19 +72,19 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
     inflow = np.zeros((N - count, count))  # to rows of the core
     diagonal, below = np.zeros(count), np.zeros(count)
     exact = np.zeros(N, dtype=bool)
-    shares = np.zeros((len(paths), N))
+    combinations = np.zeros((len(paths), N))
     starts, row = [], 0
     for j, path in enumerate(paths):
         steps = len(path.points) - 1
         starts.append(row if steps else -1)
         if steps:
-            shares[j, row] = 1.0
-        else:  # a part of the room is e, which all generators share
+            combinations[j, row] = 1.0
+        else:  # inside the core: a part of it is e, in which all generators have a weight
             y = path.points[0].copy()
-            room = 0.5 * float(y[0] - core.gauge(y[None])[0])
-            y[0] -= room
-            shares[j] = room * weights
-            shares[j, count:] += core.combination(y)
+            part = 0.5 * float(y[0] - core.gauge(y[None])[0])
+            y[0] -= part
+            combinations[j] = part * weights
+            combinations[j, count:] += core.combination(y)
         at = np.arange(row, row + steps)
         head, tail = at[: path.count], at[path.count :]
         exact[head] = True
@@ -107,19 +106,19 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
         places = np.concatenate([at, at[1:]]), np.concatenate([at, at[:-1]])
         chain = sp.coo_array((np.concatenate([diagonal, below[:-1]]), places), shape=(count, count))
         P = sp.block_array([[chain, None], [sp.csr_array(inflow), sp.csr_array(core.P)]], format="csr")
-        return Assembly(points, sp.csr_array(P), shares, starts, exact, support)
+        return Assembly(points, sp.csr_array(P), combinations, starts, exact, support)
     P = np.zeros((N, N))
     P[count:, :count], P[count:, count:] = inflow, core.P
     P[np.arange(count), np.arange(count)] = diagonal
     P[np.arange(1, count), np.arange(count - 1)] += below[:-1]
     P[:, :count] += np.outer(weights, spread)
-    # The core's own columns have room for a little of e as well.
+    # The core's own columns take up a little of e as well.
     free = core.P + np.diag(np.full(len(core.P), 0.0 if f.discrete else np.inf))
     part = 0.5 * float((free.min(axis=0) / core.weights.max()).min())
     if np.isfinite(part):
         P[count:, count:] -= part * core.weights[:, None]
         P[:, count:] += part * weights[:, None]
-    return Assembly(points, P, shares, starts, exact, support)
+    return Assembly(points, P, combinations, starts, exact, support)
 
 
 def _interior(points: Array, count: int, core: Core) -> Array:

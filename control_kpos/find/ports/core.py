@@ -17,13 +17,12 @@ from ...proof.multipliers import Frame, multipliers, nonnegative_combination
 from ..one_matrix.explicit import (
     LARGE,
     MOST_ENTRIES,
-    Candidate,
+    ModalCone,
     Multipliers,
     modal_cone,
 )
-from ..one_matrix.modes import Modes, modes
-from ..one_matrix.search import candidates
-from ..one_matrix.split import Split
+from ..one_matrix.modes import Modes, Split, modes
+from ..one_matrix.search import modal_cones
 
 Array = NDArray[np.float64]
 
@@ -157,9 +156,9 @@ def _one_for_each_mode(m: Modes, normals: Array, largest: float, shrink: float, 
     return Core(points, _coupled(own, weights), weights, blocks)
 
 
-def _parts(m: Modes, discrete: bool, *, thin: bool | None) -> list[Candidate]:
+def _parts(m: Modes, discrete: bool, *, thin: bool | None) -> list[ModalCone]:
     """A cone for each mode alone, in the coordinates of (1, mode); fewer than modes if one has none."""
-    out: list[Candidate] = []
+    out: list[ModalCone] = []
     for value, V in zip(m.others, m.bases, strict=True):
         eye = np.eye(1 + V.shape[1])
         alone = Modes(m.dominant, eye[0], eye[0], np.array([value]), [eye[:, 1:]], 1.0)
@@ -177,7 +176,7 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
         return None
     A = sl.block_diag(split.dominant, split.S)
     height = np.eye(n)[0]
-    for candidate in candidates(A, modes(A, discrete=discrete), discrete=discrete, max_rays=LARGE):
+    for candidate in modal_cones(A, modes(A, discrete=discrete), discrete=discrete, max_rays=LARGE):
         if not (candidate.R[0] > 0).all():
             continue
         corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink, largest)
@@ -197,11 +196,11 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
     return None
 
 
-def _scaled(corners: Array, normals: Array, room: Array, shrink: float, largest: float) -> Array:
+def _scaled(corners: Array, normals: Array, heights: Array, shrink: float, largest: float) -> Array:
     """Corners scaled so that e + corner reaches the half-spaces, or a size, times `shrink`."""
     reach = -(normals @ corners.T)
-    room = np.broadcast_to(room[:, None], reach.shape)
-    limit = np.divide(room, reach, out=np.full_like(reach, np.inf), where=reach > 0).min(initial=np.inf)
+    heights = np.broadcast_to(heights[:, None], reach.shape)
+    limit = np.divide(heights, reach, out=np.full_like(reach, np.inf), where=reach > 0).min(initial=np.inf)
     return corners * (shrink * min(float(limit), largest))
 
 

@@ -6,25 +6,23 @@ start along a boundary or where the dominant eigenvalue is repeated; orbits into
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds
+from ...exact.budget import spend
 from ...exact.matrix import Matrix
 from ...proof.multipliers import Frame, nonnegative_combination
-from ..certificate import ConeCertificate
-from ..one_matrix.chain import rational_chains
-from ..one_matrix.search import balanced, flatness
-from ..one_matrix.split import Split, split
-from ..reduction import extreme_generators
+from ..generators import extreme_generators
+from ..one_matrix.modes import Split, split
+from ..one_matrix.search import Analysis
+from ..question import Candidate, Question
 from .assembly import Assembly, Path, assemble
+from .chain import rational_chains
 from .core import Core, core_inside
-from .first_steps import first_steps, steps_on_boundary
-from .orbit import Flow, flow, follow
-from .outlook import outlook
+from .orbit import Flow, first_steps, flow, follow, step_bounds, steps_on_boundary
 
 Array = NDArray[np.float64]
 
@@ -37,113 +35,86 @@ _SLACK = (1e-3, 1e-4, 1e-5)
 _FIRST = (0.5, 0.1, 0.02, 0.004)
 
 
-def find_with_ports(
-    A: Matrix,
-    vectors: Matrix,
-    normals: Matrix,
-    *,
-    discrete: bool,
-    max_rays: int | None,
-    report: Callable[[str], None],
-) -> tuple[ConeCertificate, Array | None, float]:
-    """Certificate (PROVED or UNDECIDED), separators and conditioning.
-
-    Parameters
-    ----------
-    vectors : Matrix, shape (k, n)
-        To be held by the cone, such as the columns of B; k may be 0.
-    normals : Matrix, shape (r, n)
-        Half-spaces to lie in, such as the rows of C; r may be 0.
-    """
-    search = _Search(A, vectors, normals, discrete, max_rays)
-    on_boundary = [steps_on_boundary(A, vectors[np.array([j])], normals) for j in range(vectors.shape[0])]
-    s = split(search.matrix, discrete=discrete)
+def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
+    """Cones worth proving: with those first that are likely to be found at little cost."""
+    search = _Search(question, a)
+    on_boundary = [steps_on_boundary(a.A, search.vectors[[j]], search.normals) for j in range(len(search.b))]
+    s = split(a.matrix, a.modes, discrete=a.discrete)
     attempts = [search.orthant(), search.orbits(s, on_boundary), search.chains()]
     if s is None or any(on_boundary):
         attempts[1:] = attempts[:0:-1]
-    for certificate, separators in (found for attempt in attempts for found in attempt):
-        rays = 0 if certificate.rays is None else certificate.rays.shape[0]
-        report(f"a cone with {rays} rays: {'proved' if certificate else 'not proven'}")
-        if certificate and certificate.rays is not None:
-            return certificate, separators, flatness((np.asarray(certificate.rays.values) / search.units).T)
-    return search.certificate(), None, np.inf
-
-
-Found = Iterator[tuple[ConeCertificate, "Array | None"]]
+    for attempt in attempts:
+        yield from attempt
 
 
 class _Search:
-    """The question, and several ways to answer it."""
+    """The question in balanced units, and several ways to answer it."""
 
-    def __init__(self, A: Matrix, vectors: Matrix, normals: Matrix, discrete: bool, max_rays: int | None) -> None:
-        self.A, self.vectors, self.normals, self.discrete = A, vectors, normals, discrete
-        self.most = max_rays or 10**9
-        self.matrix, self.units = balanced(A)
-        self.b, self.c = np.asarray(vectors.values) / self.units, np.asarray(normals.values) * self.units
+    def __init__(self, question: Question, a: Analysis) -> None:
+        self.vectors, self.normals = question.ports
+        self.question, self.A, self.discrete = question, a.A, a.discrete
+        self.matrix, self.units = a.matrix, a.units
+        self.b, self.c = np.asarray(self.vectors.values) / self.units, np.asarray(self.normals.values) * self.units
 
-    def certificate(self, shares: Matrix | None = None, **proof: Matrix | Array) -> ConeCertificate:
-        """The certificate with this proof."""
-        return ConeCertificate.settle(
-            matrices=Matrix.stack([self.A]),
-            discrete=self.discrete,
-            contains=self.vectors if self.vectors.shape[0] else None,
-            shares=shares if self.vectors.shape[0] else None,
-            within=self.normals if self.normals.shape[0] else None,
-            **proof,
-        )
-
-    def orthant(self) -> Found:
+    def orthant(self) -> Iterator[Candidate]:
         """The orthant, on which zeros of A, B and C are no trouble: P = A."""
-        eye = np.eye(self.A.shape[0])
-        if len(eye) <= self.most:
-            yield (
-                self.certificate(
-                    shares=self.vectors,
-                    rays=Matrix(eye),
-                    multipliers=Matrix.stack([self.A]),
-                    pointing=np.ones(len(eye)),
-                    right_inverse=eye,
-                ),
-                1.0 - 2.0 * eye,
+        n = self.question.dim
+        if self.question.admits(n):
+            eye = np.eye(n)
+            yield Candidate(
+                rays=Matrix(eye),
+                pointing=np.ones(n),
+                right_inverse=eye,
+                multipliers=Matrix.stack([self.A]),
+                combinations=self._combinations(self.vectors),
+                separators=1.0 - 2.0 * eye,
+                units=self.units,
             )
 
-    def chains(self) -> Found:
+    def _combinations(self, found: Matrix) -> Matrix | None:
+        return found if self.vectors.values.shape[0] else None
+
+    def chains(self) -> Iterator[Candidate]:
         """Simplicial cones in rational arithmetic."""
-        if self.A.shape[0] > self.most:
+        if not self.question.admits(self.question.dim):
             return
-        for rays, P, shares in rational_chains(self.A, self.vectors, self.normals, discrete=self.discrete):
+        for rays, P, combinations in rational_chains(self.A, self.vectors, self.normals, discrete=self.discrete):
             values = np.asarray(rays.values)
             if np.linalg.matrix_rank(values / self.units) < len(values):
                 continue
             inverse = np.linalg.inv((values / self.units).T) / self.units
             heights = inverse.sum(axis=0)
-            certificate = self.certificate(
-                shares=shares, rays=rays, multipliers=Matrix.stack([P]), pointing=heights, right_inverse=inverse
+            yield Candidate(
+                rays=rays,
+                pointing=heights,
+                right_inverse=inverse,
+                multipliers=Matrix.stack([P]),
+                combinations=self._combinations(combinations),
+                separators=heights - 2.0 * inverse * (heights @ values.T).max(),
+                units=self.units,
             )
-            yield certificate, heights - 2.0 * inverse * (heights @ values.T).max()
 
-    def orbits(self, s: Split | None, on_boundary: list[int]) -> Found:
+    def orbits(self, s: Split | None, on_boundary: list[int]) -> Iterator[Candidate]:
         """Orbits of the vectors and a core."""
         if s is None:
             return
         if np.sign(self.c @ s.right).sum() + np.sign(self.b @ s.left).sum() < 0:
             s = s.turned()
         for paths, built in self._proposals(s, on_boundary):
-            rays, P, separators, shares, support = self._exactly(built, paths, s)
-            if rays.shape[0] > self.most:
+            rays, P, separators, combinations, support = self._exactly(built, paths, s)
+            if not self.question.admits(rays.shape[0]):
                 continue
             R = (np.asarray(rays.values) / self.units).T
             inverse = np.zeros(R.T.shape)
             inverse[support] = np.linalg.pinv(R[:, support])
-            yield (
-                self.certificate(
-                    shares=shares,
-                    rays=rays,
-                    multipliers=P if P.is_sparse else Matrix.stack([P]),
-                    pointing=s.left / self.units,
-                    right_inverse=inverse / self.units,
-                ),
-                separators,
+            yield Candidate(
+                rays=rays,
+                pointing=s.left / self.units,
+                right_inverse=inverse / self.units,
+                multipliers=P if P.is_sparse else Matrix.stack([P]),
+                combinations=self._combinations(combinations),
+                separators=separators,
+                units=self.units,
             )
 
     def _proposals(self, s: Split, on_boundary: list[int]) -> Iterator[tuple[list[Path], Assembly]]:
@@ -158,7 +129,7 @@ class _Search:
                 return
             large: list[tuple[list[Path], Assembly]] = []
             for slack in _SLACK:
-                require_seconds()
+                spend(s.S.size)
                 f = flow(s, slack, discrete=self.discrete)
                 paths = self._paths(f, c, core, to_split, on_boundary)
                 if paths is None:
@@ -174,7 +145,7 @@ class _Search:
         """A path into the core for every vector, or None."""
         lengths = np.array(_FIRST if any(on_boundary) else _FIRST[:1])
         if any(on_boundary) and not f.discrete:
-            lengths = lengths * outlook(f.S, c).longest
+            lengths = lengths * step_bounds(f.S, c).longest
         for length in lengths:
             paths: list[Path] = []
             for j, count in enumerate(on_boundary):
@@ -198,26 +169,26 @@ class _Search:
         -------
         rays, multipliers : Matrix
         separators : ndarray or None
-        shares : Matrix
+        combinations : Matrix
         support : ndarray of int
             Generators that take up rounding errors.
         """
         values = built.points @ s.basis.T
         rays, kept = self._rays(values, built, paths)
         index, separators = np.arange(len(values)), None
-        P, shares = built.P, built.shares
+        P, combinations = built.P, built.combinations
         if values.size <= _PRUNED:
             index, separators = extreme_generators(values, s.left, kept)
             P, changed = _substituted(values, P, index, s.left)
-            shares, separators = shares @ changed.T, separators / self.units
+            combinations, separators = combinations @ changed.T, separators / self.units
         R = values[index].T
         # What is known exactly stays: columns without residual, vectors that are generators themselves.
         column, own = built.exact[index], np.isin(built.starts, index)[:, None]
-        unheld = np.where(own, 0.0, self.b - shares @ R.T)
+        unheld = np.where(own, 0.0, self.b - combinations @ R.T)
         residual = np.where(column, 0.0, self.matrix @ R - (P.T @ R.T).T)
         support = built.support if sp.issparse(P) else np.arange(len(index))
         inverse = np.linalg.pinv(R[:, support])
-        shares[:, support] += unheld @ inverse.T
+        combinations[:, support] += unheld @ inverse.T
         correction = inverse @ residual
         if sp.issparse(P):
             to = sp.csr_array(
@@ -226,7 +197,7 @@ class _Search:
             P = sp.csr_array(P + to @ sp.csr_array(correction))
         else:
             P = P + correction
-        return rays[index], Matrix(P), separators, Matrix(shares), support
+        return rays[index], Matrix(P), separators, Matrix(combinations), support
 
     def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[Matrix, NDArray[np.bool_]]:
         """Exact generators, and which of them must stay because others are exact combinations of them."""
@@ -247,16 +218,16 @@ def _substituted(values: Array, P: Array, index: NDArray[np.intp], pointing: Arr
     Returns
     -------
     P : ndarray, shape (p, p)
-    shares : ndarray, shape (p, N)
+    combinations : ndarray, shape (p, N)
         Every generator as a combination of the kept ones.
     """
-    shares = np.zeros((len(index), len(values)))
-    shares[np.arange(len(index)), index] = 1.0
+    combinations = np.zeros((len(index), len(values)))
+    combinations[np.arange(len(index)), index] = 1.0
     dropped = np.setdiff1d(np.arange(len(values)), index)
     frame = Frame.of(values[index], pointing) if dropped.size else None
     if frame is not None:
         for j in dropped:
             target = frame.to @ values[j]
             q, _ = nonnegative_combination(frame, target, size=float(np.abs(target).max()) or 1.0)
-            shares[:, j] = np.maximum(q, 0.0) / frame.heights
-    return shares @ P[:, index], shares
+            combinations[:, j] = np.maximum(q, 0.0) / frame.heights
+    return combinations @ P[:, index], combinations

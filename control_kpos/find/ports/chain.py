@@ -33,7 +33,7 @@ def rational_chains(
     ------
     rays : Matrix, shape (n, n)
     multipliers : Matrix, shape (n, n)
-    shares : Matrix, shape (k, n)
+    combinations : Matrix, shape (k, n)
         The vectors as combinations of the generators.
     """
     n = A.shape[0]
@@ -47,8 +47,8 @@ def rational_chains(
     for order in _orders(roots):
         for b in B:
             R = _chain(M, b, order, C)
-            shares = None if R is None else _shares(R, B)
-            if R is None or shares is None:
+            combinations = None if R is None else _combinations(R, B)
+            if R is None or combinations is None:
                 continue
             P = np.array([[Fraction(0)] * n for _ in range(n)], dtype=object)
             for k, root in enumerate(order):
@@ -56,7 +56,7 @@ def rational_chains(
                 if k + 1 < n:
                     P[k + 1, k] = Fraction(1)
             exact = Matrix.from_fractions
-            yield exact(R), exact(P), exact(shares)
+            yield exact(R), exact(P), exact(combinations)
 
 
 def _orders(roots: list[Fraction]) -> Iterator[tuple[Fraction, ...]]:
@@ -81,9 +81,9 @@ def _chain(M: Rationals, b: Rationals, order: tuple[Fraction, ...], C: Rationals
     return R
 
 
-def _shares(R: Rationals, B: Rationals) -> Rationals | None:
+def _combinations(R: Rationals, B: Rationals) -> Rationals | None:
     """Nonnegative coordinates of the rows of B in the basis R, or None."""
-    shares = solve_columns(R.T, B.T).T
-    if shares.shape != B.shape or (shares < 0).any() or not (shares @ R == B).all():
+    coordinates = solve_columns(R.T, B.T).T
+    if coordinates.shape != B.shape or (coordinates < 0).any() or not (coordinates @ R == B).all():
         return None
-    return shares
+    return coordinates

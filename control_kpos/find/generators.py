@@ -1,4 +1,8 @@
-"""Cones known by generators that are proven extreme, for dimensions where facets are out of reach."""
+"""Extreme generators: how to find them, and cones whose generators are proven extreme.
+
+In dimensions where facets are out of reach, g with g'x_i < 0 < g'x_j for all other generators x_j shows that x_i
+is extreme.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cones import PolyhedralCone
+from ..exact.budget import spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
+from ..exact.programs import program_effort, solve
 from ..exact.signs import BilinearForms
+from ..proof.multipliers import Frame
+
+Array = NDArray[np.float64]
 
 # More generators are not compared with each other.
 _COMPARED = 3000
@@ -97,3 +106,78 @@ def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:
         return False
     signs = BilinearForms(Matrix(separators), None, rays).signs()
     return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))
+
+
+def extreme_generators(
+    rays: Array, pointing: Array, keep: NDArray[np.bool_] | None = None
+) -> tuple[NDArray[np.intp], Array]:
+    """Generators that are no combination of the others, with functionals that single them out.
+
+    Parameters
+    ----------
+    rays : ndarray, shape (N, n)
+    pointing : ndarray, shape (n,)
+        Positive on every generator.
+    keep : ndarray of bool, shape (N,), optional
+        Generators that are never dropped, extreme or not.
+
+    Returns
+    -------
+    index : ndarray of int, shape (p,)
+    separators : ndarray, shape (p, n)
+        Row i is negative on generator index[i] and positive on the others; zero if none was found.
+
+    Notes
+    -----
+    One linear program in n variables for each generator, with about 10 n rows.
+    """
+    frame = Frame.of(rays, pointing)
+    if frame is None:
+        return np.arange(len(rays)), np.zeros_like(rays)
+    points = frame.R.T
+    n = points.shape[1]
+    left = list(range(len(rays)))
+    separators: dict[int, Array] = {}
+    order = np.argsort(np.linalg.norm(points - points.mean(axis=0), axis=1))  # inner ones first
+    for i in order.tolist():
+        is_extreme, separator = _separator(points, i, np.array([j for j in left if j != i], dtype=np.intp))
+        if separator is not None:
+            separators[i] = frame.to.T @ separator
+        if not is_extreme and (keep is None or not keep[i]):
+            left.remove(i)
+    index = np.array(left)
+    return index, np.array([separators.get(i, np.zeros(n)) for i in left])
+
+
+def _separator(points: Array, i: int, others: NDArray[np.intp]) -> tuple[bool, Array | None]:
+    """Whether x_i may be extreme, and g with g'x_i < 0 < g'x_j for the others if one was found.
+
+    It maximises d subject to g'x_j >= d, g'x_i = -d, |g| <= 1.
+
+    Most of the others are far away: the program starts from the nearest ones, and those it forgets join.
+    """
+    n = points.shape[1]
+    near = np.argsort(np.linalg.norm(points[others] - points[i], axis=1))
+    active = np.zeros(len(others), dtype=bool)
+    active[near[: 10 * n]] = True
+    while True:
+        count = int(active.sum())
+        spend(program_effort(count + 1, n + 1))
+        matrix = np.block([[-points[others[active]], np.ones((count, 1))], [points[[i]], np.ones((1, 1))]])
+        answer = solve(
+            [0.0] * n + [-1.0],
+            A_ub=matrix,
+            b_ub=np.zeros(count + 1),
+            bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
+        )
+        if not answer:
+            return True, None
+        if answer.x[-1] <= 1e-9:
+            return False, None
+        g = answer.x[:-1]
+        height = np.where(active, np.inf, points[others] @ g)
+        forgotten = np.argsort(height)[: 4 * n]
+        forgotten = forgotten[height[forgotten] < 0.5 * answer.x[-1]]
+        if not forgotten.size:
+            return True, g
+        active[forgotten] = True
