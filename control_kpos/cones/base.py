@@ -14,7 +14,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -38,13 +38,12 @@ from ..exact.signs import UNKNOWN, BilinearForms
 _MOST_SHOWN = 30
 
 
-@runtime_checkable
-class HoldsCone(Protocol):
+class HoldsCone(ABC):
     """The answer of a search for a cone, which is taken wherever a cone is."""
 
+    @abstractmethod
     def __cone__(self) -> Cone | str:
         """The cone that was found, or why there is none."""
-        ...
 
 
 def held_cone(given: Any, name: str) -> Any:

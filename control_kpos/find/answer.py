@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cones import Cone
+from ..cones.base import HoldsCone
 from ..proof.answer import Answer
 from ..proof.certificate import Status
 from .certificate import ConeCertificate, Obstruction
@@ -18,7 +19,7 @@ FLAT = 1e12
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FoundCone(Answer):
+class FoundCone(Answer, HoldsCone):
     """A cone with the proof that it is invariant, a proof that there is none, or neither.
 
     `bool(found)` is True only if a cone was found, proven, and is not numerically flat.  A `FoundCone` is taken

@@ -14,6 +14,7 @@ all displacements d in X: the flow contracts.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,7 @@ def differential_positivity(
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")
     pieces, limit = whole_number(pieces, "pieces", least=1), None if time_limit is None else seconds(time_limit)
+    _effort(X, 1)  # facets are found before the limit counts: without them nothing can be said
     with budget(_EFFORT if limit is None else np.inf, time_limit=limit):
         if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
             return _of_system(jacobians, X, region, inputs, pieces)
@@ -204,7 +206,8 @@ class _Enclosure:
         before = operations_left()
         value = self._function(z)
         self.effort = max(self.effort, before - operations_left())
-        spend(_PER_ENCLOSURE if affords(_PER_ENCLOSURE) else 0.0)
+        with suppress(OutOfBudgetError):  # the value is there; what follows asks whether it may begin
+            spend(_PER_ENCLOSURE)
         return value
 
     def decided(self, centre: Array, radius: Array) -> bool:

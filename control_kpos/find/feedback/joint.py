@@ -58,11 +58,11 @@ def joint_descent(
     margin : float
         t, relative to the largest entry of P in continuous time.
     """
-    radius = 0.3
+    radius, effort = 0.3, _effort(*inputs.shape)
     P = _loops(matrices, inputs, R, F)
     margin = _margin(P, discrete)
     for _ in range(_ROUNDS):
-        if margin >= goal or radius < 1e-4 or not affords():
+        if margin >= goal or radius < 1e-4 or not affords(effort):
             break
         reach = np.asarray(np.linalg.solve(R, inputs), dtype=np.float64)
         found = _step(P, reach, R, radius, discrete)
@@ -93,23 +93,27 @@ def _margin(P: Array, discrete: bool) -> float:
     return min(entries, decrease) / (1.0 if discrete else float(np.abs(P).max()) or 1.0)
 
 
+def _effort(count: int, n: int, m: int) -> float:
+    """Operations to set up and solve one program."""
+    entries = count * n * n * (2 * n + m)
+    return 2 * _PER_ENTRY * entries + program_effort(count * n * n, n * (n + 2 * m), entries)
+
+
 def _step(P: Array, reach: Array, R: Array, radius: float, discrete: bool) -> tuple[Array, Array] | None:
     """E and G of one program; `reach` is R^-1 B_s."""
     count, n, m = reach.shape
+    spend(_effort(count, n, m))
     eye = sp.eye_array(n, format="csr")
     required = np.flatnonzero(required_entries(n, discrete))
     ones = sp.kron(eye, np.ones((1, n)), format="csr")
     entries, sums = [], []
     # P E - E P + reach (G R), entry by entry; G R has variables of its own, so that rows have few entries
     for s in range(count):
-        spend(_PER_ENTRY * n * n * (2 * n + m))
         rows = sp.csr_array(
             sp.hstack([sp.kron(P[s], eye) - sp.kron(eye, P[s].T), sp.csr_array((n * n, m * n)), sp.kron(reach[s], eye)])
         )
         entries.append(-rows[required])
         sums.append(ones @ rows)
-    numbers = count * n * n * (2 * n + m)
-    spend(_PER_ENTRY * numbers + program_effort(count * n * n, n * (n + 2 * m), numbers))
     bounded = sp.csr_array(sp.vstack([*entries, *sums]))
     largest = float(np.abs(reach).max(initial=0.0) * np.abs(R).max())
     size = float(np.abs(P).max() / max(largest, 1e-300))

@@ -19,6 +19,7 @@ from control import StateSpace
 from numpy.typing import NDArray
 
 from ...cones import Cone, PolyhedralCone
+from ...cones.base import HoldsCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
 from ...design.accept import accept, slack
@@ -55,7 +56,7 @@ _PER_STEP = 1.5
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CodesignResult(Answer):
+class CodesignResult(Answer, HoldsCone):
     """A cone, and a gain that makes it invariant and the loop stable.
 
     `bool(result)` is True only for PROVED.  A `CodesignResult` is taken wherever a cone is asked for.
