@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import control_kpos as kp
-from control_kpos.exact.rationals import solve_columns
+from control_kpos.exact.linalg import solve_columns
 from control_kpos.find import design_cone_and_feedback, find_cone
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 import control_kpos as kp
-from control_kpos.exact.rational_programs import solve_exactly
+from control_kpos.exact.linalg import solve_exactly
 from control_kpos.proof.certificate import Status
 
 # -- generic data

@@ -23,6 +23,7 @@ from control_kpos import (
 )
 from control_kpos.errors import DataError, ShapeError
 from control_kpos.exact.enclosure import Generators
+from control_kpos.exact.linalg import solve_columns
 from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.polynomials import (
     characteristic_polynomial,
@@ -35,7 +36,6 @@ from control_kpos.exact.polynomials import (
     shift_roots,
     square_free_factors,
 )
-from control_kpos.exact.rationals import solve_columns
 from control_kpos.find import ConeCertificate, find_cone
 from control_kpos.find.impossible.existence import SpectralObstruction
 from control_kpos.find.one_matrix.search import analysis

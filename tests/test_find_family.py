@@ -13,7 +13,7 @@ from planted import generators, metzler_hurwitz
 
 import control_kpos as kp
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
-from control_kpos.exact.rationals import solve_columns
+from control_kpos.exact.linalg import solve_columns
 from control_kpos.find import design_cone_and_feedback, find_cone
 
 

@@ -9,7 +9,7 @@ import scipy.sparse as sp
 from random_networks import is_stable, marginal_network
 
 import control_kpos as kp
-from control_kpos.exact.rational_programs import solve_exactly
+from control_kpos.exact.linalg import solve_exactly
 from control_kpos.networks import AlgebraicLoop, NetworkInstability
 from control_kpos.networks.spectrum.lifting import solve_by_lifting
 from control_kpos.networks.spectrum.small import EXACT_SIZE

@@ -7,12 +7,12 @@ import pytest
 
 from control_kpos.errors import ShapeError, TooLargeError
 from control_kpos.exact import rational_programs
+from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.programs import Solution
 from control_kpos.exact.rational_programs import (
     exact_feasibility,
     is_farkas,
     is_solution,
-    solve_exactly,
 )
 
 
@@ -82,20 +82,21 @@ def test_wrong_witnesses_are_refused():
     assert not is_farkas([[1]], [-1], [-1]) and not is_farkas([[1]], [0], [1]) and not is_farkas([[1]], [-1], [1, 0])
 
 
-def test_solve_exactly():
-    A = np.array([[2, 1], [1, 3]], dtype=object)
-    x, denominator = solve_exactly(A, np.array([[1], [1]], dtype=object))
-    assert x[:, 0].tolist() == [2, 1] and denominator == 5
-    x, denominator = solve_exactly(A[::-1], np.array([[1], [1]], dtype=object))
-    assert x[:, 0].tolist() == [2, 1] and denominator == 5
-    assert solve_exactly(np.array([[1, 2], [2, 4]], dtype=object), np.array([[1], [1]], dtype=object)) is None
-
-
 def test_refusals():
     with pytest.raises(ShapeError, match="2 rows, but b has 1"):
         exact_feasibility([[1], [2]], [1])
     with pytest.raises(TooLargeError):
-        exact_feasibility(np.random.default_rng(0).normal(size=(300, 300)), np.ones(300))
+        exact_feasibility(np.random.default_rng(0).normal(size=(300, 300)), np.ones(300), work_limit=10**9)
+
+
+def test_systems_of_doubles_with_85_rows_are_decided():
+    rng = np.random.default_rng(0)
+    M, x = rng.normal(size=(85, 120)), rng.integers(0, 3, 120)
+    b = (Matrix(M).fractions() @ x).tolist()
+    found, _ = exact_feasibility(M, b)
+    assert is_solution(M, b, found)
+    _, farkas = exact_feasibility(np.abs(M), -np.abs(M) @ x)
+    assert is_farkas(np.abs(M), -np.abs(M) @ x, farkas)
 
 
 def test_common_denominators_longer_than_a_double():

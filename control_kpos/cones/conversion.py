@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import TooLargeError
-from ..exact.elimination import divide_by_content, echelon, inverse_rows
-from ..exact.matrix import Integers, Matrix
+from ..exact.linalg import echelon, inverse_rows
+from ..exact.matrix import Integers, Matrix, divide_by_content
 from ..exact.rounding import room, rounding_radius
 from ..exact.rows import equilibrate, exact_rows, frozen, unit_rows
 from .hull import Facets, Lines, beneath_beyond
@@ -91,20 +91,20 @@ def convert(generators: Matrix) -> Faces:
 
     rows, shift = _balanced(generators.rows_as_integers(np.arange(p)))
     form = echelon(rows)
-    equations = _in_given_units(form.null_space(), shift)
+    equations = _in_given_units(form.null_space, shift)
 
     # x -> x @ project has the lines of the cone as its kernel within the span
-    project = np.eye(n, dtype=int).astype(object)[:, form.pivot_columns]
+    project = np.eye(n, dtype=int).astype(object)[:, form.columns]
     current = divide_by_content(rows @ project)
     first = _distinct(current)
     hull = _pointed_hull(current[first])
     while isinstance(hull, Lines):
-        quotient = echelon(current[first[hull.members]]).null_space().T
+        quotient = echelon(current[first[hull.members]]).null_space.T
         project, current = project @ quotient, divide_by_content(current @ quotient)
         first = _distinct(current)
         hull = _pointed_hull(current[first])
     in_lines = np.flatnonzero(~(current != 0).any(axis=1))
-    lines = in_lines[echelon(rows[in_lines]).pivot_rows]
+    lines = in_lines[echelon(rows[in_lines]).rows]
 
     if isinstance(hull, Facets):
         extreme = _extreme(hull.positive)

@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, TooLargeError
-from ..exact.elimination import divide_by_content, echelon
-from ..exact.matrix import Integers, Matrix
+from ..exact.linalg import echelon
+from ..exact.matrix import Integers, Matrix, divide_by_content
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility
 from ..exact.rows import frozen
@@ -33,8 +33,8 @@ _FEW = 2000
 _LOW, _NUMEROUS = 5, 400
 # Number of rows times the square of their length above which the span is not computed.
 _LONGEST = 5 * 10**6
-# Multiplications of machine words that a unit of work allows a linear program in rational numbers.
-_WORDS = 4
+# Operations that a unit of work allows a linear program in rational numbers.
+_OPERATIONS = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ class _Search:
         # about four eliminations
         self.allowance.take(2.4 * n**3 * (1 + n * digits / 1024) ** 1.6, *self.rows.shape)
         try:
-            return exact_feasibility(matrix, right, work_limit=_WORDS * min(self.allowance.work, LIMIT))[0]
+            return exact_feasibility(matrix, right, work_limit=_OPERATIONS * min(self.allowance.work, LIMIT))[0]
         except DataError:
             raise TooLargeError(
                 f"{len(self.rows)} vectors in dimension {self.rows.shape[1]} have numbers too long for linear "

@@ -19,13 +19,15 @@ from numpy.typing import NDArray
 from scipy.linalg import qr
 
 from ..errors import TooLargeError
-from ..exact.budget import require_seconds
-from ..exact.elimination import echelon
+from ..exact.budget import spend
+from ..exact.linalg import echelon
 from ..exact.matrix import Integers
 from ..exact.rows import unit_rows
 from .normals import Hyperplanes, round_map
 
 _UNKNOWN = 2
+# Operations of a unit of work.
+_OPERATIONS = 100
 _CHUNK = 2_000_000
 # Bytes that simplices and their signs may take; copies of them need a few times as much.
 _ROOM = 4 * 10**8
@@ -59,6 +61,7 @@ class Allowance:
                 f"much work{so_far}. Use fewer vectors, an orthant, a simplicial cone (n vectors) or a product of "
                 "smaller cones. Positivity and stability on a cone given by generators need no facets."
             )
+        spend(_OPERATIONS * (work + integers))
 
 
 # Work that one conversion may take where nothing else is said, about half a minute.
@@ -108,7 +111,6 @@ def beneath_beyond(G: Integers) -> Facets | Lines:
     boundary = _Boundary(G, ALLOWANCE.get() or Allowance(LIMIT, LIMIT))
     inside = list(boundary.first)
     for x in boundary.order:
-        require_seconds()
         sign = boundary.signs_at(x)
         if (sign < 0).any():
             if not (sign > 0).any():
@@ -155,7 +157,7 @@ class _Boundary:
         first = np.sort(preferred[:n])
         if echelon(G[first]).rank < n:  # only rounding made them look independent
             preferred = np.concatenate([first, np.setdiff1d(np.arange(p), first)])
-            first = np.sort(preferred[echelon(G[preferred]).pivot_rows])
+            first = np.sort(preferred[echelon(G[preferred]).rows])
         rest = np.setdiff1d(np.arange(p), first)
 
         # a point inside the first cone, and so inside every later one

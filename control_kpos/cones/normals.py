@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exact.elimination import divide_by_content, normals
-from ..exact.matrix import Integers, integers_of_doubles
+from ..exact.linalg import normals
+from ..exact.matrix import Integers, divide_by_content, integers_of_doubles
 from ..exact.rounding import error_factor, room
 from ..exact.rows import unit_rows
 

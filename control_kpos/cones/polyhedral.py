@@ -13,8 +13,8 @@ from ..errors import (
     TooLargeError,
     UndecidedError,
 )
-from ..exact.elimination import divide_by_content, echelon
-from ..exact.matrix import Matrix
+from ..exact.linalg import echelon
+from ..exact.matrix import Matrix, divide_by_content
 from ..exact.rows import equilibrate, frozen, unit_rows
 from ..exact.signs import BilinearForms
 from .base import Cone, HoldsCone, held_cone, nonzero_rows
@@ -275,7 +275,7 @@ class PolyhedralCone(Cone):
     def _orthogonal(self) -> str:
         """A vector orthogonal to all given ones, for messages."""
         given = self._conversion.generators
-        basis = echelon(given.rows_as_integers(np.arange(given.shape[0]))).null_space()
+        basis = echelon(given.rows_as_integers(np.arange(given.shape[0]))).null_space
         return _tuple(unit_rows(basis[:1])[0][0])
 
     def __repr__(self) -> str:

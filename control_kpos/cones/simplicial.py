@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import TooLargeError
-from ..exact.dixon import transposed_inverse_rows
-from ..exact.elimination import divide_by_content
+from ..exact.linalg import inverse_rows
 from ..exact.matrix import (
     Integers,
     Matrix,
     dense,
+    divide_by_content,
     granularity,
 )
 from ..exact.rounding import error_factor, room
@@ -41,9 +41,9 @@ class InverseRows:
     generators: Matrix
 
     def __call__(self, index: NDArray[np.intp]) -> Integers:
-        """Some rows, by p-adic lifting; without common factors."""
+        """Some rows, without common factors."""
         rows = divide_by_content(self.generators.rows_as_integers(np.arange(self.generators.shape[0])))
-        out = transposed_inverse_rows(rows, index)
+        out = inverse_rows(rows, index)
         if out is None:
             raise TooLargeError(f"an exact inverse of a {rows.shape[0]} x {rows.shape[0]} matrix is out of reach.")
         return out

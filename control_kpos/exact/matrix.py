@@ -302,6 +302,14 @@ def granularity(values: NDArray[np.float64]) -> int:
     return int((np.frexp(mantissa & -mantissa)[1] + exponent).min()) - 54
 
 
+def divide_by_content(rows: Integers) -> Integers:
+    """Each row divided by the greatest common divisor of its entries; zero rows stay."""
+    if not rows.size:
+        return rows
+    content = np.abs(np.gcd.reduce(rows, axis=-1, keepdims=True))  # of a single entry, reduce keeps the sign
+    return rows // np.where(content == 0, 1, content)
+
+
 def primitive(row: Sequence[int] | Integers) -> Integers:
     """An integer vector divided by the greatest common divisor of its entries."""
     g = gcd(*(int(x) for x in row))

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
-from .elimination import divide_by_content
-from .matrix import Integers, Matrix, dense
+from .matrix import Integers, Matrix, dense, divide_by_content
 from .rounding import error_factor, room, rounding_radius, underflow
 
 # Integer rows up to this size are shown as they are; larger ones are scaled into [1/2, 1).

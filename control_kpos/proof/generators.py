@@ -40,7 +40,7 @@ _STRICT = 1e-9
 # Below this the tolerances of the solver have eaten from it.
 _CLOSE = 1e-6
 # Multiplications of machine words for all rational columns together, some ten seconds, and for the worst of them.
-_WORK = 4 * 10**8
+_WORK = 10**10
 # Binary digits of all rational multipliers together.
 _DIGITS = 4 * 10**8
 

@@ -23,9 +23,8 @@ from ..cones import (
     product,
 )
 from ..errors import CertificateFileError, KposError
-from ..exact.elimination import echelon
+from ..exact.linalg import echelon, solve_exactly
 from ..exact.matrix import Matrix
-from ..exact.rational_programs import solve_exactly
 from .encoding import Written, exact_rows, nested_text
 
 Rationals = NDArray[np.object_]
@@ -134,7 +133,7 @@ def independent(exact_rays: Matrix, ints: NDArray[np.object_]) -> NDArray[np.int
     values = np.asarray(exact_rays.values)
     unit = values / np.linalg.norm(values, axis=1, keepdims=True)
     order = qr(unit.T, mode="r", pivoting=True)[1] if np.isfinite(unit).all() else np.arange(len(values))
-    return order[echelon(ints[order]).pivot_rows]
+    return order[echelon(ints[order]).rows]
 
 
 def decode_cone(runs: Any, limit: int) -> Cone:

@@ -24,8 +24,9 @@ from ..cones import (
     orthant,
 )
 from ..errors import TooLargeError
+from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix, integers_of_doubles
-from ..exact.rational_programs import exact_feasibility, solve_exactly
+from ..exact.rational_programs import exact_feasibility
 from .encoding import encode_triplets, nested_text, number_text
 from .portable_cones import (
     LARGE,
@@ -41,7 +42,7 @@ _BITS = 10**8
 # Of a solution of n equations in doubles, divided by n.
 _DIGITS = 240
 _PROGRAMS = 3000
-_WORK = 10**8
+_WORK = 25 * 10**8
 _BLOCKS = 2 * 10**5
 _REPAIRS = 3 * 10**5
 _HALF_LINE = orthant(1)

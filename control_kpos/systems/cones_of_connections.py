@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 from ..cones import Cone, Orthant, product
 from ..cones.orthant import nonnegative
 from ..errors import TooLargeError
+from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix
-from ..exact.rational_programs import solve_exactly
 from ..theorems.stability import linear_lyapunov
 from .rounding import maps_into
 from .system import System

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...exact.budget import seconds_left
+from ...exact.linalg import solve_exactly
 from ...exact.programs import balance, solve
-from ...exact.rational_programs import solve_exactly
 
 Rationals = NDArray[np.object_]
 

@@ -20,6 +20,7 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
+from ...exact.linalg import Rationals, columns, identity, jordan_chains, nullspace, power, rank, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     circle_part,
@@ -27,7 +28,6 @@ from ...exact.polynomials import (
     vanishes,
     without_roots_of_unity,
 )
-from ...exact.rationals import Rationals, columns, identity, jordan_chains, nullspace, power, rank, solve_columns
 from ..impossible.existence import spectrum_polynomial
 from .explicit import LARGE, modal_cone
 from .modes import modes

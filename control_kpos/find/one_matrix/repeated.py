@@ -20,6 +20,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
+from ...exact.linalg import Rationals, identity, jordan_chains, nullspace, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     Polynomial,
@@ -27,7 +28,6 @@ from ...exact.polynomials import (
     multiply,
     square_free_factors,
 )
-from ...exact.rationals import Rationals, identity, jordan_chains, nullspace, solve_columns
 from ...proof.multipliers import pointing_functional
 from ..impossible.existence import spectrum_polynomial
 from ..ports import search as ports

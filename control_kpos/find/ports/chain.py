@@ -15,9 +15,9 @@ from itertools import islice, permutations
 
 import numpy as np
 
+from ...exact.linalg import Rationals, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.polynomials import rational_roots
-from ...exact.rationals import Rationals, solve_columns
 from ..impossible.existence import spectrum_polynomial
 
 _LARGEST = 16
