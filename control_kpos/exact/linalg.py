@@ -395,10 +395,11 @@ def _room(matrix: NDArray[Any]) -> NDArray[Any]:
 # -- FLINT's integers
 
 
-def _flint(matrix: Integers) -> fmpz_mat:
-    return fmpz_mat(*matrix.shape, matrix.ravel().tolist())
+def _flint(matrix: Integers) -> Any:
+    rows, columns = matrix.shape
+    return fmpz_mat(rows, columns, matrix.ravel().tolist())
 
 
-def _integers(matrix: fmpz_mat) -> Integers:
+def _integers(matrix: Any) -> Integers:
     flat = [int(x) for x in matrix.entries()]
     return np.array(flat, dtype=object).reshape(matrix.nrows(), matrix.ncols())

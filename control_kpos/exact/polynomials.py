@@ -1,31 +1,45 @@
-"""Exact root counts of integer polynomials: where the spectrum of a matrix lies, without rounding.
+"""Integer polynomials: characteristic polynomials, common divisors, changes of the variable.
 
-Polynomials are lists of Python integers, highest power first, known up to a positive factor.
-Real roots are counted by Descartes' rule and Sturm's theorem, roots to the right of the imaginary axis by the Cauchy
-index of p(iw) (Gantmacher, The Theory of Matrices, volume 2, chapter 15).
+Polynomials are lists of Python integers, highest power first, known up to a positive factor.  Where FLINT computes,
+our own integers check:
+
+    characteristic polynomial p of M:   p is monic of degree n and p(M) x = 0 for a vector x for which x, M x, ..,
+                                        M^(n-1) x are independent modulo a prime.  Then no other monic polynomial of
+                                        degree n annihilates x, and the characteristic polynomial does (Cayley and
+                                        Hamilton).  Where no such x exists, the traces of the powers of M decide.
+    greatest common divisor g of a, b:  g divides both, and the quotients have no common divisor modulo a prime that
+                                        divides neither leading coefficient.
+
+Roots are isolated in `roots`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
-from itertools import accumulate, pairwise
-from math import gcd
+from functools import cache
+from math import gcd, isqrt
 
 import numpy as np
+from flint import fmpz_mat, fmpz_poly
 from numpy.typing import NDArray
 
-from .budget import require_seconds
-from .matrix import Matrix
+from .budget import spend
+from .linalg import LARGEST_PRIME, WrongAnswerError, independent_modulo, prime_below
+from .matrix import Integers, Matrix
 
 Polynomial = list[int]
 
-# Intervals looked at for real roots, before a chain of polynomials counts them.
-_INTERVALS = 200
+# Operations for n^4 of a characteristic polynomial of doubles, and for a product of long integers.
+_CHARACTERISTIC, _PRODUCT = 40.0, 150.0
+# Primes tried before a common divisor counts as wrong; each fails for few polynomials.
+_PRIMES = 8
+
+
+# -- characteristic polynomials
 
 
 def characteristic_polynomial(A: Matrix) -> tuple[Polynomial, Fraction]:
-    """Characteristic polynomial of M, where A = M * f, by Faddeev and LeVerrier's recursion.
+    """Characteristic polynomial of M, where A = M * f.
 
     Returns
     -------
@@ -36,25 +50,67 @@ def characteristic_polynomial(A: Matrix) -> tuple[Polynomial, Fraction]:
 
     Notes
     -----
-    n matrix products of integers with up to n times as many digits as A: 0.3 s at n = 30.
+    0.4 s for 60 rows of doubles, 4 s for 120; ten times that if some eigenvalue has several eigenvectors.
     """
     M, factor = A.as_integers()
     n = M.shape[0]
-    coefficients: Polynomial = [1]
-    power = np.zeros_like(M)
-    eye = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
+    spend(_CHARACTERISTIC * n**4)
+    if not n:
+        return [1], Fraction(factor)
+    p = [int(c) for c in reversed(fmpz_mat(n, n, M.ravel().tolist()).charpoly().coeffs())]
+    annihilates = _annihilates(p, M)
+    if annihilates is None:
+        return _by_traces(M), Fraction(factor)
+    if not annihilates:
+        raise WrongAnswerError("characteristic polynomial")
+    return p, Fraction(factor)
+
+
+def _annihilates(p: Polynomial, M: Integers) -> bool | None:
+    """Whether p is the characteristic polynomial of M; None if a vector and its images do not span the space."""
+    n = len(M)
+    x = np.random.default_rng(0).integers(1, 100, n).astype(object)
+    images = [x]
+    for _ in range(n):
+        images.append(M @ images[-1])
+    if len(independent_modulo(np.array(images[:-1]), LARGEST_PRIME)[0]) < n:
+        return None
+    if len(p) != n + 1 or p[0] != 1:
+        return False
+    return not (np.array(p[::-1], dtype=object) @ np.array(images)).any()
+
+
+def _by_traces(M: Integers) -> Polynomial:
+    """Characteristic polynomial by Newton's identities, k c_k = -(c_(k-1) tr M + .. + c_0 tr M^k).
+
+    The trace of M^(i + m j) is the sum of the products of the entries of M^i and of the transposed M^(m j), so that
+    2 sqrt(n) powers suffice (Preparata and Sarwate, 1978).
+    """
+    n = len(M)
+    steps = isqrt(n) + 1
+    small = [np.eye(n, dtype=int).astype(object)]
+    for _ in range(steps):
+        small.append(small[-1] @ M)
+    traces: list[int] = []
+    far = small[0]
+    while len(traces) <= n:
+        spend(_PRODUCT * n**3)
+        traces += [int((power * far.T).sum()) for power in small[:-1]]
+        far = far @ small[-1]
+    c: Polynomial = [1]
     for k in range(1, n + 1):
-        require_seconds()
-        power = M @ (power + coefficients[-1] * eye) if k > 1 else M.copy()
-        coefficients.append(-sum(power[i, i] for i in range(n)) // k)
-    return coefficients, Fraction(factor)
+        c.append(-sum(c[k - i] * traces[i] for i in range(1, k + 1)) // k)
+    return c
+
+
+# -- changes of the variable
 
 
 def scale_roots(p: Polynomial, factor: Fraction) -> Polynomial:
     """Polynomial whose roots are those of p times a positive factor."""
     n = len(p) - 1
     num, den = factor.numerator, factor.denominator
-    return _primitive([c * num**k * den ** (n - k) for k, c in enumerate(p)])
+    return primitive_part([c * num**k * den ** (n - k) for k, c in enumerate(p)])
 
 
 def shift_roots(p: Polynomial, by: Fraction) -> Polynomial:
@@ -63,95 +119,16 @@ def shift_roots(p: Polynomial, by: Fraction) -> Polynomial:
     # With s = x / den, den^n p(x / den) has integer coefficients; Horner shifts it by num.
     out = [c * den**k for k, c in enumerate(p)]
     n = len(out) - 1
+    spend(_PRODUCT * n**2)
     for i in range(n):
-        require_seconds()
         for j in range(1, n + 1 - i):
             out[j] += num * out[j - 1]
-    return _primitive([c * den ** (n - k) for k, c in enumerate(out)])
-
-
-def real_roots_above(p: Polynomial, bound: Fraction) -> int:
-    """Number of different real roots larger than `bound`.
-
-    By Descartes' rule of signs on ever smaller intervals (Vincent, 1834); by Sturm's theorem where that does not end
-    soon, as at multiple roots.
-    """
-    q = _without_zero(shift_roots(p, bound))  # at a multiple root the whole chain would vanish
-    count = _positive_roots(q)
-    if count is not None:
-        return count
-    chain = _sturm(q, derivative(q))
-    return _changes([_sign(f[-1]) for f in chain]) - _changes([_sign(f[0]) for f in chain])
-
-
-def _positive_roots(p: Polynomial) -> int | None:
-    """Number of different positive roots if p does not vanish at 0; None if that takes too many intervals.
-
-    Changes of sign are as many as the positive roots, with multiplicity, or an even number more: none and one are
-    certain.  Beyond 1 the roots are those of p(x + 1), between 0 and 1 those of x^n p(1 / x) at x + 1.
-    """
-    n = len(p) - 1
-    top = max((-((abs(p[0]).bit_length() - abs(c).bit_length()) // k) for k, c in enumerate(p[1:], 1) if c), default=0)
-    shifts = [top * (n - k) for k in range(n + 1)]  # a unit of about the size of the largest root
-    count, intervals = 0, [[c << (e - min(shifts)) for c, e in zip(p, shifts, strict=True)]]
-    for _ in range(_INTERVALS):
-        if not intervals:
-            return count
-        require_seconds()
-        q = intervals.pop()
-        changes = _changes([_sign(c) for c in q])
-        if changes <= 1:
-            count += changes
-            continue
-        beyond, within = _moved(q), _moved(q[::-1])
-        count += beyond[-1] == 0
-        intervals += [_without_zero(beyond), _without_zero(within)]
-    return None
-
-
-def _moved(p: Polynomial) -> Polynomial:
-    """p(x + 1)."""
-    out = list(p)
-    for k in range(len(p), 1, -1):
-        out[:k] = accumulate(out[:k])
-    return out
-
-
-def _without_zero(p: Polynomial) -> Polynomial:
-    """p without its roots at 0."""
-    while len(p) > 1 and p[-1] == 0:
-        p = p[:-1]
-    return p
+    return primitive_part([c * den ** (n - k) for k, c in enumerate(out)])
 
 
 def vanishes(p: Polynomial, at: Fraction) -> bool:
     """True if `at` is a root."""
     return _evaluate(p, at) == 0
-
-
-def imaginary_axis(p: Polynomial) -> tuple[int, bool]:
-    """Roots right of the imaginary axis, and whether there are roots on it other than 0.
-
-    Returns
-    -------
-    right : int
-        Number of roots with positive real part, with multiplicity; -1 if there are roots on the axis.
-    on_axis : bool
-        True if some root i w with w != 0 exists.
-    """
-    n = len(p) - 1
-    # p(iw) i^-n = U(w) - i V(w) with real U of degree n and V of degree at most n - 1.
-    U = [c * (1, 0, -1, 0)[k % 4] for k, c in enumerate(p)]
-    V = [c * (0, 1, 0, -1)[k % 4] for k, c in enumerate(p)]
-    common = _gcd(U, V)
-    roots = _real_root_count(common)
-    at_zero = vanishes(common, Fraction(0))
-    on_axis = roots - at_zero > 0
-    if roots:
-        return -1, on_axis
-    chain = _sturm(_primitive(U), _primitive(V))
-    index = _changes([_sign(f[0]) * (-1) ** (len(f) - 1) for f in chain]) - _changes([_sign(f[0]) for f in chain])
-    return (n - index) // 2, False
 
 
 def moebius(p: Polynomial, radius: Fraction) -> Polynomial:
@@ -160,41 +137,60 @@ def moebius(p: Polynomial, radius: Fraction) -> Polynomial:
     Roots at z = -radius go to infinity: the degree drops.
     """
     q = scale_roots(p, 1 / radius) if radius else p
-    n = len(q) - 1
-    out = [0] * (n + 1)
-    for k, c in enumerate(q):
-        require_seconds()
-        term = [c]
-        for _ in range(n - k):
-            term = multiply(term, [1, 1])
-        for _ in range(k):
-            term = multiply(term, [-1, 1])
-        out = [a + b for a, b in zip(out, term, strict=True)]
-    return _strip(out)
+    # z = 2 / (1 - s) - 1: roots one further, their reciprocals, twice those, and 1 minus them
+    q = shift_roots(q, Fraction(-1))[::-1]
+    q = shift_roots(scale_roots(q, Fraction(2)), Fraction(1))
+    return _strip(mirrored(q))
+
+
+def mirrored(p: Polynomial) -> Polynomial:
+    """p(-s)."""
+    return [c * (-1) ** k for k, c in enumerate(reversed(p))][::-1]
 
 
 def without_roots_of_unity(p: Polynomial) -> tuple[Polynomial, list[int]]:
     """p without those roots that are roots of unity, and the orders removed."""
     orders = []
-    p = _primitive(p)
-    limit = 2 * (len(p) - 1) ** 2 + 6  # Euler's phi of k is at least sqrt(k / 2)
-    for k in range(1, limit + 1):
-        if len(p) == 1:
-            break
-        while True:
-            g = _gcd(p, [1] + [0] * (k - 1) + [-1])
-            if len(g) == 1:
-                break
-            p = _divide(p, g)
+    p = primitive_part(p)
+    for k in range(1, 2 * (len(p) - 1) ** 2 + 7):  # Euler's phi of k is at least sqrt(k / 2)
+        if totient(k) > len(p) - 1:
+            continue
+        while (quotient := divided(p, cyclotomic(k))) is not None:
+            p = quotient
             if k not in orders:
                 orders.append(k)
     return p, orders
 
 
+@cache
+def totient(k: int) -> int:
+    """Euler's phi: how many numbers up to k have no divisor in common with k."""
+    count, rest, divisor = k, k, 2
+    while divisor * divisor <= rest:
+        if rest % divisor == 0:
+            count -= count // divisor
+            while rest % divisor == 0:
+                rest //= divisor
+        divisor += 1
+    return count - count // rest if rest > 1 else count
+
+
+@cache
+def cyclotomic(k: int) -> Polynomial:
+    """The polynomial whose roots are the roots of unity of order k."""
+    out: Polynomial | None = [1] + [0] * (k - 1) + [-1]
+    for divisor in range(1, k):
+        if k % divisor == 0 and out is not None:
+            out = divided(out, cyclotomic(divisor))
+    if out is None:  # x^k - 1 is the product of those of all its divisors
+        raise ArithmeticError(f"x^{k} - 1 has no such divisor")
+    return out
+
+
 def circle_part(p: Polynomial) -> Polynomial:
     """Greatest common divisor of p and its reversal: holds every root on the unit circle."""
-    p = _without_zero(p)
-    return _gcd(p, p[::-1])
+    p = without_zero(p)
+    return common_divisor(p, p[::-1])
 
 
 def rational_roots(p: Polynomial, near: NDArray[np.complex128]) -> list[Fraction]:
@@ -203,106 +199,95 @@ def rational_roots(p: Polynomial, near: NDArray[np.complex128]) -> list[Fraction
     Multiple roots are known to few digits only: the simplest fractions come first.
     """
     found: list[Fraction] = []
-    p = _primitive(p)
+    p = primitive_part(p)
     for digits in (1, 10, 1000, 10**6):
         for root in sorted({Fraction(float(z.real)).limit_denominator(digits) for z in np.asarray(near)}):
             while len(p) > 1 and vanishes(p, root):
                 found.append(root)
-                p = _divide(p, [root.denominator, -root.numerator])
+                p = _quotient(p, [root.denominator, -root.numerator])
     return found
 
 
 def square_free_factors(p: Polynomial) -> list[Polynomial]:
     """p_1, p_2, .. without repeated or common roots, p = p_1 p_2^2 p_3^3 .. up to a factor (Yun)."""
     out = []
-    common = _gcd(p, derivative(p))
-    rest = _divide(p, common)
+    common = common_divisor(p, derivative(p))
+    rest = _quotient(p, common)
     while len(rest) > 1:
-        shared = _gcd(rest, common) if len(common) > 1 else [1]
-        out.append(_divide(rest, shared))
-        common = _divide(common, shared) if len(common) > 1 else [1]
+        shared = common_divisor(rest, common)
+        out.append(_quotient(rest, shared))
+        common = _quotient(common, shared)
         rest = shared
     return out
+
+
+def square_free_part(p: Polynomial) -> Polynomial:
+    """A polynomial with the same roots, each once."""
+    return _quotient(p, common_divisor(p, derivative(p)))
 
 
 # -- arithmetic
 
 
-def _sign(x: int | Fraction) -> int:
-    return (x > 0) - (x < 0)
+def common_divisor(a: Polynomial, b: Polynomial) -> Polynomial:
+    """Greatest common divisor, primitive and with a positive leading coefficient; one of the two is not zero."""
+    a, b = primitive_part(a), primitive_part(b)
+    if not any(a) or not any(b):
+        return _positive(a if any(a) else b)
+    if _coprime(a, b):
+        return [1]
+    g = _positive([int(c) for c in reversed(_flint(a).gcd(_flint(b)).coeffs())] or [1])
+    left, right = divided(a, g), divided(b, g)
+    if left is None or right is None or not _coprime(left, right):
+        raise WrongAnswerError("common divisor")
+    return g
 
 
-def _changes(signs: Sequence[int]) -> int:
-    present = [s for s in signs if s]
-    return sum(a != b for a, b in pairwise(present))
+def _coprime(a: Polynomial, b: Polynomial) -> bool:
+    """True if a and b have no common root; False if they seem to have one, modulo several primes."""
+    prime = LARGEST_PRIME
+    for _ in range(_PRIMES):
+        if a[0] % prime and b[0] % prime and _degree_of_common(a, b, prime) == 0:
+            return True
+        prime = prime_below(prime)
+    return False
 
 
-def _strip(p: Polynomial) -> Polynomial:
-    k = next((i for i, c in enumerate(p) if c), len(p) - 1)
-    return p[k:]
+def _degree_of_common(a: Polynomial, b: Polynomial, prime: int) -> int:
+    """Degree of the greatest common divisor modulo a prime: at least that of the greatest common divisor."""
+    u, v = np.array([c % prime for c in a], dtype=np.int64), np.array([c % prime for c in b], dtype=np.int64)
+    while v.any():
+        v = v[int(np.argmax(v != 0)) :]
+        inverse = pow(int(v[0]), -1, prime)
+        rest = u.copy()
+        for k in range(len(rest) - len(v) + 1):
+            if rest[k]:
+                factor = int(rest[k]) * inverse % prime
+                rest[k : k + len(v)] = (rest[k : k + len(v)] - factor * v) % prime
+        u, v = v, rest[max(len(rest) - len(v) + 1, 0) :] if len(rest) >= len(v) else rest
+    return len(u) - 1
 
 
-def _primitive(p: Polynomial) -> Polynomial:
-    p = _strip(p)
-    g = gcd(*p)
-    return [c // g for c in p] if g > 1 else p
-
-
-def _evaluate(p: Polynomial, at: Fraction) -> int:
-    """p(at) times a positive integer."""
-    num, den, value, power = at.numerator, at.denominator, 0, 1
-    for c in p:
-        value = value * num + c * power
-        power *= den
-    return value
-
-
-def derivative(p: Polynomial) -> Polynomial:
-    """The derivative up to a positive factor."""
-    n = len(p) - 1
-    return _primitive([c * (n - k) for k, c in enumerate(p[:-1])]) if n else [0]
-
-
-def _remainder(a: Polynomial, b: Polynomial) -> Polynomial:
-    """Remainder of a by b times a positive factor."""
-    a = list(a)
-    while len(a) >= len(b) and any(a):
-        require_seconds()
-        lead = a[0]
-        if lead:
-            scale = abs(b[0])
-            sign = lead if b[0] > 0 else -lead
-            a = [scale * x - sign * (b[i] if i < len(b) else 0) for i, x in enumerate(a)]
-        a = a[1:]
-    return _primitive(a) if any(a) else [0]
-
-
-def _sturm(a: Polynomial, b: Polynomial) -> list[Polynomial]:
-    chain = [a]
-    while any(b):
-        chain.append(b)
-        a, b = b, [-c for c in _remainder(a, b)]
-    return chain
-
-
-def _gcd(a: Polynomial, b: Polynomial) -> Polynomial:
-    a, b = _strip(a), _strip(b)
-    while any(b):
-        a, b = b, (_remainder(a, b) if len(a) >= len(b) else a)
-    a = _primitive(a)
-    return a if a[0] > 0 else [-c for c in a]
-
-
-def _divide(a: Polynomial, b: Polynomial) -> Polynomial:
-    rest, out = [Fraction(c) for c in a], []
-    for _ in range(len(a) - len(b) + 1):
-        lead = rest[0] / b[0]
+def divided(a: Polynomial, b: Polynomial) -> Polynomial | None:
+    """a / b for a primitive b, or None if b does not divide a; the division is exact (Gauss)."""
+    rest, out = list(a), []
+    for k in range(len(a) - len(b) + 1):
+        lead, left = divmod(rest[k], b[0])
+        if left:
+            return None
         out.append(lead)
-        rest = [x - lead * (b[i] if i < len(b) else 0) for i, x in enumerate(rest)][1:]
-    den = 1
-    for c in out:
-        den = den * c.denominator // gcd(den, c.denominator)
-    return _primitive([int(c * den) for c in out])
+        if lead:
+            for i, c in enumerate(b):
+                rest[k + i] -= lead * c
+    return out if out and not any(rest) else None
+
+
+def _quotient(a: Polynomial, b: Polynomial) -> Polynomial:
+    """a / b for a divisor b."""
+    out = divided(primitive_part(a), primitive_part(b))
+    if out is None:
+        raise ArithmeticError("a polynomial is not divided by its divisor; please report this.")
+    return out
 
 
 def multiply(a: Polynomial, b: Polynomial) -> Polynomial:
@@ -314,9 +299,44 @@ def multiply(a: Polynomial, b: Polynomial) -> Polynomial:
     return out
 
 
-def _real_root_count(p: Polynomial) -> int:
-    if len(p) == 1:
-        return 0
-    chain = _sturm(p, derivative(p))
-    low = [_sign(f[0]) * (-1) ** (len(f) - 1) for f in chain]
-    return _changes(low) - _changes([_sign(f[0]) for f in chain])
+def derivative(p: Polynomial) -> Polynomial:
+    """The derivative up to a positive factor."""
+    n = len(p) - 1
+    return primitive_part([c * (n - k) for k, c in enumerate(p[:-1])]) if n else [0]
+
+
+def without_zero(p: Polynomial) -> Polynomial:
+    """p without its roots at 0."""
+    while len(p) > 1 and p[-1] == 0:
+        p = p[:-1]
+    return p
+
+
+def primitive_part(p: Polynomial) -> Polynomial:
+    """p without leading zeros, divided by the greatest common divisor of its coefficients."""
+    p = _strip(p)
+    g = gcd(*p)
+    return [c // g for c in p] if g > 1 else p
+
+
+def _strip(p: Polynomial) -> Polynomial:
+    k = next((i for i, c in enumerate(p) if c), len(p) - 1)
+    return p[k:]
+
+
+def _positive(p: Polynomial) -> Polynomial:
+    p = primitive_part(p)
+    return p if p[0] >= 0 else [-c for c in p]
+
+
+def _evaluate(p: Polynomial, at: Fraction) -> int:
+    """p(at) times a positive integer."""
+    num, den, value, power = at.numerator, at.denominator, 0, 1
+    for c in p:
+        value = value * num + c * power
+        power *= den
+    return value
+
+
+def _flint(p: Polynomial) -> fmpz_poly:
+    return fmpz_poly(p[::-1])

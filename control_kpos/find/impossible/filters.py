@@ -18,7 +18,7 @@ import numpy as np
 from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
-from ...exact.polynomials import real_roots_above
+from ...exact.roots import real_roots_above
 from ...proof.files import register_record
 from ..one_matrix.modes import Modes
 from .existence import (
@@ -156,10 +156,9 @@ def _product(matrices: Matrix, cycle: tuple[int, ...], shifts: tuple[Fraction, .
         else:
             if real_roots_above(spectrum_polynomial(A), s):
                 return None
-            adjugate, determinant = resolvent(A, s)
-            if determinant == 0:
+            M = resolvent(A, s)
+            if M is None:
                 return None
-            M = adjugate if determinant > 0 else -adjugate
         out = M if out is None else out @ M
     if out is None:
         return None

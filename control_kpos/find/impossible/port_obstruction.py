@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 
 from ...exact.budget import spend
 from ...exact.condition import Condition
+from ...exact.linalg import solve_exactly
 from ...exact.matrix import Matrix
-from ...exact.polynomials import real_roots_above
+from ...exact.roots import real_roots_above
 from ...proof.files import register_record
 from .existence import fact, spectrum_polynomial
 
@@ -193,21 +194,16 @@ def _negative(A: Matrix, w: PortObstruction) -> bool:
             spend(_PER_PRODUCT * M.size)
             x = M @ x
         return bool(c @ x < 0)
-    if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift) or _is_root(A, w.shift):
+    if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift):
         return False
-    adjugate, determinant = resolvent(A, w.shift)
-    x = b
+    inverse, x = resolvent(A, w.shift), b
+    if inverse is None:
+        return False
     for _ in range(w.power):
-        spend(_PER_PRODUCT * adjugate.size)
-        x = adjugate @ x
-    value = (c @ x) * (1 if determinant > 0 or w.power % 2 == 0 else -1)
-    if value < 0:
-        return True
-    return w.power == 1 and value == 0 and _is_not_identically_zero(A, b, c)
-
-
-def _is_root(A: Matrix, s: Fraction) -> bool:
-    return resolvent(A, s)[1] == 0
+        spend(_PER_PRODUCT * inverse.size)
+        x = inverse @ x
+    value = c @ x
+    return bool(value < 0 or (w.power == 1 and value == 0 and _is_not_identically_zero(A, b, c)))
 
 
 def _is_not_identically_zero(A: Matrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
@@ -219,18 +215,10 @@ def _is_not_identically_zero(A: Matrix, b: NDArray[np.object_], c: NDArray[np.ob
     return False
 
 
-def resolvent(A: Matrix, s: Fraction) -> tuple[NDArray[np.object_], int]:
-    """Integer matrix and number: (s I - A)^-1 = adjugate / determinant up to a positive factor."""
+def resolvent(A: Matrix, s: Fraction) -> NDArray[np.object_] | None:
+    """(s I - A)^-1 as integers up to a positive factor; None if s is an eigenvalue."""
     M, factor = A.as_integers()
     ratio = s / Fraction(factor)
-    n = M.shape[0]
-    eye = np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
-    T = eye * ratio.numerator - M * ratio.denominator
-    # Faddeev and LeVerrier: T^-1 = -(last power) / (last coefficient)
-    coefficient, power, before = 1, eye * 0, eye
-    for k in range(1, n + 1):
-        spend(_PER_PRODUCT * n**3)
-        before = power + eye * coefficient
-        power = T @ before
-        coefficient = -sum(power[i, i] for i in range(n)) // k
-    return -before, coefficient
+    eye = np.eye(len(M), dtype=int).astype(object)
+    solved = solve_exactly(eye * ratio.numerator - M * ratio.denominator, eye)
+    return None if solved is None else solved[0]

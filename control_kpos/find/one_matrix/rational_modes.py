@@ -20,7 +20,17 @@ from math import lcm
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.linalg import Rationals, columns, identity, jordan_chains, nullspace, power, rank, solve_columns
+from ...exact.linalg import (
+    Rationals,
+    columns,
+    identity,
+    jordan_chains,
+    nullspace,
+    power,
+    product,
+    rank,
+    solve_columns,
+)
 from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     circle_part,
@@ -140,7 +150,9 @@ def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals, di
     d = W.shape[1]
     if not d:
         return []
-    inner = solve_columns(W, M @ W)
+    inner = solve_columns(W, product(M, W))
+    if inner is None:
+        return None
     reduced = np.zeros((d + 1, d + 1))
     reduced[0, 0] = float(dominant)
     reduced[1:, 1:] = inner.astype(float)

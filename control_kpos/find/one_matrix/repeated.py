@@ -20,7 +20,7 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.linalg import Rationals, identity, jordan_chains, nullspace, solve_columns
+from ...exact.linalg import Rationals, identity, jordan_chains, nullspace, product, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     Polynomial,
@@ -52,6 +52,8 @@ def repeated_cones(question: Question) -> Iterator[Candidate]:
         return
     M = A.fractions()
     S = _semisimple(M, factors)
+    if S is None:
+        return
     p, others = factors[near[0]], _product([f for k, f in enumerate(factors) if k != near[0]])
     d = len(p) - 1
     chains = jordan_chains(M - S, nullspace(_at(p, S)), lambda w: _cyclic(S, w, d))
@@ -76,11 +78,11 @@ def _at(p: Polynomial, M: Rationals) -> Rationals:
     """p(M), by Horner's rule."""
     out = 0 * M
     for c in p:
-        out = out @ M + c * identity(len(M))
+        out = product(out, M) + c * identity(len(M))
     return out
 
 
-def _semisimple(M: Rationals, factors: list[Polynomial]) -> Rationals:
+def _semisimple(M: Rationals, factors: list[Polynomial]) -> Rationals | None:
     """The semisimple part, by Newton's method on the product of the factors."""
     p = _product(factors)
     slope = derivative(p)
@@ -91,7 +93,10 @@ def _semisimple(M: Rationals, factors: list[Polynomial]) -> Rationals:
         if not value.any():
             break
         # `derivative` is known up to a positive factor only
-        S = S - solve_columns(_at(slope, S) * (lead // slope[0]), value)
+        step = solve_columns(_at(slope, S) * (lead // slope[0]), value)
+        if step is None:
+            return None
+        S = S - step
     return S
 
 
@@ -106,8 +111,8 @@ def _cyclic(S: Rationals, w: Rationals, d: int) -> list[Rationals]:
 def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Rationals, d: int) -> Matrix | None:
     """The cone of the companion matrix in every block, and the cone of the last block with the rest."""
     last = np.array(_cyclic(S, chains[0][-1], d), dtype=object).T
-    companion = Matrix.from_fractions(solve_columns(last, S @ last))
-    inner = _cone_of(companion)
+    companion = solve_columns(last, product(S, last))
+    inner = None if companion is None else _cone_of(Matrix.from_fractions(companion))
     if inner is None:
         return None
     blocks = [w for k, chain in enumerate(chains) for w in (chain[:-1] if k == 0 else chain)]
@@ -115,8 +120,10 @@ def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Ra
     if not W.shape[1]:
         return Matrix.from_fractions(np.concatenate([*rows, inner @ last.T]))
     basis = np.concatenate([last, W], axis=1)
-    joined = Matrix.from_fractions(solve_columns(basis, M @ basis))
-    held = None
+    whole = solve_columns(basis, product(M, basis))
+    if whole is None:
+        return None
+    joined, held = Matrix.from_fractions(whole), None
     if len(chains[0]) > 1:  # N moves the cone of the block before into the last one
         zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
         held = Matrix.from_fractions(np.concatenate([inner, zeros], axis=1))

@@ -83,7 +83,5 @@ def _chain(M: Rationals, b: Rationals, order: tuple[Fraction, ...], C: Rationals
 
 def _combinations(R: Rationals, B: Rationals) -> Rationals | None:
     """Nonnegative coordinates of the rows of B in the basis R, or None."""
-    coordinates = solve_columns(R.T, B.T).T
-    if coordinates.shape != B.shape or (coordinates < 0).any() or not (coordinates @ R == B).all():
-        return None
-    return coordinates
+    coordinates = solve_columns(R.T, B.T)
+    return None if coordinates is None or (coordinates < 0).any() else coordinates.T
