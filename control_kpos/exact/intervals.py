@@ -1,8 +1,9 @@
 """Intervals with derivatives: enclosures of a function and of its Jacobian on a box.
 
 A user's function is called with objects of `IntervalDual` in place of numbers.  Every operation rounds
-outwards, so that what comes out encloses all values and all partial derivatives on the box.  Functions
-that are not made of arithmetic and the usual elementary functions cannot be called this way.
+outwards, so that what comes out encloses all values and all partial derivatives on the box.  Elementary
+functions are enclosed at the ends of intervals, by `elementary`.  Functions that are not made of arithmetic
+and the usual elementary functions cannot be called this way.
 """
 
 from __future__ import annotations
@@ -11,14 +12,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from flint import arb
 from numpy.typing import NDArray
 
 from ..errors import DataError, ShapeError
+from .elementary import Interval, enclosed, integer_power, real_power, sine_and_cosine
 
 Array = NDArray[np.float64]
 
-# Elementary functions of the C library are taken to be right to this many units in the last place.
-_ULPS = 4
 # An unbounded enclosure is cut in two this often before it is given up.
 _DEEPEST = 10
 
@@ -31,9 +32,11 @@ class UnsupportedError(TypeError):
     """The function does something with its argument that intervals do not know."""
 
 
-def _out(low: Any, high: Any, ulps: int = 1) -> tuple[Any, Any]:
-    for _ in range(ulps):
-        low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
+def _out(low: Any, high: Any) -> tuple[Any, Any]:
+    return _finite(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
+
+
+def _finite(low: Any, high: Any) -> tuple[Any, Any]:
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         raise UnboundedError("a value or derivative is not bounded")
     return low, high
@@ -48,7 +51,7 @@ def _times(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
             product, exact = x * y, (x == 0) | (y == 0)
             low = np.minimum(low, np.where(exact, 0.0, np.nextafter(product, -np.inf)))
             high = np.maximum(high, np.where(exact, 0.0, np.nextafter(product, np.inf)))
-    return _out(low, high, 0)
+    return _finite(low, high)
 
 
 def _plus(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
@@ -61,7 +64,7 @@ def _plus(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
             errors.append((x - (s - back)) + (y - back))
         low = np.where(errors[0] < 0, np.nextafter(sums[0], -np.inf), sums[0])
         high = np.where(errors[1] > 0, np.nextafter(sums[1], np.inf), sums[1])
-    return _out(low, high, 0)
+    return _finite(low, high)
 
 
 class IntervalDual:
@@ -78,11 +81,11 @@ class IntervalDual:
     __array_priority__ = 1000
     __slots__ = ("gradient", "value")
 
-    def __init__(self, value: tuple[float, float], gradient: tuple[Array, Array]) -> None:
+    def __init__(self, value: Interval, gradient: tuple[Array, Array]) -> None:
         self.value, self.gradient = value, gradient
 
-    def _chain(self, value: tuple[float, float], slope: tuple[float, float], ulps: int = _ULPS) -> IntervalDual:
-        return IntervalDual(_out(*value, ulps), _times(self.gradient, _out(*slope, ulps)))
+    def _chain(self, value: Interval, slope: Interval) -> IntervalDual:
+        return IntervalDual(_finite(*value), _times(self.gradient, _finite(*slope)))
 
     def _read(self, other: Any) -> IntervalDual:
         if isinstance(other, IntervalDual):
@@ -129,10 +132,7 @@ class IntervalDual:
 
     def reciprocal(self) -> IntervalDual:
         """1 / x."""
-        low, high = self.value
-        if low <= 0 <= high:
-            raise UnboundedError("division by a quantity that may be zero")
-        value = _out(1 / high, 1 / low)
+        value = _inverse(self.value)
         slope = _times(value, value)
         return IntervalDual(value, _times(self.gradient, (-slope[1], -slope[0])))
 
@@ -153,11 +153,14 @@ class IntervalDual:
                 return (self**-power).reciprocal()
             if power == 0:
                 return self._read(1.0)
-            factor = float(power), float(power)
-            slope = _times(factor, _power(self.value, power - 1))
+            slope = _times(self._read(power).value, _power(self.value, power - 1))
             return IntervalDual(_power(self.value, power), _times(self.gradient, slope))
         if isinstance(power, (float, np.floating)):
-            return (self.log() * float(power)).exp()
+            if self.value[0] <= 0:
+                raise UnboundedError("a logarithm of a quantity that may be zero or negative")
+            slope = _hull(*(real_power(x, float(power), 1) for x in self.value))
+            value = _hull(*(real_power(x, float(power)) for x in self.value))
+            return self._chain(value, _times((float(power), float(power)), _finite(*slope)))
         raise UnsupportedError(f"a power of type {type(power).__name__}")
 
     def __rpow__(self, base: Any) -> IntervalDual:
@@ -171,12 +174,12 @@ class IntervalDual:
 
     def sin(self) -> IntervalDual:
         """sin x."""
-        return self._chain(_wave(np.sin, self.value, 0.5), _wave(np.cos, self.value, 0.0))
+        return self._chain(*sine_and_cosine(self.value))
 
     def cos(self) -> IntervalDual:
         """cos x."""
-        low, high = _wave(np.sin, self.value, 0.5)
-        return self._chain(_wave(np.cos, self.value, 0.0), (-high, -low))
+        (low, high), value = sine_and_cosine(self.value)
+        return self._chain(value, (-high, -low))
 
     def tan(self) -> IntervalDual:
         """tan x."""
@@ -184,43 +187,38 @@ class IntervalDual:
 
     def exp(self) -> IntervalDual:
         """e to the x."""
-        with np.errstate(over="ignore"):
-            value = float(np.exp(self.value[0])), float(np.exp(self.value[1]))
+        value = _rising(arb.exp, self.value)
         return self._chain(value, value)
 
     def log(self) -> IntervalDual:
         """Natural logarithm."""
         if self.value[0] <= 0:
             raise UnboundedError("a logarithm of a quantity that may be zero or negative")
-        value = float(np.log(self.value[0])), float(np.log(self.value[1]))
-        return self._chain(value, (1 / self.value[1], 1 / self.value[0]))
+        return self._chain(_rising(arb.log, self.value), _inverse(self.value))
 
     def sqrt(self) -> IntervalDual:
         """Square root."""
         if self.value[0] <= 0:
             raise UnboundedError("a square root of a quantity that may be zero or negative")
-        low, high = float(np.sqrt(self.value[0])), float(np.sqrt(self.value[1]))
-        return self._chain((low, high), (0.5 / high, 0.5 / low))
+        value = _rising(arb.sqrt, self.value)
+        return self._chain(value, _times((0.5, 0.5), _inverse(value)))
 
     def tanh(self) -> IntervalDual:
         """tanh x."""
-        low, high = (float(np.tanh(x)) for x in self.value)
-        nearest = 0.0 if self.value[0] <= 0 <= self.value[1] else min(abs(low), abs(high))
-        return self._chain((low, high), (1 - max(low * low, high * high) - 1e-15, 1 - nearest * nearest + 1e-15))
+        low, high = _rising(arb.tanh, self.value)
+        return self._chain((max(low, -1.0), min(high, 1.0)), _even(lambda ball: ball.sech() ** 2, self.value))
 
     def arctan(self) -> IntervalDual:
         """arctan x."""
-        low, high = (float(np.arctan(x)) for x in self.value)
-        square = _power(self.value, 2)
-        return self._chain((low, high), (1 / (1 + square[1]), 1 / (1 + square[0])))
+        return self._chain(_rising(arb.atan, self.value), _even(lambda ball: 1 / (1 + ball * ball), self.value))
 
     def sinh(self) -> IntervalDual:
         """sinh x."""
-        return (self.exp() - (-self).exp()) * 0.5
+        return self._chain(_rising(arb.sinh, self.value), _even(arb.cosh, self.value))
 
     def cosh(self) -> IntervalDual:
         """cosh x."""
-        return (self.exp() + (-self).exp()) * 0.5
+        return self._chain(_even(arb.cosh, self.value), _rising(arb.sinh, self.value))
 
     def __abs__(self) -> IntervalDual:
         low, high = self.value
@@ -239,30 +237,40 @@ class IntervalDual:
     __float__ = __int__ = __bool__ = __lt__ = __le__ = __gt__ = __ge__ = __index__ = _refuse
 
 
-def _power(value: tuple[float, float], power: int) -> tuple[float, float]:
+def _inverse(value: Interval) -> Interval:
+    """Range of 1 / x."""
+    low, high = value
+    if low <= 0 <= high:
+        raise UnboundedError("division by a quantity that may be zero")
+    with np.errstate(over="ignore"):
+        return _out(1 / high, 1 / low)
+
+
+def _hull(*parts: Interval) -> Interval:
+    """The smallest interval that holds all parts."""
+    return min(low for low, _ in parts), max(high for _, high in parts)
+
+
+def _rising(function: Callable[[Any], Any], value: Interval) -> Interval:
+    """Range of an increasing function."""
+    return enclosed(function, value[0])[0], enclosed(function, value[1])[1]
+
+
+def _even(function: Callable[[Any], Any], value: Interval) -> Interval:
+    """Range of an even function that is monotone in |x|: from the number nearest to zero to the farthest."""
+    nearest = min(max(value[0], 0.0), value[1])
+    farthest = max(value, key=abs)
+    return _hull(enclosed(function, nearest), enclosed(function, farthest))
+
+
+def _power(value: Interval, power: int) -> Interval:
     """Range of x^k, rounded outwards; exact zeros stay."""
     if power == 0:
         return 1.0, 1.0
-    with np.errstate(over="ignore", under="ignore"):
-        ends = [float(np.float64(x) ** power) for x in value]
-    low, high = _out(min(ends), max(ends), _ULPS)
-    if power % 2:
-        return (0.0 if value[0] == 0 else low), (0.0 if value[1] == 0 else high)
-    return (0.0 if value[0] <= 0 <= value[1] else max(low, 0.0)), (0.0 if value == (0.0, 0.0) else high)
-
-
-def _wave(function: Callable[[float], float], value: tuple[float, float], shift: float) -> tuple[float, float]:
-    """Range of sin (its maxima at shift = 1/2 pi) or cos (at 0); a point of doubt counts as reached."""
-    low, high = value
-    if not max(abs(low), abs(high)) < 1e6 or high - low >= 2 * np.pi:
-        return -1.0, 1.0
-    ends = float(function(low)), float(function(high))
-    slack = 1e-9
-    top = np.floor((high + slack) / (2 * np.pi) - shift / 2) >= np.ceil((low - slack) / (2 * np.pi) - shift / 2)
-    bottom = np.floor((high + slack) / (2 * np.pi) - (shift + 1) / 2) >= np.ceil(
-        (low - slack) / (2 * np.pi) - (shift + 1) / 2
-    )
-    return (-1.0 if bottom else min(ends)), (1.0 if top else max(ends))
+    ends = [integer_power(x, power) for x in value]
+    if power % 2 == 0 and value[0] < 0 < value[1]:
+        ends.append((0.0, 0.0))
+    return _finite(*_hull(*ends))
 
 
 def jacobian_enclosure(

@@ -1,0 +1,150 @@
+"""Enclosures of elementary functions against values of fifty digits and more."""
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+from hypothesis import given
+from hypothesis import strategies as st
+
+from control_kpos.exact.elementary import enclosed, integer_power, quarter_turns, real_power, sine_and_cosine
+from control_kpos.exact.intervals import IntervalDual, UnboundedError
+
+# Magnitudes of all sizes, subnormal numbers and neighbours of places where functions turn.
+HARD = [0.0, 5e-324, 1e-310, 2.0**-1022, 1e-200, 1e-9, 0.5, 1.0, math.pi / 2, math.pi, 355.0, 710.0, 1e5, 1e22, 1e300]
+ALL = st.one_of(st.sampled_from(HARD), st.floats(1e-3, 30.0)).flatmap(lambda x: st.sampled_from([x, -x]))
+SMALL = st.floats(-30, 30).filter(lambda x: x == 0 or abs(x) > 1e-3)
+FUNCTIONS = [arb.sin, arb.cos, arb.exp, arb.log, arb.sqrt, arb.tanh, arb.atan, arb.sinh, arb.cosh, arb.sech]
+
+
+def precisely(function, x):
+    """The value to hundreds of digits."""
+    with ctx.workprec(3000):
+        return function(arb(x))
+
+
+def holds(interval, value):
+    with ctx.workprec(3000):
+        return not (arb(interval[0]) > value or value > arb(interval[1]))
+
+
+@pytest.mark.parametrize("function", FUNCTIONS, ids=lambda f: f.__name__)
+@given(x=ALL)
+def test_values_lie_between_doubles_at_most_two_apart(function, x):
+    if function in (arb.log, arb.sqrt):
+        x = abs(x)
+    low, high = enclosed(function, x)
+    if function is arb.log and x == 0:
+        assert (low, high) == (-math.inf, math.inf)
+        return
+    if function in (arb.exp, arb.sinh, arb.cosh) and abs(x) > 1e5:
+        assert high == math.inf or low == -math.inf or (low, high) == (0.0, 5e-324)
+        return
+    if function is arb.sech and abs(x) > 1e5:
+        assert (low, high) == (0.0, 5e-324)
+        return
+    assert holds((low, high), precisely(function, x))
+    assert high <= math.nextafter(math.nextafter(low, math.inf), math.inf)
+
+
+@given(SMALL, st.integers(1, 12))
+def test_integer_powers(x, power):
+    low, high = integer_power(x, power)
+    assert low <= high and Fraction(low) <= Fraction(x) ** power <= Fraction(high)
+
+
+@given(st.floats(1e-3, 1e3), st.floats(-5, 5).filter(lambda p: abs(p) > 1e-3), st.sampled_from([0, 1]))
+def test_real_powers(x, power, less):
+    with ctx.workprec(3000):
+        value = (arb(x).log() * (arb(power) - less)).exp()
+    assert holds(real_power(x, power, less), value)
+
+
+@given(ALL, st.floats(0, 8))
+def test_ranges_of_sine_and_cosine(low, width):
+    high = low + width
+    sine, cosine = sine_and_cosine((low, high))
+    for t in np.linspace(0, 1, 7):
+        x = min(max(low + t * width, low), high)
+        assert holds(sine, precisely(arb.sin, x)) and holds(cosine, precisely(arb.cos, x))
+    if high - low >= 2 * math.pi and abs(low) < 1e10:
+        assert sine == cosine == (-1.0, 1.0)
+
+
+def test_extrema_are_reached_where_they_are_and_nowhere_else():
+    assert sine_and_cosine((0.1, 1.5))[0][1] < 1 and sine_and_cosine((0.1, 1.6))[0][1] == 1
+    sine, cosine = sine_and_cosine((-1.6, 1.5))
+    assert sine == (-1.0, enclosed(arb.sin, 1.5)[1]) and cosine == (enclosed(arb.cos, -1.6)[0], 1.0)
+    assert quarter_turns(0.0, 0.0) == (0, 0)
+    assert sine_and_cosine((1e22, 1e22))[0][1] < -0.85
+    assert sine_and_cosine((1e22, math.nextafter(1e22, math.inf))) == ((-1.0, 1.0), (-1.0, 1.0))
+    assert sine_and_cosine((1e300, math.nextafter(1e300, math.inf))) == ((-1.0, 1.0), (-1.0, 1.0))
+
+
+def test_a_wide_precision_set_by_others_changes_nothing():
+    expected = enclosed(arb.exp, 1.0)
+    with ctx.workprec(20):
+        assert enclosed(arb.exp, 1.0) == expected
+
+
+# -- on intervals, with slopes
+
+NAMES = ["sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "arctan", "sinh", "cosh", "square"]
+BALLS = {
+    "tan": (arb.tan, lambda x: 1 / x.cos() ** 2),
+    "sin": (arb.sin, arb.cos),
+    "cos": (arb.cos, lambda x: -x.sin()),
+    "exp": (arb.exp, arb.exp),
+    "log": (arb.log, lambda x: 1 / x),
+    "sqrt": (arb.sqrt, lambda x: 1 / (2 * x.sqrt())),
+    "tanh": (arb.tanh, lambda x: x.sech() ** 2),
+    "arctan": (arb.atan, lambda x: 1 / (1 + x**2)),
+    "sinh": (arb.sinh, arb.cosh),
+    "cosh": (arb.cosh, arb.sinh),
+    "square": (lambda x: x**2, lambda x: 2 * x),
+    "cube": (lambda x: x**3, lambda x: 3 * x**2),
+    "inverse": (lambda x: 1 / x, lambda x: -1 / x**2),
+    "root": (lambda x: x ** (arb(1) / 2), lambda x: 1 / (2 * x.sqrt())),
+}
+CALLS = {
+    **{name: (lambda x, name=name: getattr(x, name)()) for name in NAMES},
+    "cube": lambda x: x**3,
+    "inverse": lambda x: 1 / x,
+    "root": lambda x: x**0.5,
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+@given(low=ALL, width=st.sampled_from([0.0, 1e-9, 0.3, 2.0]), share=st.floats(0, 1))
+def test_values_and_slopes_on_intervals(name, low, width, share):
+    if name in ("log", "sqrt", "root"):
+        low = abs(low)
+    high = low + width
+    one = np.ones(1)
+    try:
+        with np.errstate(all="ignore"):
+            y = CALLS[name](IntervalDual((low, high), (one, one)))
+    except UnboundedError:
+        hard = name in ("tan", "inverse", "log", "sqrt", "root") or max(abs(low), abs(high)) > 100
+        assert hard
+        return
+    x = min(max(low + share * width, low), high)
+    value, slope = BALLS[name]
+    assert holds(y.value, precisely(value, x))
+    assert holds((float(y.gradient[0][0]), float(y.gradient[1][0])), precisely(slope, x))
+
+
+def test_domains_end():
+    one = np.ones(1)
+    for name in ("log", "sqrt"):
+        for low in (0.0, -1e-320, -1.0):
+            with pytest.raises(UnboundedError, match="may be zero or negative"):
+                CALLS[name](IntervalDual((low, 1.0), (one, one)))
+        assert CALLS[name](IntervalDual((5e-300, 1.0), (one, one))).value[1] >= 0
+    with pytest.raises(UnboundedError):
+        CALLS["exp"](IntervalDual((0.0, 710.0), (one, one)))
+    assert CALLS["exp"](IntervalDual((-1e300, 0.0), (one, one))).value == (0.0, 1.0)
+    assert CALLS["tanh"](IntervalDual((-1e300, 1e300), (one, one))).value == (-1.0, 1.0)
+    assert CALLS["sin"](IntervalDual((0.0, 0.0), (one, one))).value == (0.0, 0.0)
