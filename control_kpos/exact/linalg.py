@@ -262,12 +262,14 @@ def product(*factors: Rationals) -> Rationals:
 
 
 def power(M: Rationals, k: int) -> Rationals:
-    """M^k."""
-    numerators, denominator = common_denominator(M)
+    """M^k, by repeated squares."""
+    square, denominator = common_denominator(M)
     out = np.eye(len(M), dtype=int).astype(object)
-    for _ in range(k):
+    for digit in reversed(f"{k:b}"):
         spend(_PRODUCT * len(M) ** 3)
-        out = out @ numerators
+        if digit == "1":
+            out = out @ square
+        square = square @ square
     return fractions(out, denominator**k)
 
 
