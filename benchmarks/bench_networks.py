@@ -171,6 +171,19 @@ def test_next_to_the_edge(contest, size, graph, target):
     contest(f"abscissa {target:g}, {graph}, N = {n}", "ours", decide, at_most=30, rounds=1)
 
 
+# -- a unit in the last place below the margin
+
+
+@pytest.mark.parametrize("who", ["ours", "an ordinary proof"])
+def test_ring_at_the_margin(contest, size, who):
+    n = size(20_000, 200)
+    A, B, C, D = ([M] * n for M in ([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], [[0]]))
+    nodes = kp.stack(np.array(A), np.array(B), np.array(C), np.array(D), X=kp.examples.paper_cone())
+    weight = np.nextafter(22.0, 0) if who == "ours" else 21.0
+    net = kp.feedback_interconnect(nodes, weight * kp.examples.ring(n), progress=False)
+    contest(f"certify ring at the margin, N = {n}", who, lambda: proved(net), rounds=1)
+
+
 # -- the spectral abscissa
 
 

@@ -9,10 +9,7 @@ import scipy.sparse as sp
 from random_networks import is_stable, marginal_network
 
 import control_kpos as kp
-from control_kpos.exact.linalg import solve_exactly
 from control_kpos.networks import AlgebraicLoop, NetworkInstability
-from control_kpos.networks.spectrum.lifting import solve_by_lifting
-from control_kpos.networks.spectrum.small import EXACT_SIZE
 from control_kpos.proof import independent
 from control_kpos.proof.certificate import Status
 
@@ -160,35 +157,3 @@ def test_cones_whose_generators_are_not_doubles():
         node = kp.ConeStateSpace([[-rate]], B, C, np.zeros((3, 2)), U=U, Y=Y)
         certificate = kp.feedback_interconnect([node] * 2, [[None, block], [block, None]]).certificate
         assert certificate.status is status and certificate.check()
-
-
-def test_large_marginal_networks_stay_undecided_and_say_so():
-    n = EXACT_SIZE // 3 + 1
-    certificate = kp.feedback_interconnect(masses(n), ring(n, np.nextafter(22.0, 0))).certificate
-    assert certificate.status is Status.UNDECIDED and "edge of stability" in certificate.explain()
-
-
-# -- exact solutions
-
-
-@pytest.mark.parametrize(("size", "digits"), [(1, 5), (7, 3), (20, 60), (45, 200)])
-def test_lifting_is_elimination(size, digits):
-    rng = np.random.default_rng(size)
-    M = np.array(
-        [[int(rng.integers(-9, 10)) * int(2 ** rng.integers(0, digits)) for _ in range(size)] for _ in range(size)],
-        dtype=object,
-    )
-    M[np.arange(size), np.arange(size)] += 10 * 2**digits * size
-    b = np.array([int(t) for t in rng.integers(-5, 6, size)], dtype=object)
-    numerators, denominator = solve_by_lifting(M, b)
-    assert denominator > 0 and (M @ numerators == denominator * b).all()
-    other, common = solve_exactly(M, b[:, None])
-    assert (other[:, 0] * denominator == numerators * common).all()
-
-
-def test_lifting_gives_up_on_singular_matrices():
-    assert solve_by_lifting(np.array([[1, 2], [2, 4]], dtype=object), np.array([1, 1], dtype=object)) is None
-    # singular modulo the first prime only
-    p = 33554393
-    M = np.array([[p, 1], [0, 1]], dtype=object)
-    assert solve_by_lifting(M, np.array([2, 1], dtype=object))[0].tolist() == [1, p]

@@ -82,10 +82,11 @@ class Matrix:
         """From an object array of int and Fraction, any shape."""
         if rows.size == 0:
             return cls(np.zeros(rows.shape))
-        flat = [Fraction(x) for x in rows.ravel()]
-        den = lcm(*(x.denominator for x in flat))
+        flat = [x if type(x) is Fraction else Fraction(x) for x in rows.ravel().tolist()]
+        den = lcm(*{x.denominator for x in flat})
         values = np.array([nearest_double(x) for x in flat])
-        exact = np.array([Fraction(v) == x for v, x in zip(values.tolist(), flat, strict=True)])
+        same = (v.as_integer_ratio() == x.as_integer_ratio() for v, x in zip(values.tolist(), flat, strict=True))
+        exact = np.fromiter(same, dtype=bool, count=len(flat))
         values, exact = values.reshape(rows.shape), exact.reshape(rows.shape)
         if exact.all():
             return cls(values)

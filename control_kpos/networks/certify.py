@@ -32,6 +32,7 @@ from .spectrum.descent import (
     interior,
     is_inside,
     mix,
+    rate_scale,
     slow_state,
 )
 from .spectrum.port_solves import PortSystem, direct_loop
@@ -45,6 +46,9 @@ from .witnesses import (
     NodeViolation,
     below_abscissa,
 )
+
+# Distance to the margin, relative to the rates of the nodes, from which on refinement decides better than shifts.
+_CLOSE = 1e-9
 
 Data: TypeAlias = "tuple[Floats, Floats, Floats]"
 
@@ -62,7 +66,7 @@ def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCer
     -------
     NetworkCertificate
         PROVED; REFUTED with the first of: a node that is not positive, a link that leaves the cones, an
-        algebraic loop of gain 1 or more, a direction of growth; UNDECIDED within rounding of the margin.
+        algebraic loop of gain 1 or more, a direction of growth.  UNDECIDED is rare: see `certify_exactly`.
 
     Notes
     -----
@@ -333,6 +337,8 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
     parts = strong_parts(model)
     inner = model if parts is None else parts.inner
 
+    close = _CLOSE * rate_scale(model)
+
     def attempt(a: Approach) -> NetworkInstability | None:
         if not a.theta > least:
             return None
@@ -357,7 +363,7 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
     def stop(a: Approach) -> bool:
         w = attempt(a)
         done.extend([] if w is None else [w])
-        return bool(done) or a.shift < least
+        return bool(done) or a.shift < least + close
 
     final = descend(inner, least, relative=1e-10, stop=stop, progress=progress)
     if final is not None and final.shift < least:

@@ -161,8 +161,8 @@ class ConeNetwork(NetworkResponses):
 
         Notes
         -----
-        Some ten pairs of solves with shifts that fall towards the abscissa; see `abscissa`.  What rounding leaves
-        wide or open in networks of at most 600 states and inputs is settled in rational arithmetic.
+        Some ten pairs of solves with shifts that fall towards the abscissa.  In networks of moderate size, and where
+        rounding leaves the bracket wide, both ends come from Perron vectors refined to as many digits as they need.
         """
         certificate = self.abscissa_certificate(relative)
         if not certificate:

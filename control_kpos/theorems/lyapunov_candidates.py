@@ -20,16 +20,14 @@ from scipy.linalg import lapack
 
 from ..cones import Cone
 from ..cones.polyhedral import has_open_facets
-from ..errors import TooLargeError
 from ..exact.matrix import Matrix, dense
-from ..exact.rational_programs import exact_feasibility
 
 Vector = NDArray[np.float64]
 _NODA_STEPS = 60
 # How far from the bound the shift stays, relative to the size of A, so that the matrix is not singular.
 _NODA_GAP = 2.0**-50
-# Above this many rows rational arithmetic would take minutes.
-_RATIONAL_ROWS = 80
+# Dimensions up to which directions are moved onto a face exactly.
+_FACE_ROWS = 80
 
 
 class SingularMatrixError(ArithmeticError):
@@ -182,7 +180,7 @@ class ScaledProblem:
             pass
         else:
             yield self._unscaled_right(x)
-        if self.n <= _RATIONAL_ROWS and not has_open_facets(self.X):
+        if self.n <= _FACE_ROWS and not has_open_facets(self.X):
             yield from self._on_face(x)
 
     def growing_directions(self) -> Iterator[NDArray[Any]]:
@@ -208,44 +206,6 @@ class ScaledProblem:
         shares = np.array([w / int(s) for w, s in zip(shares, size, strict=True)], dtype=object)
         units = np.array([Fraction(float(u)) for u in self.units[np.abs(rows).argmax(axis=1)]], dtype=object)
         yield (exact * (shares * units)[:, None]).sum(axis=0)
-
-
-def decide_exactly(A: Matrix, X: Cone, discrete: bool) -> tuple[bool, NDArray[np.object_]] | None:
-    """Settle stability of a K-positive A in rational arithmetic.
-
-    Returns
-    -------
-    stable : bool
-    vector : ndarray of Fraction, shape (n,)
-        v with v'x_i >= 0 and v'S x_i < 0 if stable, else x in X, x != 0, with S x in X.
-    None instead of both for problems too large for rational arithmetic.
-    """
-    n, p = A.shape[0], X.n_rays
-    if n > _RATIONAL_ROWS:
-        return None
-    rays = X.exact_rays.rows_as_integers(np.arange(p)).T
-    dense_A = Matrix(dense(A.values), A.radius, A.numerators, A.denominator)
-    S = dense_A.fractions()
-    if discrete:
-        S = S - np.eye(n, dtype=int).astype(object)
-    M = np.zeros((n + 1, 2 * p), dtype=object)
-    M[:n, :p], M[:n, p:], M[n, :p] = S @ rays, -rays, 1
-    try:
-        combination, farkas = exact_feasibility(M, [0] * n + [1])
-    except TooLargeError:
-        return None
-    if combination is not None:
-        return False, _halved(rays @ combination[:p])
-    if farkas is None:
-        return None
-    return True, _halved(-farkas[:n])
-
-
-def _halved(x: NDArray[np.object_]) -> NDArray[np.object_]:
-    """A rational vector divided by a power of two, so that its doubles neither overflow nor vanish."""
-    top = max(abs(Fraction(t)) for t in x)
-    power = top.numerator.bit_length() - top.denominator.bit_length()
-    return np.array([Fraction(t) / Fraction(2) ** power for t in x], dtype=object)
 
 
 def _dense_if_small(m: Any) -> Any:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -34,6 +35,7 @@ from ..proof.weights import (
     exact_vector,
     numbers,
 )
+from .generator_coordinates import decide_stability
 from .growing_direction import InstabilityCombination as InstabilityCombination
 from .growing_direction import InstabilityDirection as InstabilityDirection
 from .growing_direction import (
@@ -45,7 +47,7 @@ from .growing_direction import (
     transposed_drift,
 )
 from .growing_direction import exact_row as exact_row
-from .lyapunov_candidates import ScaledProblem, SingularMatrixError, decide_exactly
+from .lyapunov_candidates import ScaledProblem, SingularMatrixError
 from .positivity import (
     ClaimOnPositivity,
     PositivityCertificate,
@@ -104,6 +106,12 @@ class LyapunovCertificate(ClaimOnPositivity):
     def X(self) -> Cone:
         """The cone the verdict is about."""
         return self.positivity.X
+
+    @cached_property
+    def margin(self) -> float:
+        """As of every certificate; 0 for a proof that rests on less than floating point resolves."""
+        found = super().margin
+        return max(found, 0.0) if self else found
 
     @property
     def discrete(self) -> bool:
@@ -232,7 +240,8 @@ def linear_lyapunov(
     Notes
     -----
     Costs the invariance check, one factorisation of A (sparse if A is), and for "max" an eigenvalue and
-    a few more factorisations.  Near the boundary small problems are settled in rational arithmetic.
+    a few more factorisations.  Near the boundary the Perron vector is refined until its sign is
+    certain (see `refinement`), whatever the size.
 
     Examples
     --------
@@ -255,29 +264,45 @@ def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -
     if not positivity:
         return LyapunovCertificate.settle(positivity=positivity)
     A, X, discrete = positivity.A, positivity.X, positivity.discrete
+    fastest = rate == "max"
     for balanced in (False, True):
         problem = ScaledProblem(A, X, discrete, balanced=balanced)
-        if rate == "max":
-            found = _fastest(positivity, problem)
-            if found is not None:
-                return found
-        try:
-            v = problem.left_vector(0.0)
-        except SingularMatrixError:
-            v = None
-        if v is not None and _is_lyapunov(exact_row(v), A, X, discrete):
-            return _proved(positivity, v)
-        for x in problem.growing_directions():
-            witness = _growing(positivity, x)
-            if witness is not None:
-                return LyapunovCertificate.settle(positivity=positivity, witness=witness)
-    decided = decide_exactly(A, X, discrete)
+        found = _by_doubles(positivity, problem, fastest)
+        if found is not None:
+            return found
+    decided = decide_stability(A, X, discrete)
     if decided is None:
         return LyapunovCertificate.settle(positivity=positivity)
     stable, vector = decided
-    if stable:
-        return _proved(positivity, np.array([float(t) for t in vector]), tuple(vector))
-    return LyapunovCertificate.settle(positivity=positivity, witness=_growing(positivity, vector))
+    exact = _halved(vector)
+    rounded = np.array([float(value) for value in exact])
+    if not stable:
+        witness = _growing(positivity, rounded) or _growing(positivity, exact)
+        return LyapunovCertificate.settle(positivity=positivity, witness=witness)
+    found = _fastest(positivity, ScaledProblem(A, X, discrete)) if fastest else None
+    return found or _proved(positivity, rounded, tuple(exact))
+
+
+def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, fastest: bool) -> LyapunovCertificate | None:
+    """A proof from one solve, or from shifts if the cone is not simplicial; None where doubles do not suffice."""
+    A, X, discrete = positivity.A, positivity.X, positivity.discrete
+    try:
+        v = problem.left_vector(0.0)
+    except SingularMatrixError:
+        v = None
+    if v is not None and _is_lyapunov(exact_row(v), A, X, discrete):
+        return (_fastest(positivity, problem) if fastest else None) or _proved(positivity, v)
+    for x in problem.growing_directions() if not X.is_simplicial else ():
+        witness = _growing(positivity, x)
+        if witness is not None:
+            return LyapunovCertificate.settle(positivity=positivity, witness=witness)
+    return None
+
+
+def _halved(x: NDArray[np.object_]) -> NDArray[np.object_]:
+    """Integers divided by a power of two, so that their doubles neither overflow nor vanish."""
+    size = 1 << max(abs(value).bit_length() for value in x.tolist())
+    return np.array([Fraction(value, size) for value in x.tolist()], dtype=object)
 
 
 def _growing(positivity: PositivityCertificate, x: NDArray[Any]) -> InstabilityDirection | None:

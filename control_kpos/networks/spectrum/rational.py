@@ -1,4 +1,4 @@
-"""Certificates of small networks found in rational arithmetic.
+"""Certificates found in integers, where rounding hides on which side of the margin a network lies.
 
 From (v, r) with v'A + r'W C < 0 and v'B + r'W D - r' < 0 on the generators, q = -W'r completes the data of Theorem 4.
 From (x, u) with A x + B u in X and W(C x + D u) - u in U, the output y = C x + D u completes a witness.
@@ -7,12 +7,13 @@ From (x, u) with A x + B u in X and W(C x + D u) - u in U, the output y = C x + 
 from __future__ import annotations
 
 from fractions import Fraction
+from math import gcd
 from typing import Any
 
 import numpy as np
 
-from ...exact.rational_programs import primitive_fractions
-from ...proof.weights import product
+from ...errors import TooLargeError
+from ...exact.matrix import Integers
 from .. import conditions as on
 from ..certificate import NetworkCertificate, per_node
 from ..model import NetworkModel
@@ -22,16 +23,14 @@ from ..witnesses import (
     NetworkInstability,
     with_exact,
 )
-from .small import (
-    EXACT_SIZE,
-    ExactNetwork,
-    Outcome,
-    Rationals,
-)
+from .pencil import NetworkPencil, Outcome
+
+# Binary digits above which integers are divided, so that their doubles do not overflow.
+_LONGEST = 900
 
 
 def certify_exactly(model: NetworkModel, loop: LoopWeights) -> NetworkCertificate:
-    """Decide Theorem 4 for a positive network of at most `exact.EXACT_SIZE` states and inputs.
+    """Decide Theorem 4 for a positive network, also at the margin and within rounding of it.
 
     Parameters
     ----------
@@ -43,29 +42,36 @@ def certify_exactly(model: NetworkModel, loop: LoopWeights) -> NetworkCertificat
     Returns
     -------
     NetworkCertificate
-        UNDECIDED for larger networks, and where cones that are not simplicial ask for programs too long.
+        UNDECIDED where the Perron vector cannot be refined, or cones that are not simplicial ask for programs too
+        long.
     """
-    if sum(model.totals[:2]) > EXACT_SIZE:
+    network = NetworkPencil(model)
+    try:
+        return _certified(network, loop)
+    except TooLargeError:  # facets of some cone
         return NetworkCertificate.settle(model=model, loop_weights=loop)
-    network = ExactNetwork(model)
+
+
+def _certified(network: NetworkPencil, loop: LoopWeights) -> NetworkCertificate:
+    model = network.model
     if model.has_feedthrough and loop is None:
         direct = network.decide_loop()
-        if direct is None or not direct.stable:
-            witness = None if direct is None else _algebraic(model, direct.port)
+        if direct is None or not direct[0]:
+            witness = None if direct is None else _algebraic(network, direct[2])
             return NetworkCertificate.settle(model=model, witness=witness)
-        loop = _loop_weights(model, direct.port)
+        loop = _loop_weights(network, direct[2])
     least = 1.0 if model.discrete else 0.0
     found = network.decide(least)
     if found is None:
         return NetworkCertificate.settle(model=model, loop_weights=loop)
-    if found.stable:
+    if found[0]:
         sigma = np.ones(model.n_nodes)
-        return NetworkCertificate.settle(model=model, **_falling(model, found), sigma=sigma, loop_weights=loop)
-    return NetworkCertificate.settle(model=model, loop_weights=loop, witness=_growing(model, found, least))
+        return NetworkCertificate.settle(model=model, **_falling(network, found), sigma=sigma, loop_weights=loop)
+    return NetworkCertificate.settle(model=model, loop_weights=loop, witness=_growing(network, found, least))
 
 
 def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> dict[str, Any] | None:
-    """Both sides of a bracket of the spectral abscissa, as fields of an `AbscissaCertificate`; None if too long.
+    """Both sides of a bracket of the spectral abscissa, as fields of an `AbscissaCertificate`, or None.
 
     Parameters
     ----------
@@ -76,10 +82,11 @@ def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> 
     loop : tuple or None
         Proof that the algebraic loop contracts.
     """
-    if sum(model.totals[:2]) > EXACT_SIZE:
+    network = NetworkPencil(model)
+    try:
+        about = network.pencil.estimate(relative)
+    except TooLargeError:
         return None
-    network = ExactNetwork(model)
-    about = network.estimate()
     if not np.isfinite(about):
         return None
     tiny = 2.0**-40 * max(float(np.abs(s.A.values).max()) for s in model.stacks) + 1e-300
@@ -98,38 +105,39 @@ def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> 
         found = network.decide(at)
         if found is None:
             return None
-        ends[found.stable] = at, found
+        ends[found[0]] = at, found
     if len(ends) < 2:
         return None
     (lower, below), (upper, above) = ends[False], ends[True]
-    sides = {**_falling(model, above), "below": _growing(model, below, lower)}
+    sides = {**_falling(network, above), "below": _growing(network, below, lower)}
     return {"lower": lower, "upper": upper, **sides, "loop_weights": loop}
 
 
-def _falling(model: NetworkModel, found: Outcome) -> dict[str, Any]:
+def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:
     """v, r, q and exact of a stable outcome."""
-    v, r = found.state, found.port
-    size = Fraction(2) ** _exponent(max(abs(value) for value in v))
-    vectors, exact = with_exact((v / size, r / size, _asked(model, -r) / size))
+    model, (W, factor) = network.model, network.W
+    _, v, r = found
+    q = W.T.apply(r) * -factor.numerator
+    vectors, exact = with_exact(_over_power_of_two(v * factor.denominator, r * factor.denominator, q))
     v_, r_, q_ = (per_node(part, model, kind) for kind, part in enumerate(vectors))
     return {"v": v_, "r": r_, "q": q_, "exact": exact}
 
 
-def _growing(model: NetworkModel, found: Outcome, rate: float) -> NetworkInstability:
-    x, u = _together(found.state, found.port)
-    (x_, u_, y_), exact = with_exact((x, u, _outputs(model, x, u)))
+def _growing(network: NetworkPencil, found: Outcome, rate: float) -> NetworkInstability:
+    (x_, u_, y_), exact = with_exact(_together(*network.signals(found[1], found[2])))
     return NetworkInstability(x_, u_, y_, rate, exact)
 
 
-def _algebraic(model: NetworkModel, port: Rationals) -> AlgebraicLoop:
-    (u,) = _together(port)
-    (y_, u_), exact = with_exact((_outputs(model, None, u), u))
-    return AlgebraicLoop(y_, u_, np.unique(model.owners(2)[y_ != 0]), exact)
+def _algebraic(network: NetworkPencil, port: Integers) -> AlgebraicLoop:
+    _, u, y = network.signals(np.zeros(network.model.totals[0], dtype=object), port)
+    (y_, u_), exact = with_exact(_together(y, u))
+    return AlgebraicLoop(y_, u_, np.unique(network.model.owners(2)[y_ != 0]), exact)
 
 
-def _loop_weights(model: NetworkModel, t: Rationals) -> LoopWeights:
+def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
     """p = W't and a little of int Y*, as much as (t' - t'W D) u leaves room for."""
-    p = _asked(model, t)
+    model, (W, factor) = network.model, network.W
+    p = W.T.apply(t) * factor
     inner = model.join([np.tile(_row_sum(on.facets(s.Y)), (len(s), 1)) for s in model.stacks], 2)
     share = Fraction(1)
     for s, p_g, e_g, t_g in zip(model.stacks, model.split(p, 2), model.split(inner, 2), model.split(t, 1), strict=True):
@@ -137,36 +145,26 @@ def _loop_weights(model: NetworkModel, t: Rationals) -> LoopWeights:
         rows = rays.rows_as_integers(np.arange(rays.shape[0])).T
         spare = (t_g - (p_g[:, None, :] @ D)[:, 0]) @ rows
         cost = (e_g[:, None, :] @ D)[:, 0] @ rows
-        share = min([share, *(a / b for a, b in zip(spare.ravel(), cost.ravel(), strict=True) if b > 0)])
+        share = min([share, *(Fraction(a) / b for a, b in zip(spare.ravel(), cost.ravel(), strict=True) if b > 0)])
     p = p + inner * share
-    return tuple(map(Fraction, p)), tuple(map(Fraction, t))
+    size = 1 << max(abs(value).bit_length() for value in t.tolist())
+    return tuple(Fraction(value) / size for value in p), tuple(Fraction(value, size) for value in t.tolist())
 
 
-def _row_sum(rows: Any) -> Rationals:
+def _row_sum(rows: Any) -> Integers:
     return rows.rows_as_integers(np.arange(rows.shape[0])).sum(axis=0)
 
 
-def _outputs(model: NetworkModel, x: Rationals | None, u: Rationals) -> Rationals:
-    """C x + D u."""
-    parts = []
-    for s, (own, ports, _) in zip(model.stacks, model.places, strict=True):
-        y = (s.D.fractions() @ u[ports][:, :, None])[:, :, 0]
-        parts.append(y if x is None else y + (s.C.fractions() @ x[own][:, :, None])[:, :, 0])
-    return model.join(parts, 2)
+def _together(*vectors: Integers) -> list[Integers]:
+    """Integers without a common factor, so that they are doubles if they can be."""
+    joint = np.concatenate(vectors)
+    joint = joint // (gcd(*joint.tolist()) or 1)
+    cut = np.cumsum([len(vector) for vector in vectors])[:-1]
+    return _over_power_of_two(*np.split(joint, cut), spared=_LONGEST)
 
 
-def _asked(model: NetworkModel, r: Rationals) -> Rationals:
-    """W'r."""
-    return product(model.coupling.T, r)
-
-
-def _together(*vectors: Rationals) -> list[Rationals]:
-    """Vectors times one number, so that they are integers of the size of doubles if they can be."""
-    joint = primitive_fractions(np.concatenate(vectors))
-    joint = joint / Fraction(2) ** max(0, _exponent(max(abs(value) for value in joint)) - 900)
-    return np.split(joint, np.cumsum([len(vector) for vector in vectors])[:-1])
-
-
-def _exponent(value: Any) -> int:
-    value = Fraction(value)
-    return value.numerator.bit_length() - value.denominator.bit_length()
+def _over_power_of_two(*vectors: Integers, spared: int = 0) -> list[Integers]:
+    """Integers as fractions of size 2^spared at most, times a common power of two."""
+    longest = max(abs(value).bit_length() for vector in vectors for value in vector.tolist())
+    size = 1 << max(0, longest - spared)
+    return [np.array([Fraction(value, size) for value in vector.tolist()], dtype=object) for vector in vectors]

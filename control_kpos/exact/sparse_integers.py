@@ -1,0 +1,145 @@
+"""Sparse matrices of integers of any length: products, parts, and their entries in floating point."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .matrix import Index, Integers
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class SparseIntegers:
+    """A matrix of integers by rows.
+
+    Attributes
+    ----------
+    data : ndarray of int (object), shape (nnz,)
+    indices, indptr : ndarray of int
+        As in a csr_array: columns of the entries, and where each row begins.
+    width : int
+        Number of columns.
+    """
+
+    data: Integers
+    indices: Index
+    indptr: Index
+    width: int
+
+    @classmethod
+    def of(cls, rows: Index, columns: Index, data: Integers, shape: tuple[int, int]) -> SparseIntegers:
+        """From entries at given places; those at the same place are added."""
+        key = np.asarray(rows, dtype=np.int64) * shape[1] + columns
+        order = np.argsort(key, kind="stable")
+        key = key[order]
+        first = np.flatnonzero(np.diff(key, prepend=-1))
+        data = data[order]
+        if first.size < key.size:
+            data = np.add.reduceat(data, first) if first.size else data[:0]
+        at = key[first]
+        indptr = np.searchsorted(at, np.arange(shape[0] + 1) * shape[1])
+        return cls(data, (at % shape[1]).astype(np.intp), indptr.astype(np.intp), shape[1])
+
+    @classmethod
+    def dense(cls, rows: Integers) -> SparseIntegers:
+        """From a matrix, without its zeros."""
+        at = np.nonzero(rows)
+        return cls.of(at[0], at[1], rows[at], (rows.shape[0], rows.shape[1]))
+
+    @classmethod
+    def diagonal(cls, values: Integers) -> SparseIntegers:
+        """A diagonal matrix."""
+        at = np.arange(len(values))
+        return cls(values, at, np.arange(len(values) + 1), len(values))
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return len(self.indptr) - 1
+
+    @cached_property
+    def rows(self) -> Index:
+        """Row of every entry."""
+        return np.repeat(np.arange(self.height), np.diff(self.indptr))
+
+    @property
+    def T(self) -> SparseIntegers:
+        """The transpose."""
+        return SparseIntegers.of(self.indices, self.rows, self.data, (self.width, self.height))
+
+    def take(self, rows: Index) -> SparseIntegers:
+        """Some rows."""
+        count = np.diff(self.indptr)[rows]
+        indptr = np.concatenate([[0], np.cumsum(count)])
+        at = np.repeat(self.indptr[rows] - indptr[:-1], count) + np.arange(indptr[-1])
+        return SparseIntegers(self.data[at], self.indices[at], indptr, self.width)
+
+    def apply(self, x: Integers) -> Integers:
+        """The product with a vector."""
+        out = np.zeros(self.height, dtype=object)
+        filled = np.flatnonzero(np.diff(self.indptr))
+        if filled.size:
+            out[filled] = np.add.reduceat(self.data * x[self.indices], self.indptr[filled])
+        return out
+
+    def __matmul__(self, other: SparseIntegers) -> SparseIntegers:
+        count = np.diff(other.indptr)[self.indices]
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        at = np.repeat(other.indptr[self.indices], count) + within
+        data = np.repeat(self.data, count) * other.data[at]
+        return SparseIntegers.of(np.repeat(self.rows, count), other.indices[at], data, (self.height, other.width))
+
+    def __add__(self, other: SparseIntegers) -> SparseIntegers:
+        return SparseIntegers.of(
+            np.concatenate([self.rows, other.rows]),
+            np.concatenate([self.indices, other.indices]),
+            np.concatenate([self.data, other.data]),
+            (self.height, self.width),
+        )
+
+    def times(self, factor: int) -> SparseIntegers:
+        """All entries times an integer."""
+        return self if factor == 1 else SparseIntegers(self.data * factor, self.indices, self.indptr, self.width)
+
+    def in_units(self, exponents: NDArray[np.int64]) -> SparseIntegers:
+        """Columns times 2**exponents, and every row times a power of two that makes them integers."""
+        if not exponents.any():
+            return self
+        own = exponents[self.indices]
+        lowest = np.zeros(self.height, dtype=np.int64)
+        filled = np.flatnonzero(np.diff(self.indptr))
+        lowest[filled] = np.minimum.reduceat(own, self.indptr[filled])
+        shift = (own - lowest[self.rows]).astype(object)
+        return SparseIntegers(self.data << shift, self.indices, self.indptr, self.width)
+
+    def toarray(self) -> Integers:
+        """All entries."""
+        out = np.zeros((self.height, self.width), dtype=object)
+        out[self.rows, self.indices] = self.data
+        return out
+
+    def pattern(self) -> sp.csr_array:
+        """Ones where the entries are."""
+        shape = (self.height, self.width)
+        return sp.csr_array((np.ones(len(self.data)), self.indices, self.indptr), shape=shape)
+
+
+def mantissas(values: Integers) -> tuple[Floats, NDArray[np.int64]]:
+    """Integers of any length as m * 2**e with m between 1/2 and 1 in size, correct to 52 bits."""
+    if not values.size:
+        return np.zeros(0), np.zeros(0, dtype=np.int64)
+    cut = np.zeros(values.shape, dtype=np.int64)
+    try:
+        short = values.astype(np.int64)
+    except OverflowError:
+        length = np.array([abs(v).bit_length() for v in values.tolist()], dtype=np.int64)
+        cut = np.maximum(length - 62, 0)
+        short = (values >> cut.astype(object)).astype(np.int64)
+    m, e = np.frexp(short.astype(float))
+    return m, e + cut

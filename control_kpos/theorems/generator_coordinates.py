@@ -1,0 +1,189 @@
+"""Cross-positive matrices in coordinates in which simplicial cones are orthants, as sparse integers.
+
+With the generators x_i of a simplicial cone and the facets h_i that do not contain them, M = (h_i'A x_k) is Metzler,
+and A x <= mu x in the order of the cone reads M a <= mu E a for x = sum a_i x_i and E = diag(h_i'x_i).  Neither the
+lengths of facets nor those of generators matter, so that no division is needed.  Cones that are not simplicial keep
+the coordinates they have.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..cones import Cone, Orthant
+from ..cones.polyhedral import has_open_facets
+from ..cones.product import ProductCone
+from ..errors import TooLargeError
+from ..exact.matrix import Index, Integers, Matrix, integers_of_doubles
+from ..exact.sparse_integers import SparseIntegers, mantissas
+from ..proof.portable_cones import opposite_facets
+from .perron_pair import Cones, Decision, decide, root, strong_parts
+
+# Rows up to which facets of a cone that are not doubles are written out.
+_EXACT_FACETS = 80
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """Coordinates of a product of cones.
+
+    Attributes
+    ----------
+    into : SparseIntegers, shape (n, n)
+        Rows are the facets opposite to the generators, or unit vectors.
+    out : SparseIntegers, shape (n, n)
+        Columns are the generators, or unit vectors.
+    heights : ndarray of int (object), shape (n,)
+        The diagonal of into @ out.
+    cones : Cones
+        Those that are not simplicial.
+    """
+
+    into: SparseIntegers
+    out: SparseIntegers
+    heights: Integers
+    cones: Cones
+
+    @classmethod
+    def of(cls, pieces: Iterable[tuple[Cone, Index]], size: int) -> Coordinates:
+        """Of cones that stand at the given places, (count, dimension) each.
+
+        Raises
+        ------
+        TooLargeError
+            Facets that are not doubles are too many to be written out.
+        """
+        group, facets, rays = np.arange(size), {}, {}
+        blocks: list[tuple[Index, Integers, Integers]] = []
+        for cone, places in pieces:
+            n = cone.dim
+            if isinstance(cone, Orthant):
+                blocks.append((places.reshape(-1, 1), np.ones((1, 1), dtype=object), np.ones((1, 1), dtype=object)))
+                continue
+            own, open_ = _rows(cone.exact_rays), has_open_facets(cone)
+            if not open_ and cone.exact_facets.integer_rows is not None and n > _EXACT_FACETS:
+                raise TooLargeError(f"the exact facets of a cone in dimension {n} are out of reach.")
+            if cone.is_simplicial:
+                blocks.append((places, opposite_facets(cone, own)[0], own.T))
+                continue
+            group[places] = places[:, :1]
+            facets.update(dict.fromkeys(places[:, 0].tolist(), None if open_ else _rows(cone.exact_facets)))
+            rays.update(dict.fromkeys(places[:, 0].tolist(), own))
+            eye = np.eye(n, dtype=int).astype(object)
+            blocks.append((places, eye, eye))
+        into = block_diagonal([(places, places, H) for places, H, _ in blocks], (size, size))
+        out = block_diagonal([(places, places, R) for places, _, R in blocks], (size, size))
+        heights = np.ones(size, dtype=object)
+        for places, H, R in blocks:
+            heights[places] = (H * R.T).sum(axis=1)
+        return cls(into, out, heights, Cones(group, facets, rays))
+
+
+def pieces_of(X: Cone) -> list[tuple[Cone, Index]]:
+    """The factors of a cone with their places."""
+    if not isinstance(X, ProductCone):
+        return [(X, np.arange(X.dim)[None])]
+    kinds, blocks, _ = X._kinds
+    starts = X._coordinates
+    return [(kind, starts[block][:, None] + np.arange(kind.dim)) for kind, block in zip(kinds, blocks, strict=True)]
+
+
+def block_diagonal(blocks: Iterable[tuple[Index, Index, Integers]], shape: tuple[int, int]) -> SparseIntegers:
+    """One block, or one of a stack, at every row of places (count, r) and (count, c); zeros are left out."""
+    rows, columns, data = [], [], []
+    for i, j, block in blocks:
+        stack = np.broadcast_to(block, (len(i), *block.shape[-2:]))
+        i, j = np.broadcast_arrays(i[:, :, None], j[:, None, :])
+        used = stack != 0
+        rows.append(i[used])
+        columns.append(j[used])
+        data.append(stack[used])
+    return SparseIntegers.of(np.concatenate(rows), np.concatenate(columns), np.concatenate(data), shape)
+
+
+def sparse_integers(A: Matrix) -> tuple[SparseIntegers, Fraction]:
+    """A matrix with a common factor as integers times it."""
+    if A.is_double:
+        values = sp.coo_array(A.values)
+        data, exponent = integers_of_doubles(values.data)
+        rows, columns = values.coords
+        shape = (A.shape[0], A.shape[1])
+        return SparseIntegers.of(rows, columns, data, shape), Fraction(2) ** int(exponent.item())
+    numerators, factor = A.as_integers()
+    return SparseIntegers.dense(np.asarray(numerators, dtype=object)), Fraction(factor)
+
+
+@dataclass(frozen=True)
+class Pencil:
+    """N - mu E, in integers, for a closed loop that is cross-positive.
+
+    Attributes
+    ----------
+    N : SparseIntegers, shape (n, n)
+    E : ndarray of int (object), shape (n,)
+        Zero where a row holds an equation between ports.
+    cones : Cones
+    """
+
+    N: SparseIntegers
+    E: Integers
+    cones: Cones
+
+    def at(self, shift: Any) -> SparseIntegers:
+        """N - shift E times a positive number."""
+        mu = Fraction(shift)
+        return self.N.times(mu.denominator) + SparseIntegers.diagonal(-mu.numerator * self.E)
+
+    def decide(self, shift: Any) -> Decision | None:
+        """Whether the spectral abscissa is below the shift."""
+        return decide(self.at(shift), self.cones)
+
+    def estimate(self, relative: float) -> float:
+        """The spectral abscissa in floating point, part by part, about to this relative width."""
+        top = -np.inf
+        for part, N in strong_parts(self.N, self.cones.group):
+            e = self.E[part]
+            if e.any():
+                at = _root_by_eigenvalues(N, e) if self.cones.touches(part) else root(N, e, relative)
+                top = max(top, at)
+        return top
+
+
+def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
+    """The rightmost finite eigenvalue of N - mu diag(e), in floating point."""
+    mantissa, exponent = mantissas(N.data)
+    size, power = mantissas(e)
+    top = int(exponent.max(initial=0))
+    M = np.zeros((N.height, N.height))
+    M[N.rows, N.indices] = np.ldexp(mantissa, np.maximum(exponent - top, -1100))
+    own, ports = np.flatnonzero(e != 0), np.flatnonzero(e == 0)
+    M, rest = M[:, np.r_[own, ports]], len(own)
+    closed = M[own][:, :rest]
+    if ports.size:
+        closed = closed - M[own][:, rest:] @ np.linalg.solve(M[ports][:, rest:], M[ports][:, :rest])
+    scaled = closed / np.ldexp(size[own], power[own] - top)[:, None]
+    return float(np.linalg.eigvals(scaled).real.max())
+
+
+def decide_stability(A: Matrix, X: Cone, discrete: bool) -> tuple[bool, Integers] | None:
+    """Settle stability of a K-positive A, with v or x as integers times one number; None if out of reach."""
+    try:
+        at = Coordinates.of(pieces_of(X), X.dim)
+    except TooLargeError:
+        return None
+    S, factor = sparse_integers(A)
+    N = (at.into @ S @ at.out).times(factor.numerator)
+    found = Pencil(N, at.heights * factor.denominator, at.cones).decide(int(discrete))
+    if found is None:
+        return None
+    return found.stable, (at.into.T if found.stable else at.out).apply(found.vector)
+
+
+def _rows(m: Matrix) -> Integers:
+    return m.rows_as_integers(np.arange(m.shape[0]))

@@ -1,0 +1,405 @@
+"""Stability of Metzler matrices decided exactly, at any size: on which side of zero the Perron root lies.
+
+A matrix of integers whose entries off the diagonal are not negative falls into irreducible parts.  A part with
+x >= 0, N x >= 0 decides alone: what it sends to others only adds to N x.  If every part has v > 0 with v'N < 0,
+these join with weights, as every part pays for what it does to others.  Parts are decided by bordered refinement
+(`refinement`), and what floating point cannot see (blocks coupled by less than its precision) by exact solution of
+
+    [[N, d], [c', 0]] (x, t) = (0, 1),        d, c > 0.
+
+Coordinates of a cone that is not simplicial form a group; c and d are then sums of facets and generators, and signs
+are asked of facets and generators.  What the equations leave open there goes to a linear program.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from fractions import Fraction
+from graphlib import TopologicalSorter
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+from ..errors import TooLargeError
+from ..exact.linalg import solve_exactly
+from ..exact.matrix import Index, Integers
+from ..exact.rational_programs import exact_feasibility, primitive_fractions
+from ..exact.sparse_integers import Floats, SparseIntegers
+from .refinement import Borders, Factors, Frame, balancing_units, frames, rational_multiple, refine
+
+# Bits at which a root that may be zero is first looked at as zero.
+_FIRST_ATTEMPT = 80
+# Weights of parts may differ by this many bits: doubles hold no more.
+_LONGEST = 1900
+# Rows up to which exact solutions and programs are asked for.
+_EXACT_ROWS = 600
+_PROGRAM_ROWS = 80
+# Bits of a vector in place of an exact solution.
+_ROUNDED = 96
+_SHIFTS = 60
+# Frames tried for vectors whose entries differ by more than this many bits.
+_FRAMES, _SPREAD = 3, 200
+
+
+@dataclass(frozen=True)
+class Decision:
+    """Whether a matrix is stable, with v'N < 0 for v in the interior of the dual cone, or N x in the cone.
+
+    Attributes
+    ----------
+    stable : bool
+    vector : ndarray of int (object), shape (n,)
+    """
+
+    stable: bool
+    vector: Integers
+
+
+@dataclass(frozen=True)
+class Cones:
+    """Coordinates that belong to cones that are not simplicial; all others are not negative.
+
+    Attributes
+    ----------
+    group : ndarray of int, shape (n,)
+        Coordinates of one cone share the number of the first of them; all others have their own.
+    facets, rays : dict of int to ndarray of int (object), shape (., k)
+        By group; no facets where they are too many to be listed.
+    """
+
+    group: Index
+    facets: dict[int, Integers | None] = field(default_factory=dict)
+    rays: dict[int, Integers] = field(default_factory=dict)
+
+    def touches(self, part: Index) -> bool:
+        """True if some coordinates of the part belong to such a cone."""
+        return bool(self.facets) and any(k in self.facets for k in self.group[part].tolist())
+
+    def of(self, part: Index) -> tuple[Integers | None, Integers]:
+        """Facets and generators of the product of the cones of a part."""
+        heads = [k for k in part.tolist() if self.group[k] == k]
+        one = np.ones((1, 1), dtype=object)
+        facets = [self.facets.get(k, one) for k in heads]
+        listed = [rows for rows in facets if rows is not None]
+        rays = _block_diagonal([self.rays.get(k, one) for k in heads])
+        return _block_diagonal(listed) if len(listed) == len(facets) else None, rays
+
+
+def decide(N: SparseIntegers, cones: Cones | None = None) -> Decision | None:
+    """Settle whether N, cross-positive on a product of half-lines and cones, is stable.
+
+    Parameters
+    ----------
+    N : SparseIntegers, shape (n, n)
+    cones : Cones, optional
+        Default: the nonnegative orthant.
+
+    Returns
+    -------
+    Decision, or None where a part is undecided and none is unstable.
+    """
+    cones = Cones(np.arange(N.height)) if cones is None else cones
+    found: list[tuple[Index, Decision]] = []
+    open_ = False
+    for part, own in strong_parts(N, cones.group):
+        decided = _decide_part(own, cones, part)
+        if decided is None:
+            open_ = True
+        elif not decided.stable:
+            x = np.zeros(N.height, dtype=object)
+            x[part] = decided.vector
+            return Decision(False, x)
+        else:
+            found.append((part, decided))
+    v = None if open_ else _joined(N, found, cones)
+    return None if v is None else Decision(True, v)
+
+
+def strong_parts(N: SparseIntegers, group: Index) -> list[tuple[Index, SparseIntegers]]:
+    """Irreducible parts with their coordinates, each after all those that it influences."""
+    at = group[N.rows], group[N.indices]
+    used = N.data != 0
+    graph = sp.csr_array((np.ones(used.sum()), (at[0][used], at[1][used])), shape=(N.height, N.height))
+    label = connected_components(graph, directed=True, connection="strong")[1][group]
+    if (label == label[0]).all():
+        return [(np.arange(N.height), N)]
+    target, source = label[N.rows], label[N.indices]
+    after: dict[int, set[int]] = {int(k): set() for k in np.unique(label)}
+    for t, s in set(zip(target[used].tolist(), source[used].tolist(), strict=True)):
+        if t != s:
+            after[s].add(t)
+    members = _by_label(label, np.arange(N.height))
+    place = np.empty(N.height, dtype=np.intp)
+    for part in members.values():
+        place[part] = np.arange(len(part))
+    entries = _by_label(target, np.flatnonzero(target == source))
+    out = []
+    for k in TopologicalSorter(after).static_order():
+        part, inside = members[k], entries.get(k, np.zeros(0, dtype=np.intp))
+        shape = (len(part), len(part))
+        own = SparseIntegers.of(place[N.rows[inside]], place[N.indices[inside]], N.data[inside], shape)
+        out.append((part, own))
+    return out
+
+
+def _by_label(label: Index, which: Index) -> dict[int, Index]:
+    """The given positions, sorted by their labels."""
+    order = which[np.argsort(label[which], kind="stable")]
+    names, first = np.unique(label[order], return_index=True)
+    return dict(zip(names.tolist(), np.split(order, first[1:]), strict=True))
+
+
+def _joined(N: SparseIntegers, found: list[tuple[Index, Decision]], cones: Cones) -> Integers | None:
+    """Vectors of the parts times powers of two, so that v'N < 0 on the whole; None if they are too far apart."""
+    v = np.zeros(N.height, dtype=object)
+    if len(found) == 1:
+        v[found[0][0]] = found[0][1].vector
+        return v
+    columns, longest = N.T, 0
+    for part, decided in found:
+        mine = columns.take(part)
+        burden = _on_rays(cones, part, mine.apply(v))
+        v[part] = decided.vector
+        slack = _on_rays(cones, part, -mine.apply(_only(v, part)))
+        raised = max(
+            (
+                b.bit_length() - s.bit_length() + 2
+                for b, s in zip(burden.tolist(), slack.tolist(), strict=True)
+                if b > 0
+            ),
+            default=0,
+        )
+        v[part] = decided.vector << max(raised, 0)
+        longest = max(longest, max(abs(value).bit_length() for value in v[part]))
+        if longest > _LONGEST:
+            return None
+    return v
+
+
+def _only(v: Integers, part: Index) -> Integers:
+    out = np.zeros_like(v)
+    out[part] = v[part]
+    return out
+
+
+def _on_rays(cones: Cones, part: Index, values: Integers) -> Integers:
+    """Values of a dual vector on the generators of a part."""
+    return values if not cones.touches(part) else cones.of(part)[1] @ values
+
+
+def _block_diagonal(blocks: list[Integers]) -> Integers:
+    out = np.zeros((sum(len(b) for b in blocks), sum(b.shape[1] for b in blocks)), dtype=object)
+    i = j = 0
+    for b in blocks:
+        out[i : i + len(b), j : j + b.shape[1]] = b
+        i, j = i + len(b), j + b.shape[1]
+    return out
+
+
+def _decide_part(N: SparseIntegers, cones: Cones, part: Index) -> Decision | None:
+    """`decide` for an irreducible part."""
+    if cones.touches(part):
+        facets, rays = cones.of(part)
+        solved = None if facets is None else _by_solution(N, facets, rays)
+        return solved or _by_program(N, rays)
+    if N.height == 1:
+        return Decision(bool(N.data.size and N.data[0] < 0), np.array([1], dtype=object))
+    found = _near_margin(N) or _away_from_margin(N)
+    if found is not None or N.height > _EXACT_ROWS:
+        return found
+    one = np.eye(N.height, dtype=int).astype(object)
+    return _by_solution(N, one, one) or _by_program(N, one)
+
+
+def _near_margin(N: SparseIntegers) -> Decision | None:
+    """Bordered refinement of the Perron vector, from either side."""
+    made = frames(N)
+    if made is None:
+        return None
+    (frame, solver), (other, transposed) = made
+    sign, goal, step = 0, _FIRST_ATTEMPT, None
+    for step in refine(other, transposed):
+        sign = step.sign
+        if sign:
+            break
+        if goal <= step.P or step.error < 0:
+            exact = _marginal(frame, solver, goal)
+            if exact is not None:
+                return exact
+            goal *= 2
+    if step is None or not sign:
+        return None
+    if sign > 0:
+        return Decision(True, _ambient(other, step.X)) if other.holds(step.X, 1) else None
+    for step in refine(frame, solver):
+        if step.sign < 0 and frame.holds(step.X, -1):
+            return Decision(False, _ambient(frame, step.X))
+        if step.sign:
+            break
+    return None
+
+
+def _marginal(frame: Frame, solver: Borders, bits: int) -> Decision | None:
+    """x >= 0 with N x >= 0 in small integers, from an approximation of that many bits."""
+    step = next((step for step in refine(frame, solver) if bits <= step.P or step.error < 0), None)
+    if step is None or not (step.X > 0).all():
+        return None
+    x = rational_multiple(step.X, max(step.error, 0) + 8)
+    return None if x is None or not frame.holds(x, -1) else Decision(False, _ambient(frame, x))
+
+
+def _ambient(frame: Frame, X: Integers) -> Integers:
+    """From the units of a frame to integers in those of N."""
+    units = frame.units
+    return X if not units.any() else X << (units - units.min()).astype(object)
+
+
+def _away_from_margin(N: SparseIntegers) -> Decision | None:
+    """Vectors of inverse iteration at shifts that fall to the root, in doubles."""
+    units = balancing_units(N)
+    for _ in range(_FRAMES):
+        frame, spread = Frame(N, units), np.zeros(N.height)
+        for at in approach(frame.F, np.ones(N.height)):
+            if at.lower > 0:
+                x = _of_doubles(*np.frexp(at.x))
+                if frame.holds(x, -1):
+                    return Decision(False, _ambient(frame, x))
+            if at.upper < 0:
+                v = _of_doubles(*frame.left(at.y))
+                if Frame(N.T, np.zeros_like(units)).holds(v, 1):
+                    return Decision(True, v)
+            spread = np.log2(at.x)
+        if np.ptp(spread) <= _SPREAD:
+            break
+        units = units + np.rint(spread).astype(np.int64)  # in units of their own, small entries keep their digits
+    return None
+
+
+def _of_doubles(m: Floats, e: NDArray[np.int64]) -> Integers:
+    """The positive numbers m 2^e times a power of two, as integers of 53 digits and more."""
+    return np.ldexp(m, 53).astype(np.int64).astype(object) << (e - e.min()).astype(object)
+
+
+def _by_solution(N: SparseIntegers, facets: Integers, rays: Integers) -> Decision | None:
+    """Both bordered equations solved without rounding."""
+    if N.height > _EXACT_ROWS:
+        return None
+    c, d, S = facets.sum(axis=0), rays.sum(axis=0), N.toarray()
+    x, t = _bordered(S, d, c)
+    if x is None:
+        return None
+    if t <= 0:
+        return Decision(False, x) if (facets @ x >= 0).all() and x.any() else None
+    v, _ = _bordered(S.T, c, d)
+    if v is None or not ((rays @ v > 0).all() and (rays @ (v @ S) < 0).all()):
+        return None
+    cut = max(abs(value).bit_length() for value in v) - _ROUNDED
+    short = v >> max(cut, 0)
+    return Decision(True, short if (rays @ short > 0).all() and (rays @ (short @ S) < 0).all() else v)
+
+
+def _bordered(S: Integers, d: Integers, c: Integers) -> tuple[Integers | None, int]:
+    """x and t with S x + t d = 0 and c'x > 0, or None."""
+    size = len(S)
+    K = np.zeros((size + 1, size + 1), dtype=object)
+    K[:size, :size], K[:size, size], K[size, :size] = S, d, c
+    right = np.zeros((size + 1, 1), dtype=object)
+    right[size] = 1
+    solved = solve_exactly(K, right)
+    return (None, 0) if solved is None else (solved[0][:size, 0], int(solved[0][size, 0]))
+
+
+def _by_program(N: SparseIntegers, rays: Integers) -> Decision | None:
+    """x = sum q_i x_i with N x = sum p_i x_i, or the combination that excludes it."""
+    n, p = N.height, len(rays)
+    if n > _PROGRAM_ROWS:
+        return None
+    M = np.zeros((n + 1, 2 * p), dtype=object)
+    M[:n, :p], M[:n, p:], M[n, :p] = N.toarray() @ rays.T, -rays.T, 1
+    try:
+        combination, farkas = exact_feasibility(M, [0] * n + [1])
+    except TooLargeError:
+        return None
+    if combination is not None:
+        return Decision(False, _integers(rays.T @ combination[:p]))
+    return None if farkas is None else Decision(True, _integers(-farkas[:n]))
+
+
+def _integers(x: Integers) -> Integers:
+    """Fractions times the positive number that makes them integers without a common factor."""
+    return np.array([value.numerator for value in primitive_fractions(x)], dtype=object)
+
+
+# -- in floating point
+
+
+def root(N: SparseIntegers, e: Integers, relative: float) -> float:
+    """The largest mu at which N - mu diag(e) is singular, for an irreducible part; NaN if it was not found."""
+    if N.height == 1:
+        return float(Fraction(int(N.data.sum())) / int(e[0]))
+    frame, found = Frame(N, balancing_units(N)), float("nan")
+    for at in approach(frame.F, frame.relative(e)):
+        found = min(max(at.theta, at.lower), at.upper)
+        if at.upper - at.lower <= 0.1 * relative * abs(found):
+            break
+    return found
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Positive x and y with their quotient theta, about the root, and the bounds lower <= root <= upper they give."""
+
+    shift: float
+    x: Floats
+    y: Floats
+    theta: float
+    lower: float
+    upper: float
+
+
+def approach(F: sp.csr_array, e: Floats, start: float | None = None) -> Iterator[Approach]:
+    """Bounds of the largest mu at which F - mu diag(e) is singular, for an irreducible Metzler F and e >= 0.
+
+    Two-sided inverse iteration at shifts above the root, where solutions are positive: x_new = (mu E - F)^{-1} E x has
+    F x_new = (mu - x / x_new) E x_new, so that the extreme quotients bound the root.  A shift below the root shows in
+    a solution that is not positive.
+
+    Parameters
+    ----------
+    F : csr_array, shape (n, n)
+    e : ndarray, shape (n,)
+        Rows in which e is zero (ports) hold equations without mu.
+    start : float, optional
+        First shift.  Default: the largest sum of a row over e.
+    """
+    own = e > 0
+    x, y, low, high = np.ones(len(e)), np.ones(len(e)), -np.inf, np.inf
+    E = sp.csr_array(sp.diags_array(e))
+    size = float(np.max(abs(F).sum(axis=1)[own] / e[own]))
+    mu = float(np.max(F.sum(axis=1)[own] / e[own])) + 1e-3 * size if start is None else start
+    with np.errstate(all="ignore"):
+        for _ in range(_SHIFTS):
+            factors = Factors(sp.csc_array(F - mu * E))
+            a, b = -factors.solve(e * x), -factors.solve(e * y, transposed=True)
+            if not ((a > 0).all() and (b > 0).all() and np.isfinite(a).all() and np.isfinite(b).all()):
+                low = max(low, mu)
+                mu = 0.5 * (low + high) if np.isfinite(high) else mu + size
+                size *= 4 if not np.isfinite(high) else 1
+                if not (low < mu < high):
+                    return
+                continue
+            high = mu
+            upper = mu - max(float((x[own] / a[own]).min()), float((y[own] / b[own]).min()))
+            lower = mu - min(float((x[own] / a[own]).max()), float((y[own] / b[own]).max()))
+            theta = mu - float((b * e / b.max()) @ x) / float((b * e / b.max()) @ a)
+            x, y = a / a.max(), b / b.max()
+            yield Approach(mu, x, y, theta, lower, upper)
+            gap = high - theta
+            mu = theta + max(0.1 * gap, 4e-16 * abs(theta))
+            if mu <= low:
+                mu = 0.5 * (low + high)
+            if not (mu < high):
+                return
