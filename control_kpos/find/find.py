@@ -102,28 +102,19 @@ def find_cone(
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
         matrices, timed = family(A, "A"), _timed(A, timed)
         more["switching"] = True
-    elif isinstance(A, StateSpace):
-        matrix, vectors, normals, timed = _of_system(A, contains, within, timed)
-        matrices, more = Matrix.stack([matrix]), {**more, **_between(vectors, normals)}
     else:
+        if isinstance(A, StateSpace):
+            A, contains, within, timed = _of_system(A, contains, within, timed)
         matrix = square(A, "A")
         n = matrix.shape[0]
         vectors, normals = _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets")
-        matrices, more = Matrix.stack([matrix]), {**more, **_between(vectors, normals)}
-    if not more.keys() & {"contains", "within"}:
-        more["by_facets"] = by_facets
+        _require_fit(vectors, normals)
+        more |= {"contains": vectors, "within": normals}
+        more["by_facets"] = by_facets and vectors is None and normals is None
+        matrices = Matrix.stack([matrix])
     with Reporter(progress) as report:
         question = Question(matrices=matrices, discrete=bool(timed), max_rays=most, report=report, **more)
         return find_within(question, limit)
-
-
-def _between(vectors: Matrix | None, normals: Matrix | None) -> dict[str, Matrix]:
-    """Vectors and half-spaces as fields of a question, those that there are."""
-    given = {"contains": vectors, "within": normals}
-    found = {name: rows for name, rows in given.items() if rows is not None and rows.shape[0]}
-    if vectors is not None and normals is not None:
-        _require_fit(vectors, normals)
-    return found
 
 
 def _is_family(A: Any) -> bool:
@@ -161,27 +152,23 @@ def family(data: Any, name: str) -> Matrix:
     return Matrix.stack(read)
 
 
-def _of_system(
-    sys: StateSpace, contains: Any, within: Any, discrete: bool | None
-) -> tuple[Matrix, Matrix, Matrix, bool]:
+def _of_system(sys: StateSpace, contains: Any, within: Any, discrete: bool | None) -> tuple[Matrix, Any, Any, bool]:
     """A, the vectors B u and the normals C'y of a system, and whether its time is discrete."""
     timed = sys.dt is not None and (sys.dt is True or sys.dt != 0)
     if discrete is not None and discrete != timed:
         raise TimebaseError(f"the system has dt = {sys.dt}, but discrete = {discrete}; leave discrete out.")
     given = System.read(sys, "A")
-    matrix = square(given.A, "A")
-    n = matrix.shape[0]
     if contains is None:
         contains = _nonzero(_product(given.U.exact_rays, given.B.T))
     if within is None:
         within = _nonzero(_product(given.Y.exact_facets, given.C))
-    return matrix, _rows(contains, "contains", n, "rays"), _rows(within, "within", n, "facets"), timed
+    return given.A, contains, within, timed
 
 
-def _rows(data: Any, name: str, n: int, kind: str) -> Matrix:
-    """Vectors or normals, one a row, from an array or a cone; none if data is None."""
+def _rows(data: Any, name: str, n: int, kind: str) -> Matrix | None:
+    """Vectors or normals, one a row, from an array or a cone; None if there are none."""
     if data is None:
-        return Matrix.zeros(0, n)
+        return None
     data = held_cone(data, name)
     if isinstance(data, Cone):
         data = data.exact_rays if kind == "rays" else data.exact_facets
@@ -191,7 +178,7 @@ def _rows(data: Any, name: str, n: int, kind: str) -> Matrix:
             f"{name} has vectors of size {matrix.shape[1]}, but A is {n} x {n}; give one vector of size {n} a row "
             "(for the columns of B: B.T)."
         )
-    return matrix
+    return matrix if matrix.shape[0] else None
 
 
 def _product(left: Matrix, right: Matrix) -> Matrix:
@@ -205,11 +192,11 @@ def _nonzero(rows: Matrix) -> Matrix | None:
     return rows[index] if index.size else None
 
 
-def _require_fit(vectors: Matrix, normals: Matrix) -> None:
+def _require_fit(vectors: Matrix | None, normals: Matrix | None) -> None:
     """Raise if no cone holds the vectors and lies in the half-spaces, whatever the matrix."""
-    signs = BilinearForms(normals, None, vectors).signs() if normals.shape[0] and vectors.shape[0] else np.zeros((0, 0))
-    if (signs < 0).any():
-        i, j = (int(k) for k in np.argwhere(signs < 0)[0])
+    outside = [] if vectors is None or normals is None else BilinearForms(normals, None, vectors).signs() < 0
+    if vectors is not None and normals is not None and np.any(outside):
+        i, j = (int(k) for k in np.argwhere(outside)[0])
         raise ConeMismatchError(
             f"vector {j} of contains (column {j} of B) lies outside half-space {i} of within (row {i} of C): their "
             f"product is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and "
@@ -219,8 +206,10 @@ def _require_fit(vectors: Matrix, normals: Matrix) -> None:
     _require_one_side(normals, "within", "normals", "lies in these half-spaces is flat, and not solid")
 
 
-def _require_one_side(rows: Matrix, name: str, kind: str, consequence: str) -> None:
+def _require_one_side(rows: Matrix | None, name: str, kind: str, consequence: str) -> None:
     """Raise if a combination of some rows with positive weights is zero."""
+    if rows is None:
+        return
     index = np.flatnonzero((np.asarray(rows.values) != 0).any(axis=1))
     if index.size < 2:
         return

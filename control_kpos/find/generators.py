@@ -6,6 +6,8 @@ is extreme.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -63,6 +65,12 @@ class GeneratedCone(PolyhedralCone):
         """True: proven before the cone was made."""
         return True
 
+    @cached_property
+    def _interior_point(self) -> Array:
+        right_inverse = vars(self).get("_right_inverse")
+        point = None if right_inverse is None else _proven_inside(self._conversion.generators, right_inverse)
+        return super()._interior_point if point is None else point
+
     def __repr__(self) -> str:
         known = f"{self._conversion.generators.shape[0]} {'facets' if self._is_swapped else 'rays'}"
         return f"<PolyhedralCone in R^{self.dim}: {known}>"
@@ -86,6 +94,12 @@ def proper_cone(
     if not _are_extreme(rays, separators) and rays.values.size <= _ENUMERATED:
         return PolyhedralCone(rays)
     cone = GeneratedCone(rays)
+    vars(cone)["_right_inverse"] = right_inverse  # cones refuse to be changed from outside
+    return cone
+
+
+def _proven_inside(rays: Matrix, right_inverse: Array) -> Array | None:
+    """A point that is proven to lie inside, near the middle of the generators; None if the proof fails."""
     values = np.asarray(rays.values)
     weights = np.ldexp(1.0, -np.frexp(np.abs(values).max(axis=1))[1])
     point = weights @ values
@@ -94,10 +108,10 @@ def proper_cone(
     column = (Matrix.identity(rays.shape[1]), Matrix(point[None, :]))
     everywhere = np.ones((len(values), 1), dtype=bool)
     inside = Generators(rays, right_inverse).combination("x = R q", [column], Matrix(weights[:, None]), everywhere)
-    if inside.verdict() and (inside.lower > 0).all():
-        point.flags.writeable = False
-        vars(cone)["_interior_point"] = point  # cones refuse to be changed from outside
-    return cone
+    if not (inside.verdict() and (inside.lower > 0).all()):
+        return None
+    point.flags.writeable = False
+    return point
 
 
 def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:

@@ -10,6 +10,7 @@ t = 0 the structure of A asks for exact zeros, and exact rational arithmetic tak
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -108,7 +109,8 @@ def nonnegative_combination(
     if not answer:
         return np.zeros(N), -np.inf
     p = answer.x[:N] + answer.x[N] * unit
-    p = p + np.linalg.lstsq(frame.R, target / size - frame.R @ p, rcond=None)[0]
+    with suppress(np.linalg.LinAlgError):  # no convergence: the point stays as the solver gave it
+        p = p + np.linalg.lstsq(frame.R, target / size - frame.R @ p, rcond=None)[0]
     rest = np.delete(p, free) if free is not None else p
     return p * size, float(rest.min(initial=np.inf))
 

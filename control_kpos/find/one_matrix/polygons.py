@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import combinations, permutations, product
 
 import numpy as np
@@ -45,7 +46,7 @@ class Polygon:
     rates: NDArray[np.float64]
     corners: NDArray[np.float64]
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of corners."""
         return len(self.rates)
