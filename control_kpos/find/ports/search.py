@@ -101,21 +101,9 @@ class _Search:
         if np.sign(self.c @ s.right).sum() + np.sign(self.b @ s.left).sum() < 0:
             s = s.turned()
         for paths, built in self._proposals(s, on_boundary):
-            rays, P, separators, combinations, support = self._exactly(built, paths, s)
-            if not self.question.admits(rays.shape[0]):
-                continue
-            R = (np.asarray(rays.values) / self.units).T
-            inverse = np.zeros(R.T.shape)
-            inverse[support] = np.linalg.pinv(R[:, support])
-            yield Candidate(
-                rays=rays,
-                pointing=s.left / self.units,
-                right_inverse=inverse / self.units,
-                multipliers=P if P.is_sparse else Matrix.stack([P]),
-                combinations=self._combinations(combinations),
-                separators=separators,
-                units=self.units,
-            )
+            candidate = self._exactly(built, paths, s)
+            if self.question.admits(candidate.rays.shape[0]):
+                yield candidate
 
     def _proposals(self, s: Split, on_boundary: list[int]) -> Iterator[tuple[list[Path], Assembly]]:
         """Paths of all vectors into a core, and what they make together, small ones first."""
@@ -160,19 +148,8 @@ class _Search:
                 return paths
         return None
 
-    def _exactly(
-        self, built: Assembly, paths: list[Path], s: Split
-    ) -> tuple[Matrix, Matrix, Array | None, Matrix, NDArray[np.intp]]:
-        """Generators in the user's coordinates, the vectors themselves among them, none redundant.
-
-        Returns
-        -------
-        rays, multipliers : Matrix
-        separators : ndarray or None
-        combinations : Matrix
-        support : ndarray of int
-            Generators that take up rounding errors.
-        """
+    def _exactly(self, built: Assembly, paths: list[Path], s: Split) -> Candidate:
+        """Generators in the user's coordinates, the vectors themselves among them, none redundant."""
         values = built.points @ s.basis.T
         rays, kept = self._rays(values, built, paths)
         index, separators = np.arange(len(values)), None
@@ -197,7 +174,19 @@ class _Search:
             P = sp.csr_array(P + to @ sp.csr_array(correction))
         else:
             P = P + correction
-        return rays[index], Matrix(P), separators, Matrix(combinations), support
+        kept_rays = rays[index]
+        in_units = (np.asarray(kept_rays.values) / self.units).T
+        right_inverse = np.zeros(in_units.T.shape)
+        right_inverse[support] = np.linalg.pinv(in_units[:, support])
+        return Candidate(
+            rays=kept_rays,
+            pointing=s.left / self.units,
+            right_inverse=right_inverse / self.units,
+            multipliers=Matrix(P) if sp.issparse(P) else Matrix(P[None]),
+            combinations=self._combinations(Matrix(combinations)),
+            separators=separators,
+            units=self.units,
+        )
 
     def _rays(self, values: Array, built: Assembly, paths: list[Path]) -> tuple[Matrix, NDArray[np.bool_]]:
         """Exact generators, and which of them must stay because others are exact combinations of them."""
