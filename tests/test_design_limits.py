@@ -13,11 +13,11 @@ from test_time_limits import LIMIT, assert_ends
 
 import control_kpos as kp
 from control_kpos.design.accept import closed_loop
-from control_kpos.design.limits import within
+from control_kpos.design.effort import EFFORT, within
 from control_kpos.design.network.program import _distinct
 from control_kpos.design.result import DesignResult
 from control_kpos.design.simplicial import rows
-from control_kpos.exact.budget import OutOfTimeError, limited_to
+from control_kpos.exact.budget import OutOfBudgetError, begin, budget, spend
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.find.feedback.placement import placed
 
@@ -98,15 +98,47 @@ def test_a_reached_limit_is_said():
 
 def test_designs_say_what_ended_them():
     def late():
-        raise OutOfTimeError("5 s more would be needed")
+        spend(1e300)
 
     def given_up():
         time.sleep(2e-3)
-        return DesignResult(kp.Status.UNDECIDED, message="no gain was found.")
+        return DesignResult(status=kp.Status.UNDECIDED, message="no gain was found.")
 
-    assert "time limit was reached" in within(60, late).message and "5 s more" in within(60, late).message
-    assert within(60, given_up).message == "no gain was found."
-    assert within(1e-3, given_up).message == "no gain was found; the time limit was reached."
+    def worn_out():
+        spend(EFFORT["one system"] * (1 - 1e-15))
+        begin(1e9)
+        return given_up()
+
+    assert "the time limit of 60 s ended the design" in within(60, late).message
+    assert "the effort set for this search ended the design" in within(None, late).message
+    assert within(60, given_up).message == within(None, given_up).message == "no gain was found."
+    assert within(1e-3, given_up).message == "no gain was found; the time limit of 0.001 s ended the design."
+    assert within(None, worn_out).message == "no gain was found; the effort set for this search ended the design."
+
+
+SMALL_EFFORT = {
+    "largest rate": lambda: kp.state_feedback(plant(6, 3), rate="max", gain_bound=5),
+    "alternation": lambda: kp.state_feedback(plant(4, 2), X=kp.lorentz(4, 12)),
+    "observer": lambda: kp.observer_gain(plant(6, 2), rate=0.1),
+    "network": lambda: kp.network_feedback(*tanks(30), rate=0.2),
+}
+
+
+@pytest.mark.filterwarnings("ignore::control_kpos.errors.ActuatorLossWarning")
+@pytest.mark.parametrize("name", SMALL_EFFORT)
+@pytest.mark.parametrize("share", [1e-5, 1e-4, 1e-3, 1.0])
+def test_without_a_time_limit_no_clock_decides(name, share, monkeypatch):
+    for what in EFFORT:
+        monkeypatch.setitem(EFFORT, what, EFFORT[what] * share)
+    quick = SMALL_EFFORT[name]()
+    reads = iter(range(10**9))
+    # a clock that runs a thousand seconds at every look
+    monkeypatch.setattr("control_kpos.exact.budget.time.monotonic", lambda: 1e3 * next(reads))
+    slow = SMALL_EFFORT[name]()
+    assert slow.status is quick.status and slow.message == quick.message and "time limit" not in slow.explain()
+    assert slow.F is None if quick.F is None else np.array_equal(slow.F, quick.F)
+    if quick.status is kp.Status.UNDECIDED and share < 1e-4:
+        assert "the effort set for this search" in quick.message
 
 
 def test_a_tradeoff_has_one_limit():
@@ -125,7 +157,7 @@ def test_products_are_the_same_dense_and_sparse(seed, count, m, width):
     free = np.flatnonzero(rng.random(m * width) < 0.7)
     dense = rows.products(left, right, k, free)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(rows, "_SMALL", -1)
+        patch.setattr(rows, "SMALL", -1)
         other = rows.products(left, right, k, free)
     assert sp.issparse(other) and not sp.issparse(dense)
     np.testing.assert_allclose(other.toarray(), dense, rtol=1e-15)
@@ -136,25 +168,13 @@ def test_products_are_the_same_dense_and_sparse(seed, count, m, width):
     np.testing.assert_allclose(dense @ L.ravel()[free], expected, atol=1e-12)
 
 
-def test_blocks_are_the_same_dense_and_sparse():
-    rng = np.random.default_rng(0)
-    a, b, c = rng.random((2, 3)), rng.random((4, 3)), rng.random((4, 2))
-    dense = rows.assembled([[a, None], [b, c]])
-    np.testing.assert_array_equal(rows.assembled([[sp.csr_array(a), None], [b, c]]).toarray(), dense)
-    np.testing.assert_array_equal(dense[:2, 3:], 0)
-    np.testing.assert_array_equal(rows.bordered(a, b, np.arange(4.0))[:, 3], [0, 0, 0, 1, 2, 3])
-    np.testing.assert_array_equal(rows.diagonals([np.arange(2.0), np.ones(2)]), [[0, 0, 1, 0], [0, 1, 0, 1]])
-    large = rows.diagonals([np.ones(200)] * 3)
-    assert sp.issparse(large) and large.nnz == 600
-
-
 def test_programs_too_large_for_the_time_are_not_set_up():
-    with limited_to(1.0):
-        rows.require_room(1e5)
-        with pytest.raises(OutOfTimeError):
-            rows.require_room(5e7)
-    with pytest.raises(OutOfTimeError):  # memory ends as well
-        rows.require_room(1e10)
+    with budget(1e9):
+        rows.spend_on_entries(1e5)
+        with pytest.raises(OutOfBudgetError):
+            rows.spend_on_entries(5e7)
+    with budget(), pytest.raises(OutOfBudgetError):  # memory ends as well
+        rows.spend_on_entries(1e10)
 
 
 def test_rows_that_repeat_count_once():
@@ -198,5 +218,5 @@ def test_poles_of_the_plant_itself_and_poles_out_of_reach():
     assert F is not None
     np.testing.assert_allclose(np.sort(np.linalg.eigvals(A + B @ F).real), [-3, -1])
     assert placed(np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([-1.0, -3.0])) is None
-    with limited_to(1e-9), pytest.raises(OutOfTimeError):
+    with budget(time_limit=1e-9), pytest.raises(OutOfBudgetError):
         placed(A, B, np.array([-1.0, -3.0]))

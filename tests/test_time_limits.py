@@ -135,12 +135,9 @@ def test_operations_are_counted_in_every_budget_around():
 
 
 @pytest.mark.parametrize("name", sorted({name.split(" ")[0].rstrip(",") for name in SEARCHES}))
-@pytest.mark.parametrize("limit", [0, -1, np.nan, "soon", None, True, [1, 2]])
+@pytest.mark.parametrize("limit", [0, -1, np.nan, "soon", True, [1, 2]])
 def test_limits_are_positive_numbers_of_seconds(name, limit):
-    assert "time_limit" in inspect.signature(getattr(kp, name)).parameters
-    parameter = inspect.signature(getattr(kp, name)).parameters["time_limit"]
-    if limit is None and parameter.default is None:
-        return  # no limit: operations are counted
+    assert inspect.signature(getattr(kp, name)).parameters["time_limit"].default is None
     search = next(make for label, make in SEARCHES.items() if label.split(" ")[0].rstrip(",") == name)
     with pytest.raises((kp.DataError, kp.ShapeError), match="time_limit"):
         search(time_limit=limit)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from ..errors import DataError, TooLargeError
 from ..exact.linalg import echelon
 from ..exact.matrix import Integers, Matrix, divide_by_content
-from ..exact.programs import solve
+from ..exact.program import widest
 from ..exact.rational_programs import exact_feasibility
 from ..exact.rows import frozen
 from ..exact.signs import BilinearForms
@@ -131,15 +131,9 @@ class _Search:
         p, n = self.unit.shape
         self.allowance.take(20 * p * n, p, n)
         spread = self.unit / np.linalg.norm(self.unit, axis=1, keepdims=True)
-        answer = solve(
-            np.append(np.zeros(n), -1.0),
-            A_ub=np.column_stack([-spread, np.ones(p)]),
-            b_ub=np.zeros(p),
-            bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
-        )
-        if not answer or not answer.x[-1] > 0:
+        w, margin = widest(spread)
+        if not margin > 0:
             return None
-        w = answer.x[:-1]
         w = np.ldexp(w, -np.frexp(np.abs(w).max())[1])
         signs = BilinearForms(Matrix(w[None]), None, self.exact).signs()
         return frozen(w) if (signs == 1).all() else None
@@ -177,13 +171,7 @@ class _Search:
         p, n = section.shape
         self.allowance.take(20 * p * n, *self.rows.shape)
         signed = section * np.where(np.arange(p) == i, 1.0, -1.0)[:, None]
-        answer = solve(
-            np.append(np.zeros(n), -1.0),
-            A_ub=np.column_stack([signed, np.ones(p)]),
-            b_ub=np.zeros(p),
-            bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
-        )
-        f = back @ answer.x[:-1] if answer else np.zeros(len(back))
+        f = back @ widest(-signed)[0]
         top = np.abs(f).max()
         return np.ldexp(f, -np.frexp(top)[1]) if 0 < top < np.inf else np.ones(len(back))
 

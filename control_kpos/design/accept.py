@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.budget import OVERTIME, SPEED, OutOfTimeError, seconds_left
+from ..exact.budget import OutOfBudgetError, affords, spend
 from ..exact.condition import Condition
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
+from ..proof.answer import first_proven
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
@@ -33,10 +34,10 @@ from .plant import Floats, Plant
 _DIGITS = (3, 4, 5, 6, 8, 10, 12, 15)
 # Part of the margins of F that a rounding of it must keep.
 _KEPT = 0.5
-# What a proof takes, for each entry of the closed loop and for each product of integers in it.
-_SECONDS_PER_ENTRY, _SECONDS_PER_PRODUCT = 6e-6, 6e-8
+# Operations of a proof, for each entry of the closed loop and for each product of integers in it.
+_EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 # The same where signs are found in integers, for n^2.2; margins above which floating point finds them.
-_SECONDS_IN_INTEGERS, _CLEAR = 2.5e-4, 1e-12
+_EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -285,41 +286,42 @@ def accept(
         return None
     if plant.pattern is not None:
         F = np.where(plant.pattern, F, 0.0)
-    wanted = slack(plant, F)
-    for candidate in roundings(F):
-        if seconds_left() < 0:
-            return None
-        full = candidate if plant.C is None else candidate @ np.asarray(plant.C.values)
+    needed = _needed_slack(plant, F)
+
+    def prove(candidate: Floats) -> Accepted | None:
         with np.errstate(all="ignore"):
             margins = slack(plant, candidate)
-            if not (margins >= np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)).all():
-                continue
-            if candidate is not F and not np.abs(full @ plant.rays.T).max(initial=0.0) <= gain:
-                continue
-        if _seconds(plant, margins) > seconds_left() + OVERTIME / SPEED:
-            return None
+            if not (margins >= needed).all() or not (candidate is F or plant.gain_of(candidate) <= gain):
+                return None
+        spend(_effort(plant, margins))
         try:
-            found = _prove(plant, candidate, rate, x)
+            return _prove(plant, candidate, rate, x)
         except DataError:  # numbers so large that the closed loop is no double
-            continue
-        except OutOfTimeError:
             return None
-        if found is not None:
-            return found
-    return None
+
+    try:
+        return first_proven((candidate for candidate in roundings(F) if affords()), prove)
+    except OutOfBudgetError:
+        return None
 
 
-def _seconds(plant: Plant, margins: Floats) -> float:
-    """About what one proof takes, most of it to form A + B F from numbers of any length.
+def _needed_slack(plant: Plant, F: Floats) -> Floats:
+    """Margins that a rounding of F must keep."""
+    wanted = slack(plant, F)
+    return np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)
+
+
+def _effort(plant: Plant, margins: Floats) -> float:
+    """Operations of one proof, most of them to form A + B F from numbers of any length.
 
     Where margins are so small that signs have to be found in integers, facets in integers take longer.
     """
     loops = len(plant.A) * (1 if plant.coupling is None else 2)
     forms = plant.n**2 + len(plant.facets) * len(plant.rays) / 50
-    seconds = _SECONDS_PER_ENTRY * forms + _SECONDS_PER_PRODUCT * plant.n**2 * plant.m
+    effort = _EFFORT_PER_ENTRY * forms + _EFFORT_PER_PRODUCT * plant.n**2 * plant.m
     if plant.X.exact_facets.integer_rows is not None and margins.min(initial=np.inf) < _CLEAR:
-        seconds += _SECONDS_IN_INTEGERS * plant.n**2.2
-    return loops * seconds
+        effort += _EFFORT_IN_INTEGERS * plant.n**2.2
+    return loops * effort
 
 
 def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | None:
@@ -332,8 +334,7 @@ def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | 
 
 def slack(plant: Plant, F: Floats) -> Floats:
     """Relative margins of invariance in floating point, for all vertices."""
-    full = F if plant.C is None else F @ np.asarray(plant.C.values)
-    out = []
+    full, out = plant.on_states(F), []
     with np.errstate(all="ignore"):
         for A, B in plant.pairs:
             M = plant.facets @ (A + B @ full) @ plant.rays.T

@@ -22,7 +22,7 @@ _GUARD = 1e-9
 
 def certified_fraction(plant: Plant, found: Accepted) -> float:
     """Smallest s such that every fraction in [s, 1] keeps X invariant and the same v decreasing."""
-    F = found.F if plant.C is None else found.F @ np.asarray(plant.C.values)
+    F = plant.on_states(found.F)
     loops: Any = getattr(found.certificate, "loops", (found.certificate,))
     extra = 0.0
     if plant.coupling is not None:

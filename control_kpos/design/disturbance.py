@@ -10,8 +10,8 @@ which is linear in xi, z_k = xi_k F x_k and gamma.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,29 +19,23 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone, orthant
 from ..errors import DataError, ShapeError
-from ..exact.budget import seconds_left
+from ..exact.budget import affords
 from ..exact.condition import Condition
 from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix
-from ..exact.programs import failure
+from ..exact.program import Block, Program, Solver
 from ..exact.signs import BilinearForms
+from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
 from ..proof.weights import Prover
 from ..theorems.positivity import PositivityCertificate, cone_positivity
-from .accept import (
-    FeedbackCertificate,
-    accept,
-    closed_loop,
-    roundings,
-)
-from .modes import controllability_notes
+from .accept import Accepted, FeedbackCertificate, accept, closed_loop, roundings
 from .plant import Floats, Plant
 from .result import DesignResult
-from .simplicial.inequalities import column_rows, gain_from_columns, split
-from .simplicial.program import SimplicialProgram, gain_of
-from .simplicial.ratio import Solver
-from .simplicial.rows import bordered, scaled_rows, stacked
-from .simplicial.search import succeed
+from .simplicial.inequalities import column_rows
+from .simplicial.program import SimplicialProgram
+from .simplicial.rows import scaled_rows
+from .simplicial.search import succeed, undecided
 
 LINF_GAIN = "L-infinity gain from w to z"
 # Relative increase of gamma that is spent on a small gain and on margins.
@@ -176,115 +170,102 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     inflow = cone_positivity(np.eye(plant.n), E, None, D, plant.X, orthant(E.shape[1]), Z)
     if inflow.status is Status.REFUTED:
         message = "w in the orthant must not leave X or z's orthant directly: E must map into X and D be nonnegative."
-        return DesignResult(Status.REFUTED, certificate=inflow, message=message)
+        return DesignResult(status=Status.REFUTED, certificate=inflow, message=message)
     program = SimplicialProgram(plant, np.ones((plant.n, plant.m), dtype=bool), lp)
-    n, m, v = plant.n, plant.m, plant.n * (1 + plant.m)
-    values = [np.asarray(M.values) for M in (E, G, H, D)]
-    heights = np.einsum("ij,ij->i", plant.facets, plant.rays)
-    push = (plant.facets @ values[0]).sum(axis=1) / heights
-    i, k = (index.ravel() for index in np.indices((len(values[1]), n)))
-    outputs = column_rows((values[1] @ plant.rays.T)[i, k], values[2][i], k, n)
-    total = np.hstack([values[1] @ plant.rays.T, np.tile(values[2], (1, n))])
-    through = values[3].sum(axis=1)
-    fixed = program._fixed(None)
-    drift = program._decreasing(rate)
-
-    def solve(gamma: float | None, cost: Floats) -> Any:
-        above = stacked(fixed, -outputs, drift)
-        right = [np.zeros(fixed.shape[0] + outputs.shape[0]), -push, -through]
-        low = np.concatenate([np.full(n, 1e-6), np.full(n * m, -np.inf), [-np.inf]])
-        high = np.append(np.full(v, np.inf), np.inf if gamma is None else gamma)
-        rows = bordered(above, total, -np.ones(len(total)))
-        answer = lp(cost, rows, np.concatenate(right), bounds=(low, high))
-        inside = bool(answer) and (answer.x[:n] > 0).all()
-        return answer if inside or not answer else failure("the solver returned a point that violates the program")
-
-    first = solve(None, np.append(np.zeros(v), 1.0))
-    if not first:
-        return DesignResult(
-            Status.UNDECIDED,
-            objective=LINF_GAIN,
-            message=f"the program has no solution ({first.message or first.outcome}): no gain keeps x in X, z in its "
-            "orthant, and the loop stable.",
-            notes=tuple(controllability_notes(plant)),
+    rows = _Rows(program, rate, tuple(np.asarray(M.values) for M in (E, G, H, D)))
+    least = rows.program()
+    least.add(gamma=Block(1, cost=1.0))
+    least.below(-rows.through, x=rows.total, gamma=-np.ones(len(rows.total)))
+    first = least.solve(lp)
+    if not first or not (first["x"][: plant.n] > 0).all():
+        reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
+        message = (
+            f"the program has no solution ({reason}): no gain keeps x in X, z in its orthant, and the loop stable."
         )
-    best = float(first.x[-1])
-    if gain_of(program.read(first.x[:-1])[0], plant.rays) > _HUGE * max(plant.scale, 1.0):
+        return undecided(message, plant, objective=LINF_GAIN)
+    x, best = first["x"], float(first["gamma"][0])
+    if plant.gain_of(program.read(x)[0]) > _HUGE * max(plant.scale, 1.0):
         message = "the larger the gain, the better, without end; give gain_bound."
-        return DesignResult(Status.UNDECIDED, objective=LINF_GAIN, limit=best, message=message)
-    for slack in (_SLACK, 1e-2):
-        gamma = best + slack * max(abs(best), 1e-6)
-        # at this gamma, the smallest |F x_k| with the weights xi of the first point
-        xi = first.x[:n]
-        slope = scaled_rows(program.slope, 1 / np.tile(np.repeat(xi, m), 2))
-        margin = 1e-7 * (abs(program.closed) @ np.abs(first.x[:-1]))
-        second = _small(program, fixed, outputs, drift, total, push, through, gamma, slope, margin, lp)
-        for point in (p for p in (second, first.x[:-1]) if p is not None):
-            xi, columns = split(point, n, m)
-            found = _certify(
-                plant, gain_from_columns(columns, plant.rays), xi @ plant.rays, gamma, rate, (E, G, H, D), Z
-            )
-            if found is not None:
-                return succeed(plant, found, LINF_GAIN, found.certificate.others[-1].gamma, best)
-    return DesignResult(
-        Status.UNDECIDED, objective=LINF_GAIN, limit=best, message="a gain was found, but could not be proven."
-    )
+        return undecided(message, objective=LINF_GAIN, limit=best)
+
+    def points() -> Iterator[tuple[float, Floats]]:
+        """Of each gamma, the point of smallest |F x_k|, then the first one."""
+        for slack in (_SLACK, 1e-2):
+            gamma = best + slack * max(abs(best), 1e-6)
+            second = rows.small(gamma, x, lp)
+            yield from ((gamma, point) for point in (second, x) if point is not None)
+
+    def prove(candidate: tuple[float, Floats]) -> Accepted | None:
+        F, inside = program.read(candidate[1])
+        return _certify(plant, F, inside, candidate[0], rate, (E, G, H, D), Z)
+
+    found = first_proven(points(), prove)
+    if found is None:
+        return undecided("a gain was found, but could not be proven.", objective=LINF_GAIN, limit=best)
+    return succeed(plant, found, LINF_GAIN, found.certificate.others[-1].gamma, best)  # type: ignore[attr-defined]
 
 
-def _small(
-    program: SimplicialProgram,
-    fixed: Any,
-    outputs: Any,
-    drift: Any,
-    total: Floats,
-    push: Floats,
-    through: Floats,
-    gamma: float,
-    slope: Any,
-    margin: Floats,
-    lp: Solver,
-) -> Floats | None:
-    """Minimise the largest entry of |F x_k| (frozen weights) with a little margin in every inequality."""
-    n, v = program.n, fixed.shape[1]
-    rows = bordered(stacked(fixed, -outputs, drift, total), slope, -np.ones(slope.shape[0]))
-    shifted = np.zeros(fixed.shape[0])
-    shifted[: len(margin)] = -margin
-    for strength in (1.0, 1e-2, 0.0):
-        right = np.concatenate(
-            [
-                strength * shifted,
-                np.zeros(outputs.shape[0]),
-                -push,
-                gamma - through - 1e-6 * abs(gamma),
-                np.zeros(slope.shape[0]),
-            ]
-        )
-        low = np.concatenate([np.full(n, 1e-6), np.full(v - n, -np.inf), [0.0]])
-        answer = lp(np.append(np.zeros(v), 1.0), rows, right, bounds=(low, np.inf))
-        if answer and (answer.x[:n] > 0).all():
-            return answer.x[:-1]
-    return None
+class _Rows:
+    """The inequalities of the module's head over x = (xi, z), for E, G, H, D in doubles."""
+
+    def __init__(self, design: SimplicialProgram, rate: float, data: tuple[Floats, ...]) -> None:
+        E, G, H, D = data
+        plant, n = design.plant, design.n
+        self.design, self.n = design, n
+        self.push = (plant.facets @ E).sum(axis=1) / np.einsum("ij,ij->i", plant.facets, plant.rays)
+        i, k = (index.ravel() for index in np.indices((len(G), n)))
+        self.outputs = column_rows((G @ plant.rays.T)[i, k], H[i], k, n)
+        self.total = np.hstack([G @ plant.rays.T, np.tile(H, (1, n))])
+        self.through = D.sum(axis=1)
+        self.fixed, self.drift = design.fixed(None), design.decreasing(rate)
+
+    def program(self, shift: Floats | float = 0.0) -> Program:
+        """Invariance (by -shift), z in its orthant, and (A + B F) x + E 1 < 0."""
+        low = np.full(self.fixed.shape[1], -np.inf)
+        low[: self.n] = 1e-6
+        program = Program(x=Block(len(low), low=low))
+        program.below(shift, x=self.fixed)
+        program.above(0.0, x=self.outputs)
+        program.below(-self.push, x=self.drift)
+        return program
+
+    def small(self, gamma: float, x: Floats, lp: Solver) -> Floats | None:
+        """The smallest largest entry of |F x_k| at this gamma, with the weights xi of x and a little margin."""
+        closed, slope = self.design.closed, self.design.slope
+        scaled = scaled_rows(slope, 1 / np.tile(np.repeat(x[: self.n], self.design.m), 2))
+        margin = np.zeros(self.fixed.shape[0])
+        margin[: closed.shape[0]] = 1e-7 * (abs(closed) @ np.abs(x))
+
+        def solve(strength: float) -> Floats | None:
+            program = self.program(-strength * margin)
+            program.add(largest=Block(1, low=0.0, cost=1.0))
+            program.below(gamma - self.through - 1e-6 * abs(gamma), x=self.total)
+            program.below(0.0, x=scaled, largest=-np.ones(scaled.shape[0]))
+            answer = program.solve(lp)
+            return answer["x"] if answer and (answer["x"][: self.n] > 0).all() else None
+
+        return next((point for strength in (1.0, 1e-2, 0.0) if (point := solve(strength)) is not None), None)
 
 
-def _certify(plant: Plant, F: Floats, x: Floats, gamma: float, rate: float, data: tuple[Matrix, ...], Z: Cone) -> Any:
+def _certify(
+    plant: Plant, F: Floats, x: Floats, gamma: float, rate: float, data: tuple[Matrix, ...], Z: Cone
+) -> Accepted | None:
     E, G, H, D = data
-    for candidate in roundings(F):
-        if seconds_left() <= 0:
-            return None
+
+    def prove(candidate: Floats) -> Accepted | None:
         found = accept(plant, candidate, rate=rate)
         if found is None or not np.array_equal(found.F, candidate):
-            continue
-        out = closed_loop(G, H, candidate)
-        positivity = cone_positivity(
-            found.closed[0], E, out, D, plant.X, orthant(E.shape[1]), Z, discrete=plant.discrete
-        )
+            return None
+        W, out = orthant(E.shape[1]), closed_loop(G, H, candidate)
+        positivity = cone_positivity(found.closed[0], E, out, D, plant.X, W, Z, discrete=plant.discrete)
         if not positivity:
-            continue
+            return None
         certificate = DisturbanceCertificate.settle(positivity=positivity, x=x, gamma=float(gamma))
-        if certificate:
-            loops = getattr(found.certificate, "loops", None) or (found.certificate,)
-            others = (*getattr(found.certificate, "others", ()), certificate)
-            joint = FeedbackCertificate.settle(loops=tuple(loops), others=others)
-            if joint:
-                return type(found)(found.F, found.closed, joint)
-    return None
+        if not certificate:
+            return None
+        loops = getattr(found.certificate, "loops", None) or (found.certificate,)
+        others = (*getattr(found.certificate, "others", ()), certificate)
+        joint = FeedbackCertificate.settle(loops=tuple(loops), others=others)
+        return replace(found, certificate=joint) if joint else None
+
+    return first_proven((candidate for candidate in roundings(F) if affords()), prove)

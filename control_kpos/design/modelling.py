@@ -13,16 +13,13 @@ from typing import Any
 import numpy as np
 
 from ..errors import DataError
-from ..exact.budget import OutOfTimeError, seconds_left
-from ..exact.programs import guarded
-from ..proof.certificate import Status
+from ..exact.budget import OutOfBudgetError, begin, reason, seconds_left
+from ..exact.programs import guarded, program_effort
 from .accept import Accepted, accept
-from .modes import controllability_notes
 from .plant import Floats, Plant
 from .polyhedral.program import GainProgram
 from .result import DesignResult
-from .simplicial.program import gain_of
-from .simplicial.search import succeed
+from .simplicial.search import succeed, undecided
 from .solver import Programs, SolverChoice, installed
 
 USER = "objective given"
@@ -58,7 +55,7 @@ def design_with_constraints(
     best: tuple[Any, float] | None = None
     last = "no vector v admits a gain"
     hints = _hints(plant, rate, program)
-    with suppress(OutOfTimeError):
+    with suppress(OutOfBudgetError):
         for number, start in enumerate(program.starts(_STARTS, hints)):
             vectors = [start]
             for step in range(_ROUNDS):
@@ -77,14 +74,10 @@ def design_with_constraints(
                 best = found
                 vectors = list(program.vectors(found[0].F))
     if best is None:
-        return DesignResult(
-            Status.UNDECIDED,
-            message=f"no certified gain meets the constraints given; {last}.",
-            notes=tuple(controllability_notes(plant)),
-        )
+        return undecided(f"no certified gain meets the constraints given; {last}.", plant)
     accepted, value = best
     if objective is None:
-        value = gain_of(accepted.F if plant.C is None else accepted.F @ np.asarray(plant.C.values), plant.rays)
+        value = plant.gain_of(accepted.F)
     return succeed(
         plant,
         accepted,
@@ -131,9 +124,9 @@ def _solve(
     lp: Programs,
 ) -> tuple[Floats | None, str]:
     plant = program.plant
-    message = "the time limit has passed"
+    message = f"{reason()} was reached"
     G, g = program.invariance
-    S, s, w = program._stability(v)
+    S, s, w = program.stability(v)
     size = _sizes(plant, len(g))
     entries = cp.reshape(F, (program.shape[0] * program.shape[1],), order="C")[program.free]
     for margin in _MARGINS:
@@ -145,7 +138,7 @@ def _solve(
         if plant.pattern is not None:
             rows.append(cp.multiply((~plant.pattern).astype(float), F) == 0)
         problem = cp.Problem(cp.Minimize(cost), rows)
-        if seconds_left() <= 0:
+        if not begin(program_effort(len(g) + len(s), len(program.free))):
             break
         message = guarded(lambda problem=problem: _status(problem, name), seconds_left())
         if message in ("optimal", "optimal_inaccurate"):

@@ -4,29 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..exact.budget import seconds_left
+from ..exact.budget import affords
 from .plant import Plant
 
 _RANK = 1e-10
-# Of a singular value decomposition.
-_SECONDS_PER_STEP = 1e-8
+# Operations of a singular value decomposition, for each entry and row.
+_EFFORT = 10.0
 
 
 def controllability_notes(plant: Plant) -> list[str]:
-    """One sentence for each uncontrollable mode of the nominal plant, as far as time allows.
+    """One sentence for each uncontrollable mode of the nominal plant, as far as the effort allows.
 
     In floating point: advice, no proof.
     """
     A, B = plant.pairs[0]
-    effort = plant.n**2 * (plant.n + plant.m) * _SECONDS_PER_STEP
-    if seconds_left() < effort:
+    effort = plant.n**2 * (plant.n + plant.m) * _EFFORT
+    if not affords(effort):
         return []
     scale = max(np.abs(A).max(), np.abs(B).max(initial=0.0), np.finfo(float).tiny)
     notes = []
     for mode in np.unique(np.round(np.linalg.eigvals(A) / scale, 9)) * scale:
         if mode.imag < 0:
             continue
-        if seconds_left() < effort:
+        if not affords(effort):
             break
         singular = np.linalg.svd(np.hstack([A - mode * np.eye(plant.n), B]), compute_uv=False)
         if singular[-1] > _RANK * singular[0]:

@@ -12,16 +12,17 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
+from ..exact.intake import seconds
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..systems.statespace import ConeStateSpace
-from .limits import within
+from .effort import within
 from .plant import as_system, read_plant
 from .polyhedral.search import design_by_alternation
 from .result import OBSERVER, DesignResult, dual_words
 from .simplicial.search import design_on_simplicial
 from .solver import Programs, SolverChoice
-from .state import read_rate, read_time_limit
+from .state import read_rate
 
 
 def output_feedback(
@@ -34,7 +35,7 @@ def output_feedback(
     vertices: Sequence[Any] | None = None,
     ports: bool = False,
     solver: SolverChoice = None,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> DesignResult:
     """Find a static gain for u = F y + w, y = C x, that makes X invariant and the closed loop stable.
@@ -84,7 +85,7 @@ def output_feedback(
     >>> bool(d), d.F.shape
     (True, (1, 1))
     """
-    limit, target = read_time_limit(time_limit), read_rate(rate)
+    limit, target = seconds(time_limit), read_rate(rate)
 
     def design() -> DesignResult:
         plant = read_plant(
@@ -106,7 +107,7 @@ def observer_gain(
     rate: float | Literal["max"] = 0.0,
     gain_bound: ArrayLike | None = None,
     solver: SolverChoice = None,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> DesignResult:
     """Find L for which the error e' = (A + L C) e of an observer keeps X invariant and decays.
@@ -150,7 +151,7 @@ def observer_gain(
     >>> bool(d), d.F.shape
     (True, (2, 1))
     """
-    limit, target = read_time_limit(time_limit), read_rate(rate)
+    limit, target = seconds(time_limit), read_rate(rate)
 
     def design() -> DesignResult:
         system = as_system(sys, X)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -28,10 +28,8 @@ Floats = NDArray[np.float64]
 
 # Bits of the integers in exact generators and facets; beyond, powers of two are divided out.
 _LONGEST = 200
-# About what a decision in rational arithmetic takes, for each entry of its rows.
-SECONDS_PER_ENTRY = 3e-5
-# Of the check of multipliers that came out of it.
-SECONDS_TO_CHECK = 1e-5
+# Operations of a decision in rational arithmetic, for each entry of its rows, and of the check of its multipliers.
+EFFORT_PER_ENTRY, EFFORT_TO_CHECK = 3e4, 1e4
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,9 +117,13 @@ class Plant:
         push = max(np.abs(H @ B).max(initial=0.0) for _, B in self.pairs)
         return float(max(size, 1e-9 * push if size > 0 else push, 1e-300))
 
-    def alone(self) -> Plant:
-        """The same without bound, pattern and port demands."""
-        return replace(self, gain_bound=None)
+    def on_states(self, F: Floats) -> Floats:
+        """The gain from states to inputs: F, or F C of output feedback, in doubles."""
+        return F if self.C is None else F @ np.asarray(self.C.values)
+
+    def gain_of(self, F: Floats) -> float:
+        """max |F x_k| over inputs and generators x_k of X; of F C x_k for output feedback."""
+        return float(np.abs(self.on_states(np.asarray(F, dtype=float)) @ self.rays.T).max(initial=0.0))
 
 
 def read_plant(

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cards import card, shown_rows
-from ..proof.certificate import Certificate, Status
+from ..cards import shown_rows
+from ..proof.answer import Answer
+from ..proof.certificate import Status
 
 Floats = NDArray[np.float64]
 
@@ -60,8 +61,8 @@ def dual_words(text: str) -> str:
     return text
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class DesignResult:
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DesignResult(Answer):
     """Outcome of a feedback design.  `bool(result)` is True only for PROVED; otherwise there is no gain.
 
     Attributes
@@ -95,21 +96,21 @@ class DesignResult:
         Uncontrollable modes, loss of positivity under weakened gains, and the like.
     law : str
         Where the gain stands: "u = F x", for output feedback "u = F y", for an observer `OBSERVER`.
+    alarm : str
+        Of networks: what the `ActuatorLossWarning` says; "" for none.
     """
 
-    status: Status
     F: Any = None
     closed_loop: Any = None
-    certificate: Certificate | None = None
     objective: str = ""
     value: float = float("nan")
     limit: float = float("nan")
     decay_rate: float = float("nan")
     certified_fraction: Any = float("nan")
-    message: str = ""
     nearest: Nearest | None = None
     notes: Sequence[str] = field(default_factory=tuple)
     law: str = "u = F x"
+    alarm: str = ""
 
     def __post_init__(self) -> None:
         if self.law == OBSERVER:
@@ -122,26 +123,6 @@ class DesignResult:
         if self.F is None:
             return None
         return tuple(-f for f in self.F) if isinstance(self.F, tuple) else -np.asarray(self.F)
-
-    @property
-    def witness(self) -> Any:
-        """For REFUTED: what the proof rests on."""
-        return None if self.certificate is None or self else getattr(self.certificate, "witness", None)
-
-    @property
-    def margin(self) -> float:
-        """Scale-free margin of the certificate; NaN without one."""
-        return float("nan") if self.certificate is None else float(self.certificate.margin)
-
-    def check(self) -> bool:
-        """Recompute the verdict from the data in the certificate, without any solver.
-
-        Returns
-        -------
-        bool
-            False also for UNDECIDED: there is nothing to check.
-        """
-        return self.certificate is not None and self.certificate.status is self.status and self.certificate.check()
 
     def explain(self) -> str:
         """What was done, what is proven, and what to do next.
@@ -178,20 +159,20 @@ class DesignResult:
             "effect, and below that invariance or stability can be lost."
         )
 
-    def _repr_html_(self) -> str:
-        rows = [
-            (name, f"{fact:.6g}")
-            for name, fact in ((self.objective, self.value), ("decay rate", self.decay_rate))
-            if self
-        ]
+    def facts(self) -> list[tuple[str, str]]:
+        """Objective, decay rate and gain, for the card that a notebook shows.
+
+        Returns
+        -------
+        list of (str, str)
+        """
+        reached = ((self.objective, self.value), ("decay rate", self.decay_rate)) if self else ()
+        rows = [(name, f"{fact:.6g}") for name, fact in reached]
         if isinstance(self.F, np.ndarray) and self.F.ndim == 2:
             rows.append(("F" if self.law == OBSERVER else f"F in {self.law}", shown_rows(self.F)))
-        return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
-
-    def __bool__(self) -> bool:
-        return self.status is Status.PROVED
+        return rows
 
     def __repr__(self) -> str:
         if not self:
-            return f"<DesignResult {self.status.name}: {self.message}>"
+            return super().__repr__()
         return f"<DesignResult PROVED, {self.objective} {self.value:.4g}, decay rate {self.decay_rate:.4g}>"

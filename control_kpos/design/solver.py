@@ -13,14 +13,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import SolverError
-from ..exact.budget import seconds_left
-from ..exact.programs import (
-    Solution,
-    failure,
-    guarded,
-    solve,
-    vetted,
-)
+from ..exact.budget import begin, reason, seconds_left
+from ..exact.programs import Solution, failure, guarded, program_effort, solve, vetted
+
+# Operations of the interior point method, for each entry.
+_INTERIOR_EFFORT = 3e3
 
 SolverChoice = str | Callable[..., Any] | None
 
@@ -28,7 +25,7 @@ SolverChoice = str | Callable[..., Any] | None
 class Programs:
     """The linear programs of one design: one solver for all of them, and a line about each.
 
-    An instance is called like `control_kpos.linear_programs.solve`.
+    An instance is called like `control_kpos.exact.programs.solve`.
 
     Parameters
     ----------
@@ -74,19 +71,20 @@ class Programs:
         bounds: Any = (0.0, np.inf),
         **options: Any,
     ) -> Solution:
-        left = seconds_left()
-        if left <= 0:
-            return failure("the time limit has passed")
         data = (c, A_ub, b_ub, A_eq, b_eq, bounds)
+        rows = sum(0 if b is None else np.size(b) for b in (b_ub, b_eq))
+        entries = sum(A.nnz if sp.issparse(A) else np.size(A) for A in (A_ub, A_eq) if A is not None)
+        interior = options.get("method") == "ipm"
+        if not begin(_INTERIOR_EFFORT * entries if interior else program_effort(rows, np.size(c), entries)):
+            return failure(f"{reason()} was reached")
         if self._report is not None:
             self._count += 1
-            rows = sum(0 if b is None else np.size(b) for b in (b_ub, b_eq))
             lead = f"{self._stage}: " if self._stage else ""
             self._report(f"{lead}linear program {self._count}, {np.size(c)} variables, {rows} rows")
-        if self._call is None:
-            return solve(*data, **options, time_limit=left)
         call = self._call
-        return vetted(guarded(lambda: call(*data), left), np.asarray(c, dtype=float))
+        if call is None:
+            return solve(*data, **options)
+        return vetted(guarded(lambda: call(*data), seconds_left()), np.asarray(c, dtype=float))
 
 
 def installed(solver: str) -> str:

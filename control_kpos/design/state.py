@@ -15,7 +15,7 @@ from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from ..theorems.positivity import cone_positivity
 from .disturbance import reject_disturbance
-from .limits import within
+from .effort import within
 from .modelling import design_with_constraints
 from .plant import (
     Plant,
@@ -47,7 +47,7 @@ def state_feedback(
     objective: Callable[[Any], Any] | None = None,
     method: Method = "auto",
     solver: SolverChoice = None,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> DesignResult:
     """Find the smallest gain F for which u = F x + w makes X invariant and x' = (A + B F) x stable.
@@ -85,8 +85,9 @@ def state_feedback(
     solver : str, callable or None
         None: HiGHS directly.  The name of any installed solver that cvxpy knows; or
         f(c, A_ub, b_ub, A_eq, b_eq, bounds) that returns x.  No solver is trusted.
-    time_limit : float
-        Seconds; what is not settled by then is UNDECIDED.
+    time_limit : float, optional
+        Seconds; what is not settled by then is UNDECIDED, and the message says so.  None: the search gives up after
+        a fixed number of operations, about a minute's, so that the answer is the same on every machine.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
         terminal or a notebook; False: never; True: also where nobody seems to watch.
@@ -133,7 +134,7 @@ def state_feedback(
     >>> kp.state_feedback(plant, X=kp.orthant(2)).status.name
     'REFUTED'
     """
-    method, limit = choice(method, "method", _METHODS), read_time_limit(time_limit)
+    method, limit = choice(method, "method", _METHODS), seconds(time_limit)
     target = read_rate(rate)
 
     def design() -> DesignResult:
@@ -181,11 +182,6 @@ def read_rate(rate: Any) -> float | str:
     return real_number(rate, "rate", nonnegative=True)
 
 
-def read_time_limit(value: Any) -> float:
-    """A positive number of seconds, or inf."""
-    return seconds(value, "time_limit")
-
-
 def _inputs_leave_cone(plant: Plant) -> DesignResult | None:
     """B U in X does not depend on F: if it fails, ports=True is impossible."""
     if not plant.ports:
@@ -194,8 +190,5 @@ def _inputs_leave_cone(plant: Plant) -> DesignResult | None:
     certificate = cone_positivity(eye, plant.B[0], None, None, plant.X, plant.system.U, discrete=plant.discrete)
     if certificate.status is not Status.REFUTED:
         return None
-    return DesignResult(
-        Status.REFUTED,
-        certificate=certificate,
-        message="B U is not inside X, and no feedback changes that; choose another X or U, or ports=False.",
-    )
+    message = "B U is not inside X, and no feedback changes that; choose another X or U, or ports=False."
+    return DesignResult(status=Status.REFUTED, certificate=certificate, message=message)

@@ -12,19 +12,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.budget import OutOfTimeError, limited_to, seconds_left
-from ..exact.intake import flag, vector
+from ..exact.budget import OutOfBudgetError, affords, budget, seconds_left
+from ..exact.intake import flag, seconds, vector
 from ..progress import Reporter, Target
-from .plant import (
-    Plant,
-    column_freedom,
-    read_plant,
-    require_simplicial,
-)
+from .effort import operations
+from .plant import Plant, column_freedom, read_plant, require_simplicial
 from .result import DesignResult
 from .simplicial.program import Failure, SimplicialProgram
 from .solver import Programs
-from .state import read_time_limit, state_feedback
+from .state import state_feedback
 
 _POINTS = 12
 
@@ -36,7 +32,7 @@ class Tradeoff:
     Attributes
     ----------
     rates : ndarray, shape (k,)
-        Empty if none were given, and time was over before the largest one was known.
+        Empty if none were given, and the limit was reached before the largest one was known.
     gains : ndarray, shape (k,)
         Smallest max |F x_k| by the linear programs; NaN where the rate is out of reach.
     largest_rate : float
@@ -57,7 +53,7 @@ def gain_rate_tradeoff(
     *,
     X: Cone | ArrayLike | None = None,
     certify: bool = False,
-    time_limit: float = 600.0,
+    time_limit: float | None = None,
     progress: Target = None,
     **demands: Any,
 ) -> Tradeoff:
@@ -71,8 +67,9 @@ def gain_rate_tradeoff(
         Default: a dozen rates up to just below the largest one.
     certify : bool
         True: design and prove a gain at each rate; False: linear programs only.
-    time_limit : float
-        Seconds for everything; gains not found by then are NaN, and designs UNDECIDED.
+    time_limit : float, optional
+        Seconds for everything; gains not found by then are NaN, and designs UNDECIDED.  None: a fixed number of
+        operations, as in `state_feedback`.
     progress : callable or bool, optional
         As in `state_feedback`.
     **demands
@@ -97,10 +94,14 @@ def gain_rate_tradeoff(
     >>> curve.gains.round(2), round(curve.largest_rate, 2)
     (array([5., 5.]), 2.0)
     """
-    limit, certify = read_time_limit(time_limit), flag(certify, "certify")
+    limit, certify = seconds(time_limit), flag(certify, "certify")
     values, gains, largest = _rates(rates, -np.inf, late=True), None, -np.inf
     designs = []
-    with limited_to(limit), suppress(OutOfTimeError), Reporter(progress) as report:
+    with (
+        budget(operations("trade-off", limit), time_limit=limit),
+        suppress(OutOfBudgetError),
+        Reporter(progress) as report,
+    ):
         plant = read_plant(sys, X, **demands)
         require_simplicial(plant.X, "the trade-off curve")
         free = column_freedom(plant)
@@ -110,7 +111,7 @@ def gain_rate_tradeoff(
         values, gains, largest = _curve(plant, free, rates, lp)
         for place, rate in enumerate(values.tolist() if certify else []):
             report(f"design {place + 1} of {len(values)}")
-            share = max(seconds_left(), 1e-3) / (len(values) - place)
+            share = None if limit is None else max(seconds_left(), 1e-3) / (len(values) - place)
             designs.append(state_feedback(sys, X=X, rate=rate, time_limit=share, progress=False, **demands))
     return Tradeoff(values, np.full(len(values), np.nan) if gains is None else gains, largest, tuple(designs))
 
@@ -118,21 +119,21 @@ def gain_rate_tradeoff(
 def _curve(
     plant: Plant, free: NDArray[np.bool_], rates: ArrayLike | None, lp: Programs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Rates, gains, and the largest rate, as far as time allows."""
+    """Rates, gains, and the largest rate, as far as the limit allows."""
     values, gains, largest = None, np.empty(0), -np.inf
     try:
         program = SimplicialProgram(plant, free, lp)
         lp.stage("largest decay rate")
         best = program.supremum_of_rates()
         largest = -np.inf if isinstance(best, Failure) else float(best[1])
-        values = _rates(rates, largest, late=seconds_left() <= 0)
+        values = _rates(rates, largest, late=not affords())
         gains = np.full(len(values), np.nan)
         for place, rate in enumerate(values.tolist()):
             lp.stage(f"rate {place + 1} of {len(values)}")
             point = program.start(rate)
-            if not isinstance(point, Failure) and seconds_left() > 0:
+            if not isinstance(point, Failure) and affords():
                 gains[place] = program.smallest_gain(rate, point)[1]
-    except OutOfTimeError:
+    except OutOfBudgetError:
         values = _rates(rates, largest, late=True) if values is None else values
         gains = np.append(gains, np.full(len(values) - len(gains), np.nan))
     return values, gains, largest

@@ -144,6 +144,22 @@ def spend(operations: float = 0.0) -> None:
     current.count(operations)
 
 
+def begin(operations: float) -> bool:
+    """Count the operations of a step that may begin while any are left, even if it needs more; False if none are.
+
+    >>> with budget(100):
+    ...     begin(101), begin(1)
+    (True, False)
+    """
+    current = _BUDGET.get()
+    if current is None:
+        return True
+    if not current.left() > 0:
+        return False
+    current.count(operations)
+    return True
+
+
 def seconds_left() -> float:
     """Seconds that a solver may take: infinite unless a time limit was given, negative after it."""
     current = _BUDGET.get()

@@ -237,12 +237,14 @@ def real_number(value: Any, name: str, *, positive: bool = False, nonnegative: b
     return number
 
 
-def seconds(value: Any, name: str = "time_limit") -> float:
-    """A positive number of seconds; inf for no limit.
+def seconds(value: Any, name: str = "time_limit") -> float | None:
+    """A positive number of seconds; inf for no limit; None if operations are to be counted instead.
 
-    >>> seconds(2), seconds(float("inf"))
-    (2.0, inf)
+    >>> seconds(2), seconds(float("inf")), seconds(None)
+    (2.0, inf, None)
     """
+    if value is None:
+        return None
     if isinstance(value, (float, np.floating)) and value == np.inf:
         return float(value)
     return real_number(value, name, positive=True)

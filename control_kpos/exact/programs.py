@@ -15,8 +15,8 @@ import queue
 import threading
 import time
 import warnings
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 import highspy
@@ -39,6 +39,9 @@ _OUTCOMES: dict[Any, Outcome] = {
 
 # Of HiGHS's simplex method, on the scaled program; its default is 1e-7, its smallest 1e-10.
 _TOLERANCE = 1e-9
+# Steps after which HiGHS gives up, whatever the clock says: of the simplex method a number and one for each row and
+# variable, where two or three are usual, and of the interior point method, where fifty are.
+_STEPS, _INTERIOR_STEPS = (10_000, 50), 400
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,8 @@ class Solution:
         Basic variables, x first and the rows after them; empty where the method has no basis.
     message : str
         Why it failed.
+    places : mapping
+        Where the blocks of a `control_kpos.exact.program.Program` are in x: `solution[name]` reads one.
     """
 
     outcome: Outcome
@@ -64,9 +69,13 @@ class Solution:
     value: float = np.nan
     basic: NDArray[np.intp] | None = None
     message: str = ""
+    places: Mapping[str, slice] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return self.outcome == "optimal"
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.x[self.places[name]]
 
 
 def failure(message: str) -> Solution:
@@ -148,9 +157,37 @@ def solve(
         return failure("the program has entries that are not finite")
     if any(np.isnan(side).any() for side in box):
         return failure("the program has bounds that are not numbers")
+    if _contradicts_itself(matrix, lower, upper, box):
+        return Solution("infeasible", np.empty(0), message="a bound or a row without entries cannot hold")
+    if not matrix.count_nonzero():
+        return _best_in_box(cost, *box)
     limit = min(time_limit, seconds_left())
     answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, limit), limit)
     return vetted(answer, cost)
+
+
+def _contradicts_itself(
+    matrix: sp.csr_array, lower: NDArray[np.float64], upper: NDArray[np.float64], box: list[NDArray[np.float64]]
+) -> bool:
+    """True if some bounds exclude every number, or a row without entries excludes 0: HiGHS refuses these, or dies."""
+    empty = np.diff(matrix.indptr) == 0
+    return bool(
+        (box[0] > box[1]).any()
+        or (box[0] == np.inf).any()
+        or (box[1] == -np.inf).any()
+        or (lower == np.inf).any()
+        or (upper == -np.inf).any()
+        or (lower[empty] > 0).any()
+        or (upper[empty] < 0).any()
+    )
+
+
+def _best_in_box(cost: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> Solution:
+    """The program without entries in its rows, which HiGHS may die of: every variable at its better bound."""
+    x = np.where(cost > 0, low, np.where(cost < 0, high, np.clip(0.0, low, high)))
+    if not np.isfinite(x).all():
+        return Solution("unbounded", np.empty(0), message="nothing limits the cost")
+    return Solution("optimal", x, float(cost @ x))
 
 
 def program_effort(rows: int, columns: int, entries: float | None = None) -> float:
@@ -272,6 +309,15 @@ def _rows(A: Any, n: int) -> sp.csr_array:
     return sp.csr_array((dense[held], np.flatnonzero(held) % max(dense.shape[1], 1), indptr), shape=dense.shape)
 
 
+class _QuietHighs(highspy.Highs):
+    """HiGHS prints two lines from C when it is first asked for anything, and its constructor registers callbacks."""
+
+    def enableCallbacks(self) -> None:
+        """Register callbacks with the output switched off."""
+        self.setOptionValue("output_flag", False)
+        super().enableCallbacks()
+
+
 def _run_highs(
     cost: NDArray[np.float64],
     matrix: sp.csr_array,
@@ -289,8 +335,13 @@ def _run_highs(
     objective = np.ldexp(cost, columns)
     price = -_exponent(objective)
 
-    solver = highspy.Highs()
-    options: dict[str, Any] = {"output_flag": False, "threads": 1, "presolve": "choose" if presolve else "off"}
+    solver = _QuietHighs()
+    options: dict[str, Any] = {
+        "threads": 1,
+        "presolve": "choose" if presolve else "off",
+        "simplex_iteration_limit": _STEPS[0] + _STEPS[1] * (cost.size + lower.size),
+        "ipm_iteration_limit": _INTERIOR_STEPS,
+    }
     if method == "simplex":
         options |= {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
     if method == "ipm":

@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import ShapeError, TooLargeError
-from .budget import OutOfBudgetError, budget, spend
+from .budget import OutOfBudgetError, budget, seconds_left, spend
 from .intake import exact_matrix
 from .linalg import Rationals, lifting_operations, solve_exactly
 from .matrix import Integers, primitive
@@ -28,8 +28,8 @@ from .programs import balance, solve
 
 # Operations after which exact arithmetic gives up.
 WORK_LIMIT = 10**10
-# Seconds that a solver which hangs is waited for, for each entry of M, and one more: the simplex method here comes to
-# the same answer without it.
+# Under a time limit, the seconds that a solver which hangs is waited for, for each entry of M, and one more: the
+# simplex method here comes to the same answer without it.
 _PATIENCE = 1e-5
 
 
@@ -141,7 +141,7 @@ def _proposal(matrix: Integers, right: Integers) -> tuple[NDArray[np.int32], NDA
     power = power + rows
     goal = np.ldexp(size, np.maximum(power - power[size != 0].max(initial=-1100), -1000))
     cost = np.concatenate([np.zeros(n), np.ones(m)])
-    patience = 1 + _PATIENCE * matrix.size
+    patience = 1 + _PATIENCE * matrix.size if seconds_left() < np.inf else np.inf
     answer = solve(cost, A_eq=np.hstack([values, np.eye(m)]), b_eq=goal, time_limit=patience)
     if not answer or answer.basic is None:
         return rows, None

@@ -94,7 +94,7 @@ def find_cone(
     most = None if max_rays is None else whole_number(max_rays, "max_rays", least=1)
     timed = None if discrete is None else flag(discrete, "discrete")
     more: dict[str, Any] = {"seed": whole_number(seed, "seed"), "restarts": whole_number(restarts, "restarts")}
-    limit = None if time_limit is None else seconds(time_limit)
+    limit = seconds(time_limit)
     if isinstance(A, TransferFunction):
         raise DataError("A is a transfer function, which has no state; convert it with control.ss first.")
     if _is_family(A):

@@ -41,7 +41,8 @@ from ..exact.intervals import (
     jacobian_pieces,
 )
 from ..exact.matrix import Matrix, dense
-from ..exact.programs import program_effort, solve
+from ..exact.program import Block, Program
+from ..exact.programs import program_effort
 from ..proof.certificate import Status
 from ..systems.system import System
 from .certificate import (
@@ -120,7 +121,7 @@ def differential_positivity(
     X = as_cone(X, "X")
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")
-    pieces, limit = whole_number(pieces, "pieces", least=1), None if time_limit is None else seconds(time_limit)
+    pieces, limit = whole_number(pieces, "pieces", least=1), seconds(time_limit)
     _effort(X, 1)  # facets are found before the limit counts: without them nothing can be said
     with budget(_EFFORT if limit is None else np.inf, time_limit=limit):
         if isinstance(jacobians, NonlinearIOSystem) and not isinstance(jacobians, StateSpace):
@@ -353,16 +354,10 @@ def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Arr
     moved = np.concatenate([rays @ A.T - (rays if discrete else 0) for A in centres])
     spread = np.concatenate([np.abs(rays) @ R.T for R in radii])
     eye = np.eye(n)
-    rows = np.block(
-        [
-            [-rays, np.zeros_like(rays), np.ones((len(rays), 1))],
-            [moved, spread, np.ones((len(moved), 1))],
-            [eye, -eye, np.zeros((n, 1))],
-            [-eye, -eye, np.zeros((n, 1))],
-        ]
-    )
-    cost = np.zeros(2 * n + 1)
-    cost[-1] = -1.0
-    lower = np.concatenate([np.full(n, -1.0), np.zeros(n + 1)])
-    answer = solve(cost, A_ub=rows, b_ub=np.zeros(len(rows)), bounds=(lower, np.ones(2 * n + 1)))
-    return answer.x[:n] if answer and answer.x[-1] > 1e-9 else None
+    program = Program(v=Block(n, -1.0, 1.0), w=Block(n, 0.0, 1.0), margin=Block(1, 0.0, 1.0, -1.0))
+    program.above(0.0, np.ones(len(rays)), v=rays)
+    program.above(0.0, np.ones(len(moved)), v=-moved, w=-spread)
+    program.below(0.0, v=eye, w=-eye)
+    program.below(0.0, v=-eye, w=-eye)
+    answer = program.solve()
+    return answer["v"] if answer and answer["margin"][0] > 1e-9 else None

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import TooLargeError
 from ..exact.matrix import Matrix, dense
-from ..exact.programs import solve
+from ..exact.program import Block, Program
 from ..exact.rational_programs import exact_feasibility
 from ..systems.system import System
 from .lyapunov_candidates import ScaledProblem, SingularMatrixError
@@ -25,6 +25,8 @@ Rationals = NDArray[np.object_]
 _LEAST = (1e-6, 1e-9, 1e-3, 1e-12, 1e-1)
 _GIVEN = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 1e-12)
 _RATIONAL_ROWS = 60
+# Margin where the least supply is sought, as small as for the solves.
+_LEAST_MARGIN = 1e-6
 
 
 def storage_candidates(
@@ -108,32 +110,26 @@ def _program(p: System, q: Vector, r: Vector | None, *, free_q: bool) -> tuple[V
         X = X / np.abs(X).max(axis=1, keepdims=True)
         U = U / np.abs(U).max(axis=1, keepdims=True)
         drift, push = X @ S.T, U @ B.T
-    nx, nu = len(X), len(U)
     column_c, column_d = X @ (C.T @ q), U @ (D.T @ q)
-    one = np.ones((nx, 1))
-    if free_q:  # v, t, g
-        rows = [
-            np.hstack([-X, one, 0 * one]),
-            np.hstack([drift, one, -column_c[:, None]]),
-            np.hstack([push, np.zeros((nu, 1)), -column_d[:, None]]),
-        ]
-        right = np.concatenate([np.zeros(2 * nx), U @ r])
-        cost = np.concatenate([np.zeros(n), [-1e-3, -1.0]])
-        low, high = np.concatenate([np.full(n, -np.inf), [0, -np.inf]]), np.concatenate([np.full(n, np.inf), [1, 1e6]])
-    elif r is not None:  # v, t
-        rows = [np.hstack([-X, one]), np.hstack([drift, one]), np.hstack([push, np.zeros((nu, 1))])]
-        right = np.concatenate([np.zeros(nx), column_c, U @ r + column_d])
-        cost = np.concatenate([np.zeros(n), [-1.0]])
-        low, high = np.concatenate([np.full(n, -np.inf), [0]]), np.concatenate([np.full(n, np.inf), [1]])
-    else:  # v: least supply on the generators of U, margin as small as for the solves
-        t = 1e-6
-        rows, right = [-X, drift], np.concatenate([np.full(nx, -t), column_c - t])
-        cost = push.sum(axis=0)
-        low, high = np.full(n, -np.inf), np.full(n, np.inf)
-    answer = solve(cost, A_ub=np.vstack(rows), b_ub=right, bounds=(low, high))
+    margin = np.ones(len(X))
+    if free_q:
+        program = Program(v=Block(n), t=Block(1, 0.0, 1.0, -1e-3), g=Block(1, high=1e6, cost=-1.0))
+        program.above(0.0, margin, name="t", v=X)
+        program.below(0.0, v=drift, t=margin, g=-column_c)
+        program.below(U @ r, v=push, g=-column_d)
+    elif r is not None:
+        program = Program(v=Block(n), t=Block(1, 0.0, 1.0, -1.0))
+        program.above(0.0, margin, name="t", v=X)
+        program.below(column_c, v=drift, t=margin)
+        program.below(U @ r + column_d, v=push)
+    else:  # least supply on the generators of U
+        program = Program(v=Block(n, cost=push.sum(axis=0)))
+        program.above(_LEAST_MARGIN, v=X)
+        program.below(column_c - _LEAST_MARGIN, v=drift)
+    answer = program.solve()
     if not answer:
         return None
-    return answer.x[:n], q * (answer.x[n + 1] if free_q else 1.0)
+    return answer["v"], q * (answer["g"][0] if free_q else 1.0)
 
 
 def supply_witness(p: System, q: Vector, r: Vector | None) -> tuple[Rationals | None, Rationals, Rationals] | None:

@@ -12,21 +12,18 @@ shared, which is sufficient only.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds, seconds_left
+from ...exact.budget import affords, reason, spend
+from ...exact.program import Block, Program, Solver
 from ...exact.programs import Solution
 from ...networks.model import NetworkModel, NodeStack
-from ..simplicial.ratio import (
-    Solver,
-    first_point,
-    minimise_ratio,
-    satisfies,
-)
+from ..simplicial.ratio import first_point, minimise_ratio, satisfies
 from .units import input_units, state_units
 
 Floats = NDArray[np.float64]
@@ -36,8 +33,8 @@ Index = NDArray[np.intp]
 _STRICT, MARGINS = 1e-6, (1e-1, 1e-3, 1e-6)
 # From this many variables on, the interior point method without crossover is faster than the simplex method.
 _LARGE = 4000
-# Seconds to set up and scale a program, for each entry of its rows; with one gain for all, where few rows differ.
-_SECONDS_PER_ENTRY = 1e-6, 3e-7
+# Operations to set up and scale a program, for each entry of its rows; with one gain for all, where few rows differ.
+_EFFORT_PER_ENTRY = 1e3, 300.0
 
 
 class Geometry:
@@ -108,7 +105,7 @@ class NetworkProgram:
         lengths: list[Floats] | None = None,
     ) -> None:
         entries = sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks)
-        require_seconds(entries * _SECONDS_PER_ENTRY[uniform])
+        spend(entries * _EFFORT_PER_ENTRY[uniform])
         self.model, self.uniform, self.margin, self.lengths = model, uniform, margin, lengths
         given = [None] * len(model.stacks) if lengths is None else lengths
         self.parts = [Geometry(s, own) for s, own in zip(model.stacks, given, strict=True)]
@@ -241,17 +238,16 @@ class NetworkProgram:
 
     def start(self, rate: float | None, gain: float | None = None) -> tuple[Floats | None, str]:
         """Any solution, or what the solver said."""
-        if seconds_left() <= 0:
-            return None, "the time limit has passed"
+        if not affords():
+            return None, f"{reason()} was reached"
         fixed = self.fixed(rate, gain)
         if gain is None and self.bound is None:
             answer = first_point(fixed, self.slope, self.owner, self.lp)
-            x = answer.x[:-1]
         else:
             answer = self._bounded_point(rate, 1.0 if gain is None else gain)
-            x = answer.x
         if not answer:
             return None, answer.message or answer.outcome
+        x = answer["x"]
         if not (x[self.owner] > 0).all() or not satisfies(fixed, x):
             return None, "the solver returned a point that violates the program"
         return x, ""
@@ -275,15 +271,18 @@ class NetworkProgram:
             ),
             shape=(len(columns), self.size),
         )
-        matrix = sp.csr_array(sp.vstack([sp.vstack(rows, format="csr") @ shift, above], format="csr"))
+        rows = sp.csr_array(sp.vstack(rows, format="csr") @ shift)
         low = np.concatenate([np.ones(n), np.zeros(self.size - n)])
         answer = Solution("failed", np.empty(0))
         for spread in (1e4, np.inf):
             high = np.concatenate([np.full(n, spread), np.full(self.size - n, np.inf)])
-            answer = self.lp(np.zeros(self.size), matrix, np.zeros(matrix.shape[0]), bounds=(low, high))
+            program = Program(x=Block(self.size, low=low, high=high))
+            program.below(0.0, x=rows)
+            program.below(0.0, x=above)
+            answer = program.solve(self.lp)
             if answer.outcome != "infeasible":
                 break
-        return Solution("optimal", shift @ answer.x, 0.0) if answer else answer
+        return replace(answer, x=shift @ answer["x"]) if answer else answer
 
     def decreasing(self, rate: float) -> sp.csr_array:
         """Rows that must be negative for the decay rate."""

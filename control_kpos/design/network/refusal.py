@@ -16,25 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cones import Cone, product
-from ...exact.budget import OutOfTimeError, limited_to, seconds_left
+from ...exact.budget import OutOfBudgetError, affords, budget
 from ...exact.matrix import Matrix, dense
 from ...networks.certificate import NetworkCertificate
 from ...networks.certify import violation
 from ...networks.model import NetworkModel, NodeStack
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
+from ..effort import EFFORT
 from ..plant import Plant, read_plant
 from ..result import DesignResult, Nearest
 from ..simplicial.refusal import NoFeedback, decide
-from ..simplicial.search import BELOW, design_on_simplicial
+from ..simplicial.search import BELOW, design_on_simplicial, undecided
 from ..solver import Programs
 from .program import NetworkProgram
 
 Floats = NDArray[np.float64]
 
-_NODES_TRIED, _SECONDS_EACH = 50, 10.0
-# States up to which the whole network is refuted in rational arithmetic, and seconds spent on it.
-_STATES, _SECONDS = 60, 30.0
+_NODES_TRIED = 50
+# States up to which the whole network is refuted in rational arithmetic.
+_STATES = 60
 
 
 def explain_failure(
@@ -64,9 +65,9 @@ def explain_failure(
     proof = _no_local_gains(model, bound, rate, cones, lp)
     if proof is not None:
         message = "the demands on the network as a whole exclude each other."
-        return DesignResult(Status.REFUTED, certificate=proof, message=message, nearest=nearest)
+        return DesignResult(status=Status.REFUTED, certificate=proof, message=message, nearest=nearest)
     lead = "no common gain was found" if program.uniform else "the linear program has no solution"
-    return DesignResult(Status.UNDECIDED, message=f"{lead} ({message}).", nearest=nearest)
+    return undecided(f"{lead} ({message}).", nearest=nearest)
 
 
 def beyond_gains(model: NetworkModel) -> DesignResult | None:
@@ -79,13 +80,13 @@ def beyond_gains(model: NetworkModel) -> DesignResult | None:
         return None
     proof = NetworkCertificate.settle(model=model, witness=found.witness)
     message = "local gains change neither the links nor the input and output matrices of nodes."
-    return DesignResult(proof.status, certificate=proof, message=message)
+    return DesignResult(status=proof.status, certificate=proof, message=message)
 
 
 def _nearest(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
 ) -> Nearest | None:
-    with suppress(OutOfTimeError):
+    with suppress(OutOfBudgetError):
         if rate > 0:
             start, _ = program.start(0.0)
             if start is not None:
@@ -110,7 +111,7 @@ def _blocking_node(
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
             X = cones.get(j, s.X)
-            if seconds_left() <= 0:
+            if not affords():
                 return None
             key = (np.asarray(s.A.values[place]).tobytes(), np.asarray(s.B.values[place]).tobytes(), id(X))
             if key in seen:
@@ -131,8 +132,8 @@ def _blocking_node(
 
 
 def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
-    """The proof that there is no gain, if it takes a few seconds at most."""
-    with suppress(OutOfTimeError), limited_to(_SECONDS_EACH):
+    """The proof that there is no gain, if it takes little effort."""
+    with suppress(OutOfBudgetError), budget(EFFORT["a node of a network alone"]):
         result = design_on_simplicial(plant, rate, lp.on_highs())
         return result if result.status is Status.REFUTED else None
     return None
@@ -147,12 +148,12 @@ def node_system(s: NodeStack, place: int) -> ConeStateSpace:
 def _no_local_gains(
     model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
 ) -> NoFeedback | None:
-    """The proof, if the network is small and time is left; also for one gain for all, which is a special case."""
-    if model.totals[0] > _STATES or seconds_left() <= 0:
+    """The proof, if the network is small and effort is left; also for one gain for all, which is a special case."""
+    if model.totals[0] > _STATES or not affords():
         return None
     lp.stage("deciding in exact arithmetic")
     plant = whole_network(model, bound, cones)
-    with suppress(OutOfTimeError), limited_to(_SECONDS):
+    with suppress(OutOfBudgetError), budget(EFFORT["refusal of a whole network"]):
         return decide(plant, rate * BELOW)[0]
     return None
 

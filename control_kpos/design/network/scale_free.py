@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from ...cones import Cone, orthant
 from ...errors import DataError, ShapeError
-from ...exact.intake import exact_matrix, real_number
+from ...exact.intake import exact_matrix, real_number, seconds
 from ...exact.matrix import Matrix
 from ...networks.any_size import out_weight_certificate
 from ...progress import Reporter, Target
@@ -26,12 +26,12 @@ from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...theorems.positivity import cone_positivity
 from ...theorems.stability import LyapunovCertificate
-from ..limits import within
+from ..effort import within
 from ..plant import Plant, read_plant, require_simplicial
 from ..result import DesignResult
-from ..simplicial.search import design_on_simplicial
+from ..simplicial.search import design_on_simplicial, undecided
 from ..solver import Programs, SolverChoice
-from ..state import read_rate, read_time_limit
+from ..state import read_rate
 
 
 def scale_free_feedback(
@@ -43,7 +43,7 @@ def scale_free_feedback(
     gain_bound: ArrayLike | None = None,
     structure: ArrayLike | None = None,
     solver: SolverChoice = None,
-    time_limit: float = 60.0,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> DesignResult:
     """Find one F that certifies every network of such nodes with link weights summing to at most `weight`.
@@ -81,7 +81,7 @@ def scale_free_feedback(
     >>> bool(d), bool(ring.certificate)
     (True, True)
     """
-    limit, target = read_time_limit(time_limit), read_rate(rate)
+    limit, target = seconds(time_limit), read_rate(rate)
     value = real_number(weight, "weight", nonnegative=True)
 
     def design() -> DesignResult:
@@ -104,11 +104,8 @@ def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> D
     B, C, D = system.exact.matrices[1:]
     ports = cone_positivity(np.eye(plant.n), B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
     if ports.status is Status.REFUTED:
-        return DesignResult(
-            Status.REFUTED,
-            certificate=ports,
-            message="B must lie in X and C in X*, which no feedback changes; choose another cone.",
-        )
+        message = "B must lie in X and C in X*, which no feedback changes; choose another cone."
+        return DesignResult(status=Status.REFUTED, certificate=ports, message=message)
     product = exact_matrix([[weight]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
     plant = replace(plant, coupling=Matrix.from_fractions(product))
     result = design_on_simplicial(plant, target, lp)
@@ -119,5 +116,5 @@ def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> D
     closed = ConeStateSpace(result.closed_loop, X=plant.X, U=orthant(1), Y=orthant(1))
     certificate = out_weight_certificate(closed, weight, coupled)
     if not certificate:
-        return DesignResult(Status.UNDECIDED, message="a gain was found, but the scale-free claim could not be proven.")
+        return undecided("a gain was found, but the scale-free claim could not be proven.")
     return replace(result, certificate=certificate, decay_rate=certificate.decay_rate)

@@ -18,21 +18,23 @@ from ...errors import (
     NotProperConeError,
     ShapeError,
 )
-from ...exact.budget import OVERTIME, SPEED, OutOfTimeError, seconds_left
-from ...exact.intake import flag, items, vector
+from ...exact.budget import OutOfBudgetError, affords, reason, spend
+from ...exact.intake import flag, items, seconds, vector
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, NodeStack, gather
 from ...networks.network import ConeNetwork
 from ...progress import Reporter, Target
+from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ..actuator_loss import loss_of_positivity, node_fractions
-from ..limits import within
+from ..effort import within
 from ..result import DesignResult
+from ..simplicial.search import undecided
 from ..solver import Programs, SolverChoice
-from ..state import read_rate, read_time_limit
+from ..state import read_rate
 from .program import MARGINS, NetworkProgram
 from .refusal import beyond_gains, explain_failure
 from .units import generator_lengths, own_cones
@@ -40,12 +42,13 @@ from .units import generator_lengths, own_cones
 Floats = NDArray[np.float64]
 
 NETWORK_GAIN = "smallest gain max |F_j x_k| over all nodes and generators"
+_NO_POINT = "the linear program has no solution."
 BOUNDED = "largest |F_j x_k| relative to its bound"
 # Entries of the closed loop up to which A + B F is formed in rational arithmetic.
 _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
-# Of a proof, for each entry of A.
-_SECONDS_PER_ENTRY = 2e-6
+# Operations of a proof, for each entry of A.
+_EFFORT_PER_ENTRY = 2e3
 # What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
 _SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
 # Bounds on gains are numbers of a linear program.
@@ -60,7 +63,7 @@ def network_feedback(
     rate: float = 0.0,
     gain_bound: ArrayLike | None = None,
     solver: SolverChoice = None,
-    time_limit: float = 600.0,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> DesignResult:
     """Find local gains u_j = F_j x_j + sum_k W_jk y_k + w_j for which the network is positive and stable.
@@ -115,11 +118,10 @@ def network_feedback(
     >>> bool(d), d.F.shape, d.decay_rate >= 0.5
     (True, (5, 1, 2), True)
     """
-    limit, uniform = read_time_limit(time_limit), flag(uniform, "uniform")
+    limit, uniform = seconds(time_limit), flag(uniform, "uniform")
     target = read_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
-    alarms: list[str] = []
 
     def design() -> DesignResult:
         single = isinstance(systems, (NodeStack, ConeStateSpace))
@@ -132,44 +134,40 @@ def network_feedback(
         cones = own_cones(given)
         with Reporter(progress) as report:
             lp = Programs(solver, report)
-            result, alarm = _designed(model, bound, uniform, float(target), lp, cones)
-        alarms.extend([alarm] if alarm else [])
-        return result
+            return _designed(model, bound, uniform, float(target), lp, cones)
 
-    result = within(limit, design)
-    for alarm in alarms:
-        warnings.warn(alarm, ActuatorLossWarning, stacklevel=2)
+    result = within(limit, design, "network")
+    if result.alarm:
+        warnings.warn(result.alarm, ActuatorLossWarning, stacklevel=2)
     return result
 
 
 def _designed(
     model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, cones: dict[int, Cone]
-) -> tuple[DesignResult, str]:
-    """The design, and a warning about weakened gains or ""."""
+) -> DesignResult:
     lp.stage(f"{model.n_nodes} nodes")
     lengths = generator_lengths(cones, model)
-    result = DesignResult(Status.UNDECIDED)
+
+    def at_margin(margin: float) -> NetworkProgram:
+        return NetworkProgram(model, bound, uniform, lp, margin, lengths)
+
     # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
-    for margin in MARGINS if bound is not None else MARGINS[1:]:
-        program = NetworkProgram(model, bound, uniform, lp, margin, lengths)
-        result, alarm = _design(model, program, bound, rate, lp)
+    margins = MARGINS if bound is not None else MARGINS[1:]
+    attempts = (_design(model, at_margin(margin), bound, rate, lp) for margin in margins if affords())
+    result = undecided(f"{reason()} was reached before gains were found.")
+    for result in attempts:
         if result:
-            return result, alarm
-        if seconds_left() <= 0:
-            break
-    refused = beyond_gains(model) if _effort(model) < seconds_left() + OVERTIME / SPEED else None
-    if seconds_left() <= 0 and refused is None:
-        message = result.message or "the time limit was reached before gains were found."
-        return DesignResult(Status.UNDECIDED, limit=result.limit, message=message), ""
-    if refused is not None or result.message:
-        return (result if refused is None else refused), ""
-    program = NetworkProgram(model, bound, uniform, lp, MARGINS[-1], lengths)
-    return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp), ""
+            return result
+    refused = beyond_gains(model) if affords(_effort(model)) else None
+    if refused is not None or result.message != _NO_POINT:
+        return result if refused is None else refused
+    program = at_margin(MARGINS[-1])
+    return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp)
 
 
 def _effort(model: NetworkModel) -> float:
-    """About the seconds that one proof takes."""
-    return sum(s.A.values.size * (1 + s.sizes[1] / 10) for s in model.stacks) * _SECONDS_PER_ENTRY
+    """Operations that one proof takes, about."""
+    return sum(s.A.values.size * (1 + s.sizes[1] / 10) for s in model.stacks) * _EFFORT_PER_ENTRY
 
 
 def _require_nodes(model: NetworkModel, uniform: bool) -> None:
@@ -210,29 +208,31 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
 
 def _design(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
-) -> tuple[DesignResult, str]:
+) -> DesignResult:
+    """Gains from one program, proven; UNDECIDED with the message _NO_POINT if the program has no solution."""
     start, _ = program.start(rate)
     if start is None:
-        return DesignResult(Status.UNDECIDED), ""
+        return undecided(_NO_POINT)
     points, limit = [start], 1.0
     if bound is None:
         slim, limit = program.smallest_gain(rate, start)
         points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
-    for x in points:
-        for digits in _DIGITS:
-            if seconds_left() <= 0 or _effort(model) > seconds_left() + OVERTIME / SPEED:
-                break
-            lp.stage(f"{model.n_nodes} nodes: proof with gains of {digits} digits")
-            result = _certified(model, program, bound, rate, x, digits, limit)
-            if result is not None:
-                return result
-    message = "gains were found, but the network they make could not be proven."
-    return DesignResult(Status.UNDECIDED, limit=limit, message=message), ""
+
+    def prove(candidate: tuple[Floats, int]) -> DesignResult | None:
+        spend(_effort(model))
+        lp.stage(f"{model.n_nodes} nodes: proof with gains of {candidate[1]} digits")
+        return _certified(model, program, bound, rate, *candidate, limit)
+
+    with suppress(OutOfBudgetError):
+        found = first_proven(((x, digits) for x in points for digits in _DIGITS), prove)
+        if found is not None:
+            return found
+    return undecided("gains were found, but the network they make could not be proven.", limit=limit)
 
 
 def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: float, lp: Programs) -> Floats | None:
     """A point with a little more gain than the smallest, and as wide margins as that allows."""
-    with suppress(OutOfTimeError):
+    with suppress(OutOfBudgetError):
         for margin in _WIDE if limit > 0 else ():
             wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
             point, _ = wide.start(rate, limit * (1 + _SLACK))
@@ -249,7 +249,7 @@ def _certified(
     x: Floats,
     digits: int,
     limit: float,
-) -> tuple[DesignResult, str] | None:
+) -> DesignResult | None:
     gains = [round_to(F, digits) for F in program.gains(x)]
     if program.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
@@ -283,19 +283,19 @@ def _certified(
             f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most "
             f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
         )
-    result = DesignResult(
-        Status.PROVED,
-        _shaped(model, program, gains),
-        network,
-        certificate,
-        NETWORK_GAIN if bound is None else BOUNDED,
-        value,
-        limit,
-        max(reached, rate),
-        fraction,
+    return DesignResult(
+        status=Status.PROVED,
+        F=_shaped(model, program, gains),
+        closed_loop=network,
+        certificate=certificate,
+        objective=NETWORK_GAIN if bound is None else BOUNDED,
+        value=value,
+        limit=limit,
+        decay_rate=max(reached, rate),
+        certified_fraction=fraction,
         notes=tuple(notes),
+        alarm=loss_of_positivity(model, invariant, fraction),
     )
-    return result, loss_of_positivity(model, invariant, fraction)
 
 
 def round_to(F: Floats, digits: int) -> Floats:

@@ -21,17 +21,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.budget import seconds_left
+from ...exact.budget import affords
+from ...exact.program import Block, Program, Solver
 from ..plant import Floats, Plant
-from ..simplicial.ratio import TIERS, Solver
-from ..simplicial.rows import (
-    assembled,
-    bordered,
-    diagonals,
-    products,
-    scaled_rows,
-    stacked,
-)
+from ..simplicial.rows import products, scaled_rows, stacked
 
 _RHO = 1e-2
 _SHIFTS = (1.0, 0.1, 0.01, 1e-4)
@@ -59,7 +52,7 @@ class GainProgram:
     plant : Plant
         On any proper polyhedral cone.
     lp : callable
-        As `control_kpos.linear_programs.solve`.
+        As `control_kpos.exact.programs.solve`.
     """
 
     def __init__(self, plant: Plant, lp: Solver) -> None:
@@ -76,7 +69,7 @@ class GainProgram:
         sizes = [np.abs(plant.facets @ A @ plant.rays.T).max() for A, _ in plant.pairs]
         self.unit = max(sizes) / max(inputs) if max(inputs) > 0 and max(sizes) > 0 else 1.0
 
-    def _coefficients(self, left: Floats, k: NDArray[np.intp]) -> Any:
+    def coefficients(self, left: Floats, k: NDArray[np.intp]) -> Any:
         """Rows of left_r' L R x_k(r) over the free entries of L."""
         return products(left, self.seen, k, self.free)
 
@@ -87,13 +80,13 @@ class GainProgram:
         i, k = np.nonzero(plant.incidence)
         rows, constants = [], []
         for A, B in plant.pairs:
-            rows.append(self._coefficients((plant.facets @ B)[i], k))
+            rows.append(self.coefficients((plant.facets @ B)[i], k))
             constants.append((plant.facets @ A @ plant.rays.T)[i, k])
         if plant.ports:
             C, D = (np.asarray(M.values) for M in plant.system.exact.matrices[2:])
             facets = np.asarray(plant.system.Y.facets)
             a, b = (index.ravel() for index in np.indices((len(facets), len(plant.rays))))
-            rows.append(self._coefficients((facets @ D)[a], b))
+            rows.append(self.coefficients((facets @ D)[a], b))
             constants.append((facets @ C @ plant.rays.T)[a, b])
         return stacked(*rows), np.concatenate(constants)
 
@@ -101,83 +94,70 @@ class GainProgram:
     def inputs(self) -> tuple[Any, NDArray[np.intp]]:
         """Rows of (L R x_k)_j over the free entries, and j for each."""
         j, k = (index.ravel() for index in np.indices((self.plant.m, len(self.plant.rays))))
-        return self._coefficients(np.eye(self.plant.m)[j], k), j
+        return self.coefficients(np.eye(self.plant.m)[j], k), j
 
     @cached_property
     def _both(self) -> Any:
         return stacked(self.inputs[0], -self.inputs[0])
 
-    def _bounds(self) -> tuple[Any, Floats]:
-        """Rows and right-hand sides of |L R x_k| <= bound, or a very large box."""
+    def invariant(self, most: float = np.inf, *, cost: Floats | float = 0.0) -> Program:
+        """A program over the free entries: invariance, and |L R x_k| <= bound, or a very large box, or `most`."""
+        G, g = self.invariance
+        program = Program(gain=Block(len(self.free), cost=cost))
+        program.above(-g, gain=G)
+        program.below(np.minimum(self._limits(), most), gain=self._both)
+        return program
+
+    def _limits(self) -> Floats:
         j = self.inputs[1]
         bound = np.full(self.plant.m, _BOX * self.unit) if self.plant.gain_bound is None else self.plant.gain_bound
-        return self._both, np.concatenate([bound[j], bound[j]])
+        return np.concatenate([bound[j], bound[j]])
 
-    def _stability(self, v: Floats) -> tuple[Any, Floats, Floats]:
+    def stability(self, v: Floats) -> tuple[Any, Floats, Floats]:
         """(S, s, w): v'(drift + B L R) x_k = S l + s, and w = v'x_k."""
         k = np.arange(len(self.plant.rays))
-        rows = [self._coefficients(np.tile(v @ B, (len(k), 1)), k) for _, B in self.plant.pairs]
+        rows = [self.coefficients(np.tile(v @ B, (len(k), 1)), k) for _, B in self.plant.pairs]
         constants = [self.plant.rays @ (v @ M) for M in self.drifts]
         weights = np.tile(self.plant.rays @ v, len(rows))
         return stacked(*rows), np.concatenate(constants), weights
 
     def any_invariant(self) -> bool | None:
         """Whether some gain keeps X invariant within the bounds; None if the solver failed."""
-        G, g = self.invariance
-        bounds, right = self._bounds()
-        answer = self.lp(
-            np.zeros(len(self.free)), stacked(-G, bounds), np.concatenate([g, right]), bounds=(-np.inf, np.inf)
-        )
-        return {"optimal": True, "infeasible": False}.get(answer.outcome)
+        return {"optimal": True, "infeasible": False}.get(self.invariant().solve(self.lp).outcome)
 
-    def fastest(self, v: Floats, ceiling: float, most: float | None = None) -> Iterate | None:
-        """Gain of largest decay rate (up to `ceiling`) for this v, with |L R x_k| <= most if given."""
-        G, g = self.invariance
-        bounds, right = self._bounds()
-        if most is not None:
-            right = np.minimum(right, most)
-        S, s, w = self._stability(v)
-        rows = bordered(stacked(-G, bounds), S, w)
-        cost = np.append(_RHO * scaled_rows(S, 1 / w).sum(axis=0) / len(w), -1.0)
-        low = np.full(len(cost), -np.inf)
-        high = np.append(np.full(len(self.free), np.inf), ceiling)
-        answer = self.lp(cost, rows, np.concatenate([g, right, -s]), bounds=(low, high))
-        if not answer:
-            return None
-        return Iterate(self._fill(answer.x[:-1]), v, float(answer.x[-1]))
+    def fastest(self, v: Floats, ceiling: float, most: float = np.inf) -> Iterate | None:
+        """Gain of largest decay rate (up to `ceiling`) for this v, with |L R x_k| <= most."""
+        S, s, w = self.stability(v)
+        program = self.invariant(most, cost=_RHO * scaled_rows(S, 1 / w).sum(axis=0) / len(w))
+        program.add(rate=Block(1, high=ceiling, cost=-1.0))
+        program.below(-s, gain=S, rate=w)
+        answer = program.solve(self.lp)
+        return Iterate(self.fill(answer["gain"]), v, float(answer["rate"][0])) if answer else None
 
     def smallest(self, v: Floats, rate: float) -> tuple[Iterate, float] | None:
         """Gain of smallest max |L R x_k| that has this decay rate with this v."""
-        G, g = self.invariance
-        bounds, right = self._bounds()
-        S, s, w = self._stability(v)
-        both = self._both
-        rows = bordered(stacked(-G, bounds, S), both, -np.ones(both.shape[0]))
-        limits = np.concatenate([g, right, -s - rate * w, np.zeros(both.shape[0])])
-        cost = np.append(np.zeros(len(self.free)), 1.0)
-        answer = self.lp(cost, rows, limits, bounds=(-np.inf, np.inf))
-        if not answer:
-            return None
-        return Iterate(self._fill(answer.x[:-1]), v, rate), float(answer.x[-1])
+        S, s, w = self.stability(v)
+        program = self.invariant()
+        program.add(largest=Block(1, cost=1.0))
+        program.below(-s - rate * w, gain=S)
+        program.below(0.0, gain=self._both, largest=-np.ones(self._both.shape[0]))
+        answer = program.solve(self.lp)
+        return (Iterate(self.fill(answer["gain"]), v, rate), float(answer["largest"][0])) if answer else None
 
     def centred(self, v: Floats, rate: float, most: float) -> Floats | None:
-        """Gain within `most` with a slack of its own in every inequality; see `ratio.spread_margins`."""
+        """Gain within `most` with a slack of its own in every inequality; see `Program.spread`."""
         G, g = self.invariance
-        bounds, right = self._bounds()
-        S, s, w = self._stability(v)
+        S, s, w = self.stability(v)
         size = abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
         scale = np.concatenate([np.where(size > 0, size, 1.0), w * max(self.plant.scale, rate)])
-        slack = diagonals([scale * tier for tier in TIERS])
-        count, free = slack.shape[1], len(self.free)
-        rows = assembled([[stacked(-G, S), slack], [bounds, None]])
-        limits = np.concatenate([g, -s - rate * w, np.minimum(right, most)])
-        cost = np.concatenate([np.zeros(free), -np.ones(count)])
-        low = np.concatenate([np.full(free, -np.inf), np.zeros(count)])
-        high = np.concatenate([np.full(free, np.inf), np.ones(count)])
-        answer = self.lp(cost, rows, limits, bounds=(low, high))
-        return self._fill(answer.x[:free]) if answer else None
+        program = Program(gain=Block(len(self.free)))
+        program.spread(np.concatenate([-g, s + rate * w]), scale, gain=stacked(G, -S))
+        program.below(np.minimum(self._limits(), most), gain=self._both)
+        answer = program.solve(self.lp)
+        return self.fill(answer["gain"]) if answer else None
 
-    def _fill(self, entries: Floats) -> Floats:
+    def fill(self, entries: Floats) -> Floats:
+        """The gain with these free entries."""
         out = np.zeros(self.shape[0] * self.shape[1])
         out[self.free] = entries
         return out.reshape(self.shape)
@@ -231,21 +211,22 @@ class GainProgram:
         n = self.plant.n
         low, high, best = -2 * self.plant.scale * n, 2 * self.plant.scale * n, None
         for _ in range(24):
-            if seconds_left() <= 0:
+            if not affords():
                 break
             rate = (low + high) / 2
-            rows = np.concatenate([rays @ (M.T + rate * np.eye(n)) for M in loops] + [-rays])
-            right = np.concatenate([np.zeros(len(loops) * len(rays)), -np.ones(len(rays))])
-            answer = self.lp(np.zeros(n), rows, right, bounds=(-np.inf, np.inf))
+            program = Program(v=Block(n))
+            program.below(0.0, v=np.concatenate([rays @ (M.T + rate * np.eye(n)) for M in loops]))
+            program.above(1.0, v=rays)
+            answer = program.solve(self.lp)
             if answer:
-                low, best = rate, answer.x
+                low, best = rate, answer["v"]
             else:
                 high = rate
         return best
 
     # -- iterations
 
-    def speed_up(self, v: Floats, ceiling: float, goal: float = np.inf, most: float | None = None) -> Iterate | None:
+    def speed_up(self, v: Floats, ceiling: float, goal: float = np.inf, most: float = np.inf) -> Iterate | None:
         """Alternate from v until the decay rate exceeds `goal` or stops growing."""
         best = self.fastest(v, ceiling, most)
         if best is None:

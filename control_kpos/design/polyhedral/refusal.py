@@ -15,20 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cones import Cone
-from ...errors import DataError, TooLargeError
-from ...exact.budget import OVERTIME, SPEED, seconds_left
+from ...errors import DataError
+from ...exact.budget import affords, spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
-from ...exact.rational_programs import exact_feasibility
+from ...exact.program import alternative
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
 from ...proof.files import register_record
-from ..plant import (
-    SECONDS_PER_ENTRY,
-    SECONDS_TO_CHECK,
-    Plant,
-    within_doubles,
-)
+from ..plant import EFFORT_PER_ENTRY, EFFORT_TO_CHECK, Plant, within_doubles
 
 
 @register_record
@@ -138,18 +133,14 @@ def no_invariance(plant: Plant) -> NoInvariance | None:
     }
     pairs = np.prod(plant.X.incidence.shape) * len(plant.A)
     entries = pairs * (1 + pattern.sum())
-    if entries * SECONDS_PER_ENTRY > seconds_left():
+    if not affords(entries * EFFORT_PER_ENTRY):
         return None
+    spend(entries * EFFORT_PER_ENTRY)
     rows, constants = NoInvariance(**data).rows()
-    matrix = np.concatenate([rows.T, constants[None, :]])
-    right = np.array([0] * rows.shape[1] + [-1], dtype=object)
-    try:
-        weights, _ = exact_feasibility(
-            Matrix.from_fractions(matrix),
-            Matrix.from_fractions(right),
-        )
-    except (TooLargeError, DataError):
+    # G l + g >= 0 is [G g](l, s) >= 0 with s > 0
+    unit = np.array([[0] * rows.shape[1] + [1]], dtype=object)
+    homogeneous = np.concatenate([np.concatenate([rows, constants[:, None]], axis=1), unit])
+    weights, _ = alternative(homogeneous, np.arange(len(homogeneous)) == len(rows))
+    if weights is None or not affords(entries * EFFORT_TO_CHECK):
         return None
-    if weights is None or entries * SECONDS_TO_CHECK > seconds_left() + OVERTIME / SPEED:
-        return None
-    return NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights)))
+    return NoInvariance.settle(**data, witness=PairMultipliers(tuple(weights[:-1])))

@@ -13,20 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from ...exact.budget import OutOfTimeError, seconds_left
+from ...exact.budget import OutOfBudgetError, affords, reason
+from ...exact.program import Block, Program
+from ...exact.programs import program_effort
+from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept
 from ..modes import controllability_notes
 from ..plant import Floats, Plant
 from ..result import DesignResult, Nearest
-from ..simplicial.program import gain_of
-from ..simplicial.rows import SECONDS_PER_ENTRY
 from ..simplicial.search import (
     GAIN_SLACK,
     LARGEST_RATE,
+    RATE_SHARES,
     SMALLEST_GAIN,
+    UNLIMITED,
     exact_design,
     succeed,
+    undecided,
     without_feedback,
 )
 from ..solver import Programs
@@ -35,7 +39,6 @@ from .refusal import no_invariance
 
 # Starting vectors for any gain, and for the largest rate, which is a local optimum.
 _STARTS, _MANY_STARTS = 6, 12
-_MAX_RATE_SHARE = 0.999
 
 
 def design_by_alternation(
@@ -59,9 +62,8 @@ def design_by_alternation(
         proof = no_invariance(plant)
         if proof is not None:
             notes = tuple(controllability_notes(plant))
-            return DesignResult(
-                Status.REFUTED, certificate=proof, message="invariance alone is impossible.", notes=notes
-            )
+            message = "invariance alone is impossible."
+            return DesignResult(status=Status.REFUTED, certificate=proof, message=message, notes=notes)
     if rate == "max":
         return _fastest(plant, program, lp, hints)
     return _any_rate(plant, program, lp, float(rate), hints)
@@ -72,7 +74,7 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
     ceiling = 2 * rate + plant.scale
     best: tuple[Accepted, float] | None = None
     fastest = -np.inf
-    with suppress(OutOfTimeError):
+    with suppress(OutOfBudgetError):
         for number, v in enumerate(program.starts(_STARTS, hints)):
             lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}")
             found = program.speed_up(v, ceiling, goal)
@@ -81,13 +83,14 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
             fastest = max(fastest, found.rate)
             if found.rate <= goal:
                 continue
-            for gain in _candidates(program, found, rate, goal):
-                accepted = accept(plant, gain, rate=rate, x=_inside(plant, lp, gain))
-                if accepted is not None:
-                    size = _size(plant, accepted.F)
-                    if best is None or size < best[1]:
-                        best = accepted, size
-                    break
+            accepted = first_proven(
+                _candidates(program, found, rate, goal),
+                lambda gain: accept(plant, gain, rate=rate, x=_inside(plant, lp, gain)),
+            )
+            if accepted is not None:
+                size = plant.gain_of(accepted.F)
+                if best is None or size < best[1]:
+                    best = accepted, size
             if best is not None and number >= 1 + len(hints):
                 break
     if best is not None:
@@ -99,13 +102,8 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hin
     reached = (
         "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {fastest + 0.0:.6g}"
     )
-    ended = "the alternation gave up" if seconds_left() > 0 else "the alternation reached its time limit"
-    return DesignResult(
-        Status.UNDECIDED,
-        message=f"{ended}; {reached}.",
-        nearest=nearest,
-        notes=tuple(controllability_notes(plant)),
-    )
+    ended = "the alternation gave up" if affords() else f"{reason()} ended the alternation"
+    return undecided(f"{ended}; {reached}.", plant, nearest=nearest)
 
 
 def _unstructured_refutation(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
@@ -134,48 +132,35 @@ def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) 
 def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floats, ...]) -> DesignResult:
     ceiling = 1e5 * plant.scale
     best: Iterate | None = None
-    with suppress(OutOfTimeError):
+    with suppress(OutOfBudgetError):
         for number, v in enumerate(program.starts(_MANY_STARTS, hints)):
             lp.stage(f"vector {number + 1} of {_MANY_STARTS + len(hints)}")
             found = program.speed_up(v, ceiling)
             if found is not None and (best is None or found.rate > best.rate):
                 best = found
     if best is None or best.rate <= 0:
-        return (
-            DesignResult(
-                Status.UNDECIDED,
-                objective=LARGEST_RATE,
-                message="the alternation gave up: it found no gain that is invariant and stable.",
-                notes=tuple(controllability_notes(plant)),
-            )
-            if (proof := _unstructured_refutation(plant, 0.0, lp)) is None
-            else proof
-        )
+        message = "the alternation gave up: it found no gain that is invariant and stable."
+        proof = _unstructured_refutation(plant, 0.0, lp)
+        return undecided(message, plant, objective=LARGEST_RATE) if proof is None else proof
     if best.rate >= ceiling * (1 - 1e-6):
-        return DesignResult(
-            Status.UNDECIDED,
-            objective=LARGEST_RATE,
-            limit=np.inf,
-            message="nothing limits the decay rate; give gain_bound, or the rate you need.",
-        )
-    for share in (_MAX_RATE_SHARE, 0.99, 0.9):
-        result = _any_rate(plant, program, lp, best.rate * share, (best.v,))
-        if result:
-            return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=best.rate)
-    return result
+        return undecided(UNLIMITED, objective=LARGEST_RATE, limit=np.inf)
+    limit, v = best.rate, best.v
+    result = first_proven(RATE_SHARES, lambda share: _any_rate(plant, program, lp, limit * share, (v,)))
+    if result is None:
+        return undecided(f"gains with a decay rate up to {limit:.6g} were found, but none was proven.", plant)
+    return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=limit)
 
 
 def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
     """A vector inside X that every vertex may map inwards: a candidate for the common vector."""
     if len(plant.A) == 1:
         return None
-    full = gain if plant.C is None else gain @ np.asarray(plant.C.values)
-    return common_vector(plant, lp, [A + B @ full for A, B in plant.pairs])
+    return common_vector(plant, lp, [A + B @ plant.on_states(gain) for A, B in plant.pairs])
 
 
 def common_vector(plant: Plant, lp: Programs, loops: list[Any]) -> Floats | None:
     """x inside X with A_s x inside -X for every closed loop, in floating point, or None."""
-    if (len(loops) + 1) * len(plant.facets) * len(plant.rays) * SECONDS_PER_ENTRY > seconds_left():
+    if not affords(program_effort((len(loops) + 1) * len(plant.facets), len(plant.rays))):
         return None
     heights = (plant.facets @ plant.rays.T).max(axis=1)
     H = plant.facets / heights[:, None]
@@ -183,14 +168,9 @@ def common_vector(plant: Plant, lp: Programs, loops: list[Any]) -> Floats | None
     rows = np.concatenate([H @ (M - eye) for M in loops])
     # x = sum of generators with coefficients; maximise the common margin
     inside = plant.rays.T
-    block = np.block([[rows @ inside, np.full((len(rows), 1), plant.scale)], [-H @ inside, np.ones((len(H), 1))]])
-    cost = np.append(np.zeros(len(plant.rays)), -1.0)
-    low = np.append(np.zeros(len(plant.rays)), 0.0)
-    high = np.append(np.ones(len(plant.rays)), np.inf)
-    answer = lp(cost, block, np.zeros(len(block)), bounds=(low, high))
-    return inside @ answer.x[:-1] if answer and answer.x[-1] > 0 else None
-
-
-def _size(plant: Plant, F: Floats) -> float:
-    full = F if plant.C is None else F @ np.asarray(plant.C.values)
-    return gain_of(full, plant.rays)
+    coefficients = Block(len(plant.rays), low=0.0, high=1.0)
+    program = Program(coefficients=coefficients, margin=Block(1, low=0.0, cost=-1.0))
+    program.above(0.0, np.full(len(rows), plant.scale), coefficients=-rows @ inside)
+    program.above(0.0, np.ones(len(H)), coefficients=H @ inside)
+    answer = program.solve(lp)
+    return inside @ answer["coefficients"] if answer and answer["margin"][0] > 0 else None

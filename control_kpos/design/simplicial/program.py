@@ -14,7 +14,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import seconds_left
+from ...exact.budget import affords, reason
+from ...exact.program import Solver
 from ..plant import Floats, Plant
 from .inequalities import (
     feedback_inequalities,
@@ -22,20 +23,9 @@ from .inequalities import (
     gain_rows,
     split,
 )
-from .ratio import (
-    Solver,
-    first_point,
-    minimise_ratio,
-    satisfies,
-    spread_margins,
-)
+from .ratio import first_point, minimise_ratio, satisfies, spread_margins
 from .refusal import output_rows
-from .rows import (
-    compact,
-    require_room,
-    scaled_rows,
-    stacked,
-)
+from .rows import compact, scaled_rows, spend_on_entries, stacked
 
 # Decay demanded beyond the required one, relative to the size of the plant on the cone; a cone that is nearly
 # flat makes that size large, so smaller ones are tried as well.
@@ -71,14 +61,14 @@ class SimplicialProgram:
     free : ndarray of bool, shape (n, m)
         Which F t_k may differ from zero.
     lp : callable
-        As `control_kpos.linear_programs.solve`.
+        As `control_kpos.exact.programs.solve`.
     """
 
     def __init__(self, plant: Plant, free: NDArray[np.bool_], lp: Solver) -> None:
         self.plant, self.lp, self.n, self.m = plant, lp, plant.n, plant.m
         self.strict, self.free = _STRICT[0], free
         n, m = self.n, self.m
-        require_room(2.0 * len(plant.A) * n * n * (1 + m))
+        spend_on_entries(2.0 * len(plant.A) * n * n * (1 + m))
         facets = plant.facets / np.einsum("ij,ij->i", plant.facets, plant.rays)[:, None]
         coupled = None
         if plant.coupling is not None:
@@ -121,14 +111,15 @@ class SimplicialProgram:
     def _theta(self, rate: float) -> float:
         return (1.0 if self.plant.discrete else 0.0) - rate - self.strict * self.plant.scale
 
-    def _decreasing(self, rate: float) -> Any:
+    def decreasing(self, rate: float) -> Any:
+        """Rows that must be negative for the decay rate."""
         return self.drift - self._theta(rate) * self.weights
 
-    def _fixed(self, rate: float | None, gain: float | None = None) -> Any:
+    def fixed(self, rate: float | None, gain: float | None = None) -> Any:
         """Rows that must not be positive; `rate` None leaves stability out."""
         parts = [-self.closed, self.bounds]
         if rate is not None:
-            parts.append(self._decreasing(rate))
+            parts.append(self.decreasing(rate))
         if gain is not None:
             parts.append(self.slope - gain * self.level)
         return stacked(*parts)
@@ -143,14 +134,14 @@ class SimplicialProgram:
         """
         failure = Failure("no linear program was tried")
         for self.strict in _STRICT if rate is not None else _STRICT[:1]:
-            if seconds_left() <= 0:
-                return Failure("the time limit has passed", solver=True)
-            fixed = self._fixed(rate)
+            if not affords():
+                return Failure(f"{reason()} was reached", solver=True)
+            fixed = self.fixed(rate)
             answer = first_point(fixed, self.slope, self.owner, self.lp)
             if not answer:
                 failure = Failure(answer.message or answer.outcome, solver=answer.outcome != "infeasible")
                 continue
-            x = answer.x[:-1]
+            x = answer["x"]
             if (x[: self.n] > 0).all() and satisfies(fixed, x):
                 return x
             failure = Failure("the solver returned a point that violates the program", solver=True)
@@ -192,7 +183,7 @@ class SimplicialProgram:
 
     def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:
         """Point of smallest max |F t_k| at this rate, and that gain."""
-        x, gain = minimise_ratio(self._fixed(rate), self.slope, self.level, self.owner, self.lp, start=start)
+        x, gain = minimise_ratio(self.fixed(rate), self.slope, self.level, self.owner, self.lp, start=start)
         return x, max(gain, 0.0)
 
     def largest_rate(
@@ -200,7 +191,7 @@ class SimplicialProgram:
     ) -> tuple[Floats, float]:
         """Point of largest decay rate, with |F t_k| <= gain if given; the rate is inf if nothing limits it."""
         stop = -np.inf if self.plant.discrete else -_UNBOUNDED * self.plant.scale
-        fixed = self._fixed(None, gain)
+        fixed = self.fixed(None, gain)
         x, theta = minimise_ratio(
             fixed, self.drift, self.weights, self.owner, self.lp, start=start, stop=stop, tolerance=tolerance
         )
@@ -219,7 +210,7 @@ class SimplicialProgram:
             return start
         x, rate = self.largest_rate(start)
         step = max(abs(rate), 0.1 * self.plant.scale)
-        while np.isfinite(rate) and step > 1e-4 * max(abs(rate), 1e-3 * self.plant.scale) and seconds_left() > 0:
+        while np.isfinite(rate) and step > 1e-4 * max(abs(rate), 1e-3 * self.plant.scale) and affords():
             higher = self.start(rate + step)
             if isinstance(higher, Failure):
                 step /= 4
@@ -229,8 +220,8 @@ class SimplicialProgram:
 
     def centred(self, rate: float, gain: float | None, x: Floats) -> Floats:
         """A point near x with margins wherever they are free."""
-        rows = stacked(self.closed, -self._decreasing(rate))
-        return spread_margins(self._fixed(rate, gain), rows, x, self.owner, self.lp)
+        rows = stacked(self.closed, -self.decreasing(rate))
+        return spread_margins(self.fixed(rate, gain), rows, x, self.owner, self.lp)
 
     def read(self, x: Floats) -> tuple[Floats, Floats]:
         """F, and a vector inside X that A + B F maps inwards."""
@@ -238,8 +229,3 @@ class SimplicialProgram:
         full[self.kept] = x
         xi, G = split(full, self.n, self.m)
         return gain_from_columns(G, self.plant.rays), xi @ self.plant.rays
-
-
-def gain_of(F: Any, rays: Floats) -> float:
-    """max |F x_k| over inputs and generators."""
-    return float(np.abs(np.asarray(F, dtype=float) @ rays.T).max(initial=0.0))

@@ -16,21 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...cones import Cone
-from ...errors import DataError, TooLargeError
-from ...exact.budget import OVERTIME, SPEED, seconds_left
+from ...errors import DataError
+from ...exact.budget import affords, spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
-from ...exact.rational_programs import exact_feasibility
+from ...exact.program import alternative
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
 from ...proof.files import register_record
-from ..plant import (
-    SECONDS_PER_ENTRY,
-    SECONDS_TO_CHECK,
-    Plant,
-    column_freedom,
-    exact_geometry,
-)
+from ..plant import EFFORT_PER_ENTRY, EFFORT_TO_CHECK, Plant, column_freedom, exact_geometry
 from .inequalities import (
     Inequalities,
     column_rows,
@@ -39,8 +33,8 @@ from .inequalities import (
 )
 from .repair import repaired_multipliers
 
-# Of products of fractions, of data as they are given and with facets that have thousands of digits.
-_SECONDS_PER_PRODUCT = 1e-5, 9e-5
+# Operations of a product of fractions, of data as they are given and with facets that have thousands of digits.
+_EFFORT_PER_PRODUCT = 1e4, 9e4
 
 
 @register_record
@@ -244,9 +238,10 @@ def decide(
     """
     free = column_freedom(plant)
     entries, long = _entries(plant, ports), plant.X.exact_facets.integer_rows is not None
-    products = len(plant.A) * plant.n**3 * _SECONDS_PER_PRODUCT[long]
-    if free is None or entries * SECONDS_PER_ENTRY + products > seconds_left():
+    products = len(plant.A) * plant.n**3 * _EFFORT_PER_PRODUCT[long]
+    if free is None or not affords(entries * EFFORT_PER_ENTRY + products):
         return None, None
+    spend(entries * EFFORT_PER_ENTRY + products)
     q = exact_inequalities(plant, ports)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
     first = len(q.closed)
@@ -254,17 +249,9 @@ def decide(
     owner = np.concatenate([np.arange(q.n), np.repeat(np.arange(q.n), q.m)])[kept]
     multipliers, solution = repaired_multipliers(rows, owner, q.n, strict), None
     if multipliers is None:
-        matrix = np.concatenate([rows.T, strict.astype(int).astype(object)[None, :]])
-        right = np.array([0] * rows.shape[1] + [1], dtype=object)
-        try:
-            multipliers, solution = exact_feasibility(
-                Matrix.from_fractions(matrix),
-                Matrix.from_fractions(right),
-            )
-        except (TooLargeError, DataError):  # too much work, or numbers beyond the range of doubles
-            return None, None
+        multipliers, solution = alternative(rows, strict)
     if multipliers is not None:
-        if entries * SECONDS_TO_CHECK + products > seconds_left() + OVERTIME / SPEED:
+        if not affords(entries * EFFORT_TO_CHECK + products):
             return None, None
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]
@@ -284,5 +271,5 @@ def decide(
     if solution is None:
         return None, None
     x = np.full(q.size, Fraction(0), dtype=object)
-    x[kept] = solution[:-1]
+    x[kept] = solution
     return None, x

@@ -17,9 +17,10 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import seconds_left
+from ...exact.budget import affords
 from ...exact.linalg import solve_exactly
-from ...exact.programs import balance, solve
+from ...exact.program import Block, Program
+from ...exact.programs import balance
 
 Rationals = NDArray[np.object_]
 
@@ -58,13 +59,13 @@ def _exact(
     strict: NDArray[np.bool_],
     room: float,
 ) -> Rationals | None:
-    found = _proposal(values, n, strict, room) if seconds_left() > 0 else None
+    found = _proposal(values, n, strict, room) if affords() else None
     if found is None:
         return None
     chosen = np.array([Fraction(x) for x in found.tolist()], dtype=object)
     chosen[-n:] = Fraction(0)
     for k in range(n):
-        if seconds_left() <= 0:
+        if not affords():
             return None
         own = np.flatnonzero(owner[n:] == k) + n
         if own.size and not _settle(exact, values, chosen, found, own, len(exact) - n):
@@ -103,19 +104,15 @@ def _proposal(
     values: NDArray[np.float64], n: int, strict: NDArray[np.bool_], most: float
 ) -> NDArray[np.float64] | None:
     """Multipliers in doubles with as much room as possible where xi > 0 takes up the rest."""
-    count, width = values.shape
-    equations = np.zeros((width + 1, count + n))
-    equations[:width, :count] = values.T
-    equations[width, :count] = strict
-    room = np.hstack([np.zeros((n, count - n)), -np.eye(n), np.eye(n)])
-    cost = np.concatenate([np.zeros(count), -np.ones(n)])
-    high = np.concatenate([np.full(count, np.inf), np.full(n, most)])
-    sums = np.append(np.zeros(width), 1.0)
-    box = np.zeros(count + n), high
-    answer = solve(cost, room, np.zeros(n), equations, sums, bounds=box)
+    count = len(values)
+    program = Program(multipliers=Block(count, low=0.0), room=Block(n, low=0.0, high=most, cost=-1.0))
+    program.below(0.0, multipliers=np.hstack([np.zeros((n, count - n)), -np.eye(n)]), room=np.eye(n))
+    program.equal(0.0, multipliers=values.T)
+    program.equal(1.0, multipliers=strict[None, :])
+    answer = program.solve()
     if not answer:
         return None
-    out = answer.x[:count]
+    out = answer["multipliers"]
     return np.where(out > _TINY * out.max(), out, 0.0)
 
 

@@ -1,43 +1,41 @@
-"""Matrices of linear programs: dense while they are small, sparse where most entries are zero and there are many.
+"""Rows of linear programs: dense while they are small, sparse where most entries are zero and there are many.
 
-Functions here take either kind and return the kind they were given; a sparse block makes the whole sparse.
+Functions here take either kind and return the kind they were given.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import require_seconds
+from ...exact.budget import spend
+from ...exact.program import SMALL
 
 Floats = NDArray[np.float64]
 
-# Entries up to which dense matrices are faster.
-_SMALL = 30_000
-# Seconds that it takes to assemble and to scale a program, for each entry that is not zero, in all its copies.
-SECONDS_PER_ENTRY = 1.5e-7
+# Operations that it takes to assemble and to scale a program, for each entry that is not zero, in all its copies.
+_EFFORT = 150.0
 # Entries of a program beyond which memory ends before patience does.
 _MOST_ENTRIES = 10**8
 
 
-def require_room(entries: float) -> None:
-    """Raise OutOfTimeError unless a program of so many entries can be set up within the time limit.
+def spend_on_entries(entries: float) -> None:
+    """Count the operations that it takes to set up a program with so many entries that are not zero.
 
-    Parameters
-    ----------
-    entries : float
-        That are not zero.
+    Raises
+    ------
+    OutOfBudgetError
+        If they are not left, or memory would not hold it.
     """
-    require_seconds(entries * SECONDS_PER_ENTRY if entries <= _MOST_ENTRIES else np.inf)
+    spend(entries * _EFFORT if entries <= _MOST_ENTRIES else np.inf)
 
 
 def compact(rows: Any) -> Any:
     """Small sparse matrices as dense ones."""
-    return rows.toarray() if sp.issparse(rows) and rows.shape[0] * rows.shape[1] <= _SMALL else rows
+    return rows.toarray() if sp.issparse(rows) and rows.shape[0] * rows.shape[1] <= SMALL else rows
 
 
 def entry_rows(data: Floats, columns: NDArray[np.intp], width: int) -> sp.csr_array:
@@ -58,11 +56,11 @@ def products(left: Floats, right: Floats, k: NDArray[np.intp], free: NDArray[np.
     """
     count, m = left.shape
     width = right.shape[1]
-    if count * m * width <= _SMALL:
+    if count * m * width <= SMALL:
         return (left[:, :, None] * right[k][:, None, :]).reshape(count, m * width)[:, free]
     # only pairs of entries that are not zero
     held = np.count_nonzero(right, axis=1)
-    require_room(float(np.count_nonzero(left, axis=1) @ held[k]))
+    spend_on_entries(float(np.count_nonzero(left, axis=1) @ held[k]))
     r, j = np.nonzero(left)
     l = np.nonzero(right)[1]
     starts = np.cumsum(held) - held
@@ -85,25 +83,6 @@ def stacked(*parts: Any) -> Any:
     return np.concatenate(parts)
 
 
-def assembled(blocks: Sequence[Sequence[Any]]) -> Any:
-    """A matrix of blocks; None stands for zeros."""
-    if any(sp.issparse(block) for row in blocks for block in row):
-        return sp.csr_array(sp.block_array(blocks, format="csr"))
-    heights = [next(block.shape[0] for block in row if block is not None) for row in blocks]
-    widths = [next(block.shape[1] for block in column if block is not None) for column in zip(*blocks, strict=True)]
-    return np.block(
-        [
-            [np.zeros((height, width)) if block is None else block for block, width in zip(row, widths, strict=True)]
-            for row, height in zip(blocks, heights, strict=True)
-        ]
-    )
-
-
-def bordered(top: Any, bottom: Any, border: Floats) -> Any:
-    """[[top, 0], [bottom, border]]."""
-    return assembled([[top, None], [bottom, _column(border, sp.issparse(top))]])
-
-
 def scaled(M: Any, scale: Floats) -> Any:
     """M with its columns multiplied."""
     return M @ sp.diags_array(scale, format="csr") if sp.issparse(M) else M * scale
@@ -112,14 +91,3 @@ def scaled(M: Any, scale: Floats) -> Any:
 def scaled_rows(M: Any, scale: Floats) -> Any:
     """M with its rows multiplied."""
     return sp.diags_array(scale, format="csr") @ M if sp.issparse(M) else M * scale[:, None]
-
-
-def diagonals(sizes: Sequence[Floats]) -> Any:
-    """Diagonal matrices side by side."""
-    if sum(size.size**2 for size in sizes) > _SMALL:
-        return sp.csr_array(sp.hstack([sp.diags_array(size) for size in sizes], format="csr"))
-    return np.hstack([np.diag(size) for size in sizes])
-
-
-def _column(values: Floats, sparse: bool) -> Any:
-    return sp.csr_array(values[:, None]) if sparse else values[:, None]

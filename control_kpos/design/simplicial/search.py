@@ -15,8 +15,9 @@ import numpy as np
 
 from ...cones import Cone
 from ...errors import DataError
-from ...exact.budget import OutOfTimeError, seconds_left
+from ...exact.budget import OutOfBudgetError, affords
 from ...exact.matrix import Matrix
+from ...proof.answer import first_proven
 from ...proof.certificate import Certificate, Status
 from ...systems.statespace import ConeStateSpace
 from ..accept import Accepted, accept, closed_loop
@@ -25,7 +26,7 @@ from ..modes import controllability_notes
 from ..plant import Plant, column_freedom, exact_geometry
 from ..result import DesignResult, Nearest
 from ..solver import Programs
-from .program import Failure, SimplicialProgram, gain_of
+from .program import Failure, SimplicialProgram
 from .refusal import decide
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
@@ -33,8 +34,13 @@ LARGEST_RATE = "largest decay rate"
 FIRST_GAIN = "nothing; max |F x_k| at the generators of X"
 # The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
 GAIN_SLACK = 0.05
-# Of the decay rate that the slack allows, the part that is used; and of the largest rate, the part asked for.
-_RATE_SHARE, _MAX_RATE_SHARE = 0.8, 0.999
+# Of the decay rate that the slack allows, the part that is used; and of the largest rate, the parts asked for.
+_RATE_SHARE, RATE_SHARES = 0.8, (0.999, 0.99, 0.9)
+UNLIMITED = "nothing limits the decay rate; give gain_bound, or the rate you need."
+_UNPROVEN = (
+    "the linear program has no solution that could be proven, and exact arithmetic would take too long, or longer than "
+    "the limit leaves."
+)
 # Refusals are about decay rates this much smaller than the one asked for, so that a boundary stays undecided.
 BELOW = 1 - 1e-9
 
@@ -73,21 +79,26 @@ def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
         raise DataError("structure does not follow the blocks of X; this program cannot express it.")
     program = SimplicialProgram(plant, free, lp)
     point = program.by_columns(rate)
-    for x in (None if point is None else program.centred(rate, None, point), point):
-        if x is None:
-            continue
+
+    def points() -> Iterator[Any]:
+        if point is not None:
+            yield program.centred(rate, None, point)
+            yield point
+
+    def prove(x: Any) -> Accepted | None:
         F, inside = program.read(x)
-        found = accept(plant, F, rate=rate, x=inside)
-        if found is not None:
-            value = gain_of(found.F, plant.rays)
-            return succeed(plant, found, FIRST_GAIN, value, float("nan"))
-    return design_on_simplicial(plant, rate, lp)
+        return accept(plant, F, rate=rate, x=inside)
+
+    found = first_proven(points(), prove)
+    if found is None:
+        return design_on_simplicial(plant, rate, lp)
+    return succeed(plant, found, FIRST_GAIN, plant.gain_of(found.F), float("nan"))
 
 
 def _smallest(
     plant: Plant, program: SimplicialProgram, rate: float, start: Any, objective: str, lp: Programs
 ) -> DesignResult:
-    if seconds_left() <= 0:
+    if not affords():
         return exact_design(plant, rate, lp)
     x, infimum = program.smallest_gain(rate, start)
     allowed = infimum * (1 + GAIN_SLACK)
@@ -101,13 +112,15 @@ def _smallest(
         yield program.centred(rate, allowed, x)
         yield from (fast, x, start)
 
-    for point in points():
+    def prove(point: Any) -> Accepted | None:
         F, inside = program.read(point)
-        found = accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK))
-        if found is not None:
-            value = gain_of(found.F, plant.rays) if objective == SMALLEST_GAIN else _proven_rate(found.certificate)
-            return succeed(plant, found, objective, value, infimum)
-    return exact_design(plant, rate, lp, infimum)
+        return accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK))
+
+    found = first_proven(points(), prove)
+    if found is None:
+        return exact_design(plant, rate, lp, infimum)
+    value = plant.gain_of(found.F) if objective == SMALLEST_GAIN else _proven_rate(found.certificate)
+    return succeed(plant, found, objective, value, infimum)
 
 
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
@@ -116,27 +129,24 @@ def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float
     proof, x = decide(plant, rate * BELOW, port_data(plant))
     if proof is not None:
         message = "the demands contradict each other."
-        return DesignResult(Status.REFUTED, certificate=proof, message=message)
-    if x is not None:
-        n, m = plant.n, plant.m
-        rays = exact_geometry(plant)[1]
-        try:
-            G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
-            T = np.array([[float(v) for v in row] for row in rays])
-            found = accept(plant, np.linalg.solve(T, G.T).T, rate=rate)
-        except (OverflowError, np.linalg.LinAlgError):
-            found = None
-        if found is not None:
-            return succeed(plant, found, SMALLEST_GAIN, gain_of(found.F, plant.rays), infimum)
-        return DesignResult(
-            Status.UNDECIDED,
-            message="gains in fractions exist, but none that doubles can express was proven; relax the demands.",
-        )
-    return DesignResult(
-        Status.UNDECIDED,
-        message="the linear program has no solution that could be proven, and exact arithmetic would take too long, or "
-        "longer than the time limit leaves.",
-    )
+        return DesignResult(status=Status.REFUTED, certificate=proof, message=message)
+    if x is None:
+        return undecided(_UNPROVEN)
+    found = _accept_exact(plant, rate, x)
+    if found is None:
+        return undecided("gains in fractions exist, but none that doubles can express was proven; relax the demands.")
+    return succeed(plant, found, SMALLEST_GAIN, plant.gain_of(found.F), infimum)
+
+
+def _accept_exact(plant: Plant, rate: float, x: Any) -> Accepted | None:
+    """An exact solution rounded to doubles, and proven, or None."""
+    n, m = plant.n, plant.m
+    try:
+        G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
+        T = np.array([[float(v) for v in row] for row in exact_geometry(plant)[1]])
+        return accept(plant, np.linalg.solve(T, G.T).T, rate=rate)
+    except (OverflowError, np.linalg.LinAlgError):
+        return None
 
 
 def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignResult:
@@ -145,24 +155,17 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
         return _refuse(plant, 0.0, best, program, lp)
     x, limit = best
     if np.isinf(limit):
-        return DesignResult(
-            Status.UNDECIDED,
-            objective=LARGEST_RATE,
-            limit=limit,
-            message="nothing limits the decay rate; give gain_bound, or the rate you need.",
-        )
+        return undecided(UNLIMITED, objective=LARGEST_RATE, limit=limit)
     if limit <= 0:
         return exact_design(plant, 0.0, lp)
-    result = DesignResult(Status.UNDECIDED)
-    for share in (_MAX_RATE_SHARE, 0.99, 0.9):
+
+    def design(share: float) -> DesignResult:
         again = program.start(limit * share)
         point = x if isinstance(again, Failure) else again
-        result = _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
-        if result:
-            return replace(result, limit=limit)
-        if seconds_left() <= 0:
-            break
-    return result
+        return _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
+
+    found = first_proven((share for share in RATE_SHARES if affords()), design)
+    return undecided(_UNPROVEN) if found is None else replace(found, limit=limit)
 
 
 def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram, lp: Programs) -> DesignResult:
@@ -170,13 +173,13 @@ def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProg
     if result:
         return result
     if failure.solver and result.status is not Status.REFUTED:
-        return DesignResult(Status.UNDECIDED, message=f"the solver failed: {failure.reason}.")
+        return undecided(f"the solver failed: {failure.reason}.")
     return replace(result, nearest=_nearest(plant, rate, program), notes=tuple(controllability_notes(plant)))
 
 
 def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest | None:
     slowest = bound = None
-    with suppress(OutOfTimeError):
+    with suppress(OutOfBudgetError):
         if rate > 0:
             best = program.supremum_of_rates()
             if not isinstance(best, Failure):
@@ -196,6 +199,12 @@ def port_data(plant: Plant) -> tuple[Matrix, Matrix, Cone] | None:
         return None
     C, D = plant.system.exact.matrices[2:]
     return C, D, plant.system.Y
+
+
+def undecided(message: str, plant: Plant | None = None, **more: Any) -> DesignResult:
+    """No gain was found, or none proven; with notes about the modes of the plant, if it is given."""
+    notes = () if plant is None else tuple(controllability_notes(plant))
+    return DesignResult(status=Status.UNDECIDED, message=message, notes=notes, **more)
 
 
 def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
@@ -218,15 +227,15 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
         remove_useless_states=False,
     )
     return DesignResult(
-        Status.PROVED,
-        found.F,
-        loop,
-        found.certificate,
-        objective,
-        value,
-        limit,
-        _proven_rate(found.certificate),
-        certified_fraction(plant, found),
+        status=Status.PROVED,
+        F=found.F,
+        closed_loop=loop,
+        certificate=found.certificate,
+        objective=objective,
+        value=value,
+        limit=limit,
+        decay_rate=_proven_rate(found.certificate),
+        certified_fraction=certified_fraction(plant, found),
         notes=tuple(controllability_notes(plant)),
     )
 

@@ -24,7 +24,6 @@ from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
 from ...design.accept import accept, slack
 from ...design.plant import read_plant
-from ...design.simplicial.program import gain_of
 from ...design.simplicial.search import succeed
 from ...errors import ConeMismatchError, DataError, ShapeError
 from ...exact.budget import OutOfBudgetError, affords, budget, reason, seconds_left, spend
@@ -166,7 +165,7 @@ def design_cone_and_feedback(
     >>> design.status.name, design.cone.is_simplicial
     ('PROVED', True)
     """
-    limit, seed = None if time_limit is None else seconds(time_limit), whole_number(seed, "seed")
+    limit, seed = seconds(time_limit), whole_number(seed, "seed")
     A, B, dt = _plant(sys, "sys")
     discrete = dt is not None and (dt is True or dt != 0)
     pairs = [
@@ -339,7 +338,7 @@ def _polished(source: System, R: Array, F: Array, pairs: list[Pair]) -> Codesign
     given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
     design = state_feedback(system, X=cone, vertices=pairs or None, time_limit=max(seconds_left(), 1e-3))
     if not design and given is not None:
-        design = succeed(plant, given, "", gain_of(given.F, plant.rays), float("nan"))
+        design = succeed(plant, given, "", plant.gain_of(given.F), float("nan"))
     if not design:
         return None
     poles = np.linalg.eigvals(dense(source.A.values) + dense(source.B.values) @ design.F)
