@@ -85,6 +85,17 @@ CALLS |= {  # networks
         OUT_WEIGHTS.interconnect,
         {"coupling": [[0, 0.5], [0.5, 0]], "types": [0, 0], "name": "n"},
     ),
+    "ConeNetwork.linear_lyapunov": (NETWORK.linear_lyapunov, {"rate": None}),
+    "ConeNetwork.dissipativity": (NETWORK.dissipativity, {"q": [-1] * 3, "r": [1] * 3}),
+    "ConeNetwork.gain": (NETWORK.gain, {"norm": "L1", "e": [1] * 3, "f": [1] * 3}),
+    "ConeNetwork.append": (NETWORK.append, {"other": SYSTEM}),
+    "ConeNetwork.feedback": (NETWORK.feedback, {"other": NETWORK, "sign": 1}),
+    "ConeNetwork.lft": (NETWORK.lft, {"other": SYSTEM, "nu": 1, "ny": 1}),
+    "ConeNetwork.sample": (NETWORK.sample, {"Ts": 0.1, "method": "zoh"}),
+    "ConeNetwork.similarity_transform": (
+        NETWORK.similarity_transform,
+        {"T": np.eye(6), "timescale": 1, "inverse": False},
+    ),
     "ConeNetwork.with_links": (NETWORK.with_links, {"coupling": RING}),
     "ConeNetwork.with_node": (NETWORK.with_node, {"system": NODE, "incoming": {0: 1.0}, "outgoing": {1: 1.0}}),
     "ConeNetwork.replace_node": (

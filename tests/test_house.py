@@ -75,11 +75,20 @@ PASSES_KEYWORDS = {
     "ConeStateSpace.sample": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).sample(0.1, nonsense=1),
     "ConeStateSpace.linearize": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).linearize(0, 0, nonsense=1),
     "ConeStateSpace.to_ss": lambda: kp.ConeStateSpace(*SMALL_SYSTEM).to_ss(nonsense=1),
+    "ConeNetwork.sample": lambda: small_network().sample(0.1, nonsense=1),
+    "ConeNetwork.linearize": lambda: small_network().linearize(0, 0, nonsense=1),
+    "ConeNetwork.to_ss": lambda: small_network().to_ss(nonsense=1),
     "gain_rate_tradeoff": lambda: kp.gain_rate_tradeoff(SMALL_PLANT, nonsense=1),
     "plot_closed_loop": lambda: kp.plot_closed_loop(SMALL_PLANT, kp.state_feedback(SMALL_PLANT), nonsense=1),
     "phase_portrait": lambda: kp.phase_portrait([[-1.0, 0.0], [0.0, -1.0]], nonsense=1),
     "examples.mass_spring_node": lambda: kp.examples.mass_spring_node(nonsense=1),
 }
+
+
+def small_network() -> kp.ConeNetwork:
+    return kp.feedback_interconnect([kp.ConeStateSpace(*SMALL_SYSTEM)], [[0.5]])
+
+
 SMALL_SYSTEM = [[-1.0]], [[1.0]], [[1.0]], [[0.0]]
 SMALL_PLANT = kp.ConeStateSpace([[1.0, 1.0], [1.0, -3.0]], [[1.0], [0.0]], [[1.0, 0.0]], 0)
 

@@ -96,7 +96,7 @@ def public_callables():
     for cls, skipped in (
         (kp.Cone, {"require_proper"}),
         (kp.ConeStateSpace, {"linearize", "to_ss"}),
-        (kp.ConeNetwork, {"updfcn", "outfcn", "horner"}),
+        (kp.ConeNetwork, {"linearize", "to_ss", "updfcn", "outfcn", "horner"}),
         (kp.OutWeightCertificate, set()),
     ):
         for parent in cls.__mro__:

@@ -15,7 +15,9 @@ import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import DataError, TooLargeError
+from ..exact.matrix import Matrix
 from .blocks import Floats, Index
+from .exact_loop import exact_loop
 from .model import NetworkModel
 from .witnesses import list_nodes
 
@@ -42,26 +44,50 @@ class ClosedLoop:
             require_well_posed(model)
 
     @cached_property
+    def _multiplied(self) -> tuple[Matrix, Matrix, Matrix, Matrix] | None:
+        return exact_loop(self.model)
+
+    @property
+    def is_exact(self) -> bool:
+        """True if `matrices` are the closed loop itself; False if they are its doubles."""
+        return self._multiplied is not None
+
+    @property
+    def matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """A, B, C, D as what verdicts are about: exact up to `EXACT_STATES` states, above that sparse doubles."""
+        return self._multiplied or (Matrix(self.A), Matrix(self.B), Matrix(self.C), Matrix(self.D))
+
+    @cached_property
     def A(self) -> sp.csr_array:
         """A + B L C, shape (sum n_j, sum n_j)."""
+        if self._multiplied is not None:
+            return _sparse(self._multiplied[0])
         a, b, c, _ = self.model.block_matrices
-        return sp.csr_array(a + b @ (self._resolve @ (self.model.W @ c)))
+        return read_only(sp.csr_array(a + b @ (self._resolve @ (self.model.W @ c))))
 
     @cached_property
     def B(self) -> sp.csr_array:
         """B R, from all external inputs."""
-        return sp.csr_array(self.model.block_matrices[1] @ self._resolve)
+        if self._multiplied is not None:
+            return _sparse(self._multiplied[1])
+        return read_only(sp.csr_array(self.model.block_matrices[1] @ self._resolve))
 
     @cached_property
     def C(self) -> sp.csr_array:
         """S C = C + D L C, to all outputs."""
+        if self._multiplied is not None:
+            return _sparse(self._multiplied[2])
         _, _, c, d = self.model.block_matrices
-        return sp.csr_array(c + d @ (self._resolve @ (self.model.W @ c))) if self.model.has_feedthrough else c
+        if not self.model.has_feedthrough:
+            return read_only(c)
+        return read_only(sp.csr_array(c + d @ (self._resolve @ (self.model.W @ c))))
 
     @cached_property
     def D(self) -> sp.csr_array:
         """S D = D R."""
-        return sp.csr_array(self.model.block_matrices[3] @ self._resolve)
+        if self._multiplied is not None:
+            return _sparse(self._multiplied[3])
+        return read_only(sp.csr_array(self.model.block_matrices[3] @ self._resolve))
 
     @cached_property
     def _resolve(self) -> Any:
@@ -115,6 +141,18 @@ class ClosedLoop:
     def output_matrices(self, rows: Index) -> tuple[sp.csr_array, sp.csr_array]:
         """The rows of C and D that give some outputs."""
         return sp.csr_array(self.C[rows]), sp.csr_array(self.D[rows])
+
+
+def _sparse(m: Matrix) -> sp.csr_array:
+    return read_only(sp.csr_array(m.values))
+
+
+def read_only(M: sp.csr_array) -> sp.csr_array:
+    """The same matrix, in which nothing can be assigned any more."""
+    M.sort_indices()
+    for part in (M.data, M.indices, M.indptr):
+        part.flags.writeable = False
+    return M
 
 
 def require_well_posed(model: NetworkModel) -> None:

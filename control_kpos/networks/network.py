@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,24 +15,20 @@ from ..exact.intake import (
     real_number,
     words,
 )
-from ..progress import Reporter, Target
-from ..proof.certificate import Status
+from ..progress import Reporter
 from ..systems.statespace import ConeStateSpace
 from .blocks import Index
-from .certificate import NetworkCertificate
-from .certify import certify
+from .closed_loop_system import ClosedLoopSystem
 from .coupling import read_coupling
 from .edits import inherited, node_number, permissible_weight, placed, single_node, weights_by_node
 from .model import NetworkModel, NodeStack
-from .responses import NetworkResponses
 from .spectrum.bracket import AbscissaCertificate, bracket
-from .witnesses import NetworkInstability
 
 # Brackets are not sought narrower than this: rounding is in the way.
 _NARROWEST = 1e-13
 
 
-class ConeNetwork(NetworkResponses):
+class ConeNetwork(ClosedLoopSystem):
     """The closed loop u = W y + w of many nodes; made by `feedback_interconnect`.
 
     ::
@@ -42,9 +37,9 @@ class ConeNetwork(NetworkResponses):
                ^                                |
                +--------- coupling W <----------+
 
-    A `control.StateSpace` from the external inputs w to the outputs y.  Its A, B, C, D are dense arrays
-    made on demand for up to `DENSE_STATES` = 5000 states, so that python-control's functions work; above
-    that they raise `TooLargeError` and name the sparse attributes, which have no such limit.
+    A `ConeStateSpace` from the external inputs w to the outputs y, on the products of the nodes' cones.  Its A, B,
+    C, D are read-only dense arrays made on demand for up to `DENSE_STATES` = 5000 states, so that python-control's
+    functions work; above that they raise `TooLargeError` and name the sparse attributes, which have no such limit.
 
     Parameters
     ----------
@@ -54,7 +49,7 @@ class ConeNetwork(NetworkResponses):
         Places of the external inputs and outputs kept; all if not given.
     name : str, optional
         Name of the system.
-    certificate : NetworkCertificate or LocalCertificate, optional
+    certificate : NetworkCertificate, optional
         If it is known already.
     find : callable, optional
         Takes the model and returns its certificate, instead of `certify`.
@@ -69,8 +64,8 @@ class ConeNetwork(NetworkResponses):
         Theorem 4: proof of positivity and stability, or what breaks them.  Found when first asked for.
     sparse_A, sparse_B, sparse_C, sparse_D : csr_array
         The closed loop from w to y.
-    X : Cone
-        Product of the nodes' state cones.
+    X, U, Y : Cone
+        Products of the nodes' cones; of those inputs and outputs that are external.
 
     Examples
     --------
@@ -84,46 +79,7 @@ class ConeNetwork(NetworkResponses):
     'PROVED'
     """
 
-    def __init__(
-        self,
-        model: NetworkModel,
-        *,
-        external: tuple[Index, Index] | None = None,
-        name: str | None = None,
-        certificate: NetworkCertificate | None = None,
-        find: Callable[[NetworkModel], NetworkCertificate] | None = None,
-        progress: Target = None,
-    ) -> None:
-        super().__init__(model, external=external, name=name, progress=progress)
-        self._find = certify if find is None else find
-        if certificate is not None:
-            self.__dict__["certificate"] = certificate
-
-    @cached_property
-    def certificate(self) -> NetworkCertificate:
-        """Theorem 4 for this network: PROVED, or REFUTED with what breaks it."""
-        with Reporter(self._progress) as report:
-            if self._find is certify:
-                return certify(self.model, report)
-            return self._find(self.model)
-
-    def is_cone_positive(self) -> bool:
-        """Decide whether every node is positive, W maps Y into U, and algebraic loops contract.
-
-        Returns
-        -------
-        bool
-            True if the closed loop is then positive on the product of the X_j by Theorem 4.
-
-        Raises
-        ------
-        UndecidedError
-            The certificate is UNDECIDED.
-        """
-        certificate = self.certificate
-        if certificate.status is Status.UNDECIDED:
-            raise UndecidedError(f"{self.name}: {certificate.explain()}")
-        return certificate.status is Status.PROVED or isinstance(certificate.witness, NetworkInstability)
+    # -- the spectrum
 
     def abscissa_certificate(self, relative: float = 1e-6) -> AbscissaCertificate:
         """Proof of both sides of a bracket of the spectral abscissa; see `spectral_abscissa`.

@@ -24,8 +24,8 @@ from ..exact.intake import (
 from ..exact.matrix import dense
 from ..progress import Reporter
 from .blocks import Floats, Index
+from .dense_on_demand import DenseOnDemand
 from .model import READABLE
-from .shell import NetworkShell
 from .simulate import delayed, respond, sample_times
 from .spectrum.descent import descend
 from .spectrum.port_solves import PortSystem
@@ -36,7 +36,7 @@ RESPONSE_LIMIT = 200_000_000
 _FINEST = 10_000
 
 
-class NetworkResponses(NetworkShell):
+class NetworkResponses(DenseOnDemand):
     """Poles and time responses; see `ConeNetwork`."""
 
     def poles(self, k: int | None = None) -> NDArray[np.complex128]:
@@ -140,7 +140,7 @@ class NetworkResponses(NetworkShell):
         samples = self._input_samples(U, len(times))
         inputs = None if samples is None else (self.sparse_B, samples)
         with Reporter(self._progress) as report, np.errstate(all="ignore"):
-            y, x = respond(self.loop, times, x0, inputs, self._outputs[rows], keep, report)
+            y, x = respond(self.loop, times, x0, inputs, self.external[1][rows], keep, report)
         if samples is not None and self.model.has_feedthrough:
             y = y + self.sparse_D[rows] @ samples
         _require_finite(y)
@@ -192,7 +192,7 @@ class NetworkResponses(NetworkShell):
         if not (tau >= 0).all() or not np.isfinite(tau).all():
             raise DataError("delays must be finite and not negative.")
         with Reporter(self._progress) as report, np.errstate(all="ignore"):
-            y = delayed(self.model, times, self._initial_state(X0), tau, refine, self._outputs[rows], report)
+            y = delayed(self.model, times, self._initial_state(X0), tau, refine, self.external[1][rows], report)
         _require_finite(y)
         return self._response(times, y, None, None, rows)
 
@@ -247,7 +247,7 @@ def _require_finite(y: Floats) -> None:
         raise DataError("the response leaves the range of doubles; choose a shorter T, or smaller X0 and U.")
 
 
-def rightmost(network: NetworkShell, k: int) -> NDArray[np.complex128]:
+def rightmost(network: DenseOnDemand, k: int) -> NDArray[np.complex128]:
     """k rightmost eigenvalues by ARPACK with the port solver as shifted inverse."""
     model = network.model
     estimate = descend(model, 1.0 if model.discrete else 0.0, relative=1e-2)

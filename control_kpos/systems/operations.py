@@ -108,7 +108,7 @@ class ConeOperations(StateSpace):
 
     def _scaled(self, result: Any, factor: Any, rule: Callable[[Connection, Matrix], Connection | None]) -> Any:
         """Cones of s * factor or factor * s for a number or an array."""
-        gain = _gain(factor)
+        gain = as_gain(factor)
         if gain is None:
             return result
         if isinstance(factor, numbers.Real):
@@ -151,7 +151,7 @@ class ConeOperations(StateSpace):
             return self._adopt(result, connections.parallel, other)
         if isinstance(other, numbers.Real):
             other = np.full((self.noutputs, self.ninputs), other)
-        gain = _gain(other)
+        gain = as_gain(other)
         if gain is None:
             return result
         return self._adopt(result, lambda s: connections.add_gain(s, gain), exactly=not gain.is_double)
@@ -248,7 +248,7 @@ class ConeOperations(StateSpace):
         if isinstance(other, ConeOperations):
             D2 = other.exact.D
             return self._adopt(result, lambda s1, s2: connections.feedback(s1, s2, D1, D2, k), other, exactly=not own)
-        gain = _gain(other)
+        gain = as_gain(other)
         if gain is None:
             return result
         rule = partial(connections.feedback_gain, K=gain, D1=D1, sign=k)
@@ -427,7 +427,7 @@ def _ports(operand: Any) -> str:
 
 def _in_doubles(operand: Any) -> Any:
     """The operand in numbers that python-control computes with: fractions and text as the doubles closest to them."""
-    if isinstance(operand, str) or _gain(operand) is None:
+    if isinstance(operand, str) or as_gain(operand) is None:
         return operand
     array = np.asarray(operand)
     if array.dtype.kind not in "OUS":
@@ -436,7 +436,7 @@ def _in_doubles(operand: Any) -> Any:
     return values if array.ndim else float(values)
 
 
-def _gain(factor: Any) -> Matrix | None:
+def as_gain(factor: Any) -> Matrix | None:
     """A number or array as a matrix; None if it is no finite real matrix."""
     if isinstance(factor, ct.InputOutputSystem):
         return None

@@ -2,28 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from control import StateSpace
 from numpy.typing import NDArray
 
-from ..cones import Cone, product
+from ..cones import Cone
 from ..errors import TooLargeError
 from ..exact.intake import words
 from ..progress import Reporter, Target
+from ..systems.statespace import ConeStateSpace
+from ..systems.system import System
 from .blocks import Index
-from .closed_loop import ClosedLoop
+from .closed_loop import ClosedLoop, read_only
+from .composition import Ports, port_cone
+from .files import product_cone
 from .model import READABLE, NetworkModel
 
 # States above which dense matrices are refused (200 MB for A).
 DENSE_STATES = 5_000
 
 
-class NetworkShell(StateSpace):
-    """What `control.StateSpace` stores, made from stacks and sparse matrices when first asked for.
+class DenseOnDemand(ConeStateSpace):
+    """A network as a `ConeStateSpace` that makes its dense matrices from stacks and sparse ones when asked for.
 
     Parameters
     ----------
@@ -55,12 +59,64 @@ class NetworkShell(StateSpace):
         self._progress = progress
 
     @cached_property
-    def _inputs(self) -> Index:
-        return np.arange(self.model.totals[1]) if self._external is None else self._external[0]
+    def external(self) -> tuple[Index, Index]:
+        """Places of the external inputs and outputs among all of them."""
+        if self._external is None:
+            return np.arange(self.model.totals[1]), np.arange(self.model.totals[2])
+        return self._external
+
+    @property
+    def X(self) -> Cone:
+        """State cone: the product of the nodes' state cones, in their order."""
+        return self._state_cone
+
+    @property
+    def U(self) -> Cone:
+        """Input cone: the product of what the external inputs keep of the nodes' input cones."""
+        return self._input_cone
+
+    @property
+    def Y(self) -> Cone:
+        """Output cone: the product of what the outputs show of the nodes' output cones."""
+        return self._output_cone
 
     @cached_property
-    def _outputs(self) -> Index:
-        return np.arange(self.model.totals[2]) if self._external is None else self._external[1]
+    def _state_cone(self) -> Cone:
+        return product_cone(self.model, 0)
+
+    @cached_property
+    def _input_cone(self) -> Cone:
+        return port_cone(Ports.of(self), 1)
+
+    @cached_property
+    def _output_cone(self) -> Cone:
+        return port_cone(Ports.of(self), 2)
+
+    @property
+    def _cones(self) -> tuple[Cone, Cone, Cone]:  # type: ignore[override]
+        return self.X, self.U, self.Y
+
+    @property
+    def exact(self) -> System:
+        """The closed loop: exact up to `EXACT_STATES` = 300 states, above that its sparse matrices of doubles."""
+        A, B, C, D = self.loop.matrices
+        inputs, outputs = self.external
+        if self._external is not None:
+            B, C, D = B[:, inputs], C[outputs], D[outputs][:, inputs]
+        return System(A, B, C, D, self.X, self.U, self.Y, self.dt)
+
+    # -- copies
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Any:
+        out: Any = type(self).__new__(type(self))
+        memo[id(self)] = out
+        vars(out).update(
+            {k: dict(x) if isinstance(x, dict) else x for k, x in vars(self).items()}
+        )  # the rest is immutable
+        return out
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update(state)
 
     # -- what StateSpace stores, made on demand
 
@@ -72,16 +128,16 @@ class NetworkShell(StateSpace):
     @cached_property
     def ninputs(self) -> int:  # type: ignore[override]
         """Number of external inputs."""
-        return len(self._inputs)
+        return len(self.external[0])
 
     @cached_property
     def noutputs(self) -> int:  # type: ignore[override]
         """Number of outputs."""
-        return len(self._outputs)
+        return len(self.external[1])
 
     @property
     def A(self) -> NDArray[np.float64]:  # type: ignore[override]
-        """Dense closed-loop matrix, shape (nstates, nstates)."""
+        """Dense closed-loop matrix, read-only, shape (nstates, nstates)."""
         return self._dense("A")
 
     @property
@@ -106,7 +162,9 @@ class NetworkShell(StateSpace):
                 f"sparse_{name}, poles(k), spectral_abscissa(), initial_response() or forced_response(), which "
                 "stay sparse."
             )
-        return getattr(self, f"sparse_{name}").toarray()
+        out = getattr(self, f"sparse_{name}").toarray()
+        out.flags.writeable = False  # an edit would be lost
+        return out
 
     def horner(self, x: Any, warn_infinite: bool = True) -> NDArray[np.complex128]:
         """Frequency response C (x I - A)^{-1} B + D; python-control's own method, refused before it fills the memory.
@@ -146,23 +204,32 @@ class NetworkShell(StateSpace):
 
     @property
     def sparse_A(self) -> sp.csr_array:
-        """Closed-loop matrix, shape (nstates, nstates)."""
+        """Closed-loop matrix, read-only, shape (nstates, nstates)."""
         return self.loop.A
 
-    @cached_property
+    @property
     def sparse_B(self) -> sp.csr_array:
-        """Input matrix, shape (nstates, ninputs)."""
-        return sp.csr_array(self.loop.B[:, self._inputs])
+        """Input matrix, read-only, shape (nstates, ninputs)."""
+        return self._sparse_ports[0]
 
-    @cached_property
+    @property
     def sparse_C(self) -> sp.csr_array:
-        """Output matrix, shape (noutputs, nstates)."""
-        return sp.csr_array(self.loop.C[self._outputs])
+        """Output matrix, read-only, shape (noutputs, nstates)."""
+        return self._sparse_ports[1]
+
+    @property
+    def sparse_D(self) -> sp.csr_array:
+        """Feedthrough, read-only, shape (noutputs, ninputs)."""
+        return self._sparse_ports[2]
 
     @cached_property
-    def sparse_D(self) -> sp.csr_array:
-        """Feedthrough, shape (noutputs, ninputs)."""
-        return sp.csr_array(self.loop.D[self._outputs][:, self._inputs])
+    def _sparse_ports(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+        loop, (inputs, outputs) = self.loop, self.external
+        if self._external is None:
+            return loop.B, loop.C, loop.D
+        chosen = loop.B[:, inputs], loop.C[outputs], loop.D[outputs][:, inputs]
+        b, c, d = (read_only(sp.csr_array(part)) for part in chosen)
+        return b, c, d
 
     def updfcn(self, t: float, x: Any, u: Any, params: Any) -> Any:
         """x' (or x[k+1]) for python-control's nonlinear simulations."""
@@ -177,31 +244,23 @@ class NetworkShell(StateSpace):
     @cached_property
     def input_index(self) -> dict[str, int]:  # type: ignore[override]
         """Names of the external inputs and their places."""
-        return self._index(1, self._inputs, "u")
+        return self._index(1, "u")
 
     @cached_property
     def output_index(self) -> dict[str, int]:  # type: ignore[override]
         """Names of the outputs and their places."""
-        return self._index(2, self._outputs, "y")
+        return self._index(2, "y")
 
     @cached_property
     def state_index(self) -> dict[str, int]:  # type: ignore[override]
         """Names of the states and their places."""
-        return self._index(0, None, "x")
+        return self._index(0, "x")
 
-    def _index(self, kind: int, chosen: Index | None, prefix: str) -> dict[str, int]:
+    def _index(self, kind: int, prefix: str) -> dict[str, int]:
+        chosen = None if kind == 0 or self._external is None else self._external[kind - 1]
         if self.model.n_nodes > READABLE:
             count = self.model.totals[kind] if chosen is None else len(chosen)
             return {f"{prefix}[{i}]": i for i in range(count)}
         names = self.model.signal_names(kind)
         kept = names if chosen is None else [names[i] for i in chosen]
         return {name: i for i, name in enumerate(kept)}
-
-    @cached_property
-    def X(self) -> Cone:
-        """State cone: the product of the nodes' state cones, in their order."""
-        cones: list[Any] = [None] * self.model.n_nodes
-        for s, index in zip(self.model.stacks, self.model.members, strict=True):
-            for j in index.tolist():
-                cones[j] = s.X
-        return product(cones)

@@ -1,0 +1,298 @@
+"""The closed loop of a network as one cone system: Theorems 1 to 3, connections and selections.
+
+Positivity and stability follow from the nodes (Theorem 4) in any number.  Where they do not, and for supply rates and
+gains of the whole, the theorems for one system decide on the closed loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from fractions import Fraction
+from functools import cached_property
+from typing import Any, Literal
+
+import numpy as np
+from control import InputOutputSystem, StateSpace
+from numpy.typing import ArrayLike
+
+from ..errors import NotProperConeError, TooLargeError
+from ..exact.condition import all_hold
+from ..exact.intake import real_number
+from ..exact.matrix import Matrix
+from ..progress import Reporter, Target
+from ..proof.certificate import Status
+from ..systems.cones_of_connections import lies_in, opposite
+from ..systems.operations import as_gain
+from ..systems.rounding import maps_into
+from ..theorems.dissipativity import DissipativityCertificate
+from ..theorems.positivity import PositivityCertificate, state_positivity
+from ..theorems.stability import LyapunovCertificate, exact_row, proven_rate
+from . import composition
+from .blocks import Index
+from .certificate import NetworkCertificate, flat
+from .certify import certify, loop_weights
+from .composition import Ports, is_system_with_states, port_cone
+from .dense_on_demand import DENSE_STATES
+from .model import NetworkModel
+from .responses import NetworkResponses
+from .witnesses import NetworkInstability, positive_parts
+
+
+class ClosedLoopSystem(NetworkResponses):
+    """Verdicts on a network as one system, and its connections with others; see `ConeNetwork`.
+
+    Parameters
+    ----------
+    model, external, name, certificate, find, progress
+        As for `ConeNetwork`.
+    """
+
+    def __init__(
+        self,
+        model: NetworkModel,
+        *,
+        external: tuple[Index, Index] | None = None,
+        name: str | None = None,
+        certificate: NetworkCertificate | None = None,
+        find: Callable[[NetworkModel], NetworkCertificate] | None = None,
+        progress: Target = None,
+    ) -> None:
+        super().__init__(model, external=external, name=name, progress=progress)
+        self._find = certify if find is None else find
+        if certificate is not None:
+            self.__dict__["certificate"] = certificate
+
+    @cached_property
+    def certificate(self) -> NetworkCertificate:
+        """Theorem 4 for this network: PROVED, or REFUTED with what breaks it."""
+        with Reporter(self._progress) as report:
+            if self._find is certify:
+                return certify(self.model, report)
+            return self._find(self.model)
+
+    # -- verdicts on the closed loop as one system
+
+    @cached_property
+    def _positive_by_parts(self) -> bool:
+        """True if every node is positive, W maps Y into U, and algebraic loops contract: (I) and (II) of Theorem 4."""
+        known = vars(self).get("certificate")
+        if known is not None and (known.status is Status.PROVED or isinstance(known.witness, NetworkInstability)):
+            return known.status is not Status.UNDECIDED
+        contracts = not self.model.has_feedthrough or loop_weights(self.model) is not None
+        return contracts and all_hold(positive_parts(self.model))
+
+    def is_cone_positive(self) -> bool:
+        """Decide whether x stays in X and y in Y for all x(0) in X and w(t) in U.
+
+        Returns
+        -------
+        bool
+
+        Raises
+        ------
+        UndecidedError
+            A network of more than `EXACT_STATES` states whose parts do not prove it, and rounding hides it.
+
+        Notes
+        -----
+        Positive nodes, W Y in U and contracting algebraic loops suffice, in any number; otherwise Theorem 1 decides
+        on the closed loop.  Supply rates play no role.
+        """
+        return self._positive_by_parts or super().is_cone_positive()
+
+    def cone_positivity(self) -> PositivityCertificate:
+        """Theorem 1 for the closed loop from w to y, on the products X, U and Y.
+
+        Returns
+        -------
+        PositivityCertificate
+            About the exact closed loop up to `EXACT_STATES` = 300 states, above that about its sparse matrices of
+            doubles; UNDECIDED where only their rounding breaks what the parts of the network prove.
+        """
+        found = super().cone_positivity()
+        if found.witness is None or self.loop.is_exact or not self._positive_by_parts:
+            return found
+        return PositivityCertificate.settle(**{**found.data(), "witness": None})
+
+    def linear_lyapunov(self, rate: Literal["max"] | None = None) -> LyapunovCertificate:
+        """Theorem 2 for the closed loop, as one system.
+
+        Parameters
+        ----------
+        rate : {"max"}, optional
+            "max": the fastest decay rate that can be proven; factors A, so not for millions of states.
+
+        Returns
+        -------
+        LyapunovCertificate
+            About the matrix that `cone_positivity` is about.  Above `EXACT_STATES` states v is that of `certificate`,
+            sum sigma_j v_j'x_j, if that proves it.
+        """
+        known = None if rate is not None or self.loop.is_exact else self.certificate
+        if not known or known.v is None or known.sigma is None:
+            return super().linear_lyapunov(rate)
+        positivity = self._positivity_of_states()
+        v = known.sigma[self.model.owners(0)] * flat(known.v, self.model, 0)
+        proven = proven_rate(exact_row(v), positivity.A, positivity.X.exact_rays, positivity.discrete)
+        draft = LyapunovCertificate.settle(positivity=positivity, v=v, decay_rate=proven)
+        return draft if draft else super().linear_lyapunov(rate)
+
+    def _positivity_of_states(self) -> PositivityCertificate:
+        return state_positivity(self.exact.A, self.X, discrete=self.model.discrete)
+
+    def dissipativity(self, q: ArrayLike | None = None, r: ArrayLike | None = None) -> DissipativityCertificate:
+        """Theorem 3 for the closed loop from w to y, as one system.
+
+        Parameters
+        ----------
+        q : array_like, shape (noutputs,), optional
+        r : array_like, shape (ninputs,), optional
+            What is not given is found.
+
+        Returns
+        -------
+        DissipativityCertificate
+
+        Raises
+        ------
+        TooLargeError
+            More than `DENSE_STATES` = 5000 states: the search factors dense matrices.
+        """
+        self._require_moderate("dissipativity")
+        return super().dissipativity(q, r)
+
+    def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
+        """Induced gain of the closed loop from w in U to y in Y; inf if it is not stable.
+
+        Parameters
+        ----------
+        norm : {"L1", "Linf"}
+        e : array_like, shape (ninputs,), optional
+        f : array_like, shape (noutputs,), optional
+            Weights for general cones, see `control_kpos.gains.induced_gain`.
+
+        Returns
+        -------
+        float
+
+        Raises
+        ------
+        TooLargeError
+            More than `DENSE_STATES` = 5000 states: the DC gain takes a dense matrix.
+        """
+        self._require_moderate("gain")
+        return super().gain(norm, e, f)
+
+    def _require_moderate(self, what: str) -> None:
+        if self.nstates > DENSE_STATES:
+            raise TooLargeError(
+                f"{what} of this network with {self.nstates} states as one system is refused (limit {DENSE_STATES}); "
+                "its certificate has a supply rate for every node."
+            )
+
+    # -- connections
+
+    def append(self, other: Any) -> StateSpace:
+        """Systems side by side: a network if the other one has cones and states.
+
+        Parameters
+        ----------
+        other : StateSpace or what python-control converts into one
+
+        Returns
+        -------
+        ConeNetwork or StateSpace
+        """
+        if not is_system_with_states(other):
+            return super().append(other)
+        self._require_operand(other)
+        return self._joined(composition.append(Ports.of(self), Ports.of(other)))
+
+    def feedback(self, other: Any = 1, sign: float = -1) -> Any:
+        """The loop u = r + sign * y2, where `other` maps y to y2: a network again where cones follow.
+
+        Parameters
+        ----------
+        other : StateSpace, number, array_like, or what python-control accepts
+        sign : float
+            +1 for positive feedback; the default is python-control's.
+
+        Returns
+        -------
+        ConeNetwork or StateSpace
+            A `ConeNetwork` if Y1 lies in U2, sign * Y2 in U1 (sign * K maps Y1 into U1) and the direct terms
+            allow it; otherwise what python-control makes of it.  `feedback_interconnect` and `with_links` close
+            any loop as a network.
+
+        Examples
+        --------
+        >>> import control_kpos as kp
+        >>> node = kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)
+        >>> net = kp.feedback_interconnect([node] * 2, [[0, 1], [1, 0]], inputs=[0], outputs=[1])
+        >>> type(net.feedback(node, sign=1)).__name__, type(net.feedback(node)).__name__
+        ('ConeNetwork', 'StateSpace')
+        """
+        ports = self._closed_by(other, sign)
+        if ports is not None:
+            contracts = not ports.model.has_feedthrough or loop_weights(ports.model) is not None
+            if contracts:
+                return self._joined(ports)
+        return super().feedback(other, sign)
+
+    def _closed_by(self, other: Any, sign: Any) -> Ports | None:
+        """The loop as a network, or None if cones do not follow or the arguments are for python-control to judge."""
+        k = real_number(sign, "sign")
+        if is_system_with_states(other):
+            self._require_operand(other)
+            returned = other.Y if k >= 0 else opposite(other.Y)
+            fits = (self.noutputs, self.ninputs) == (other.ninputs, other.noutputs)
+            if fits and lies_in(self.Y, other.U) and (k == 0 or lies_in(returned, self.U)):
+                return composition.feedback(Ports.of(self), Ports.of(other), k)
+            return None
+        K = None if isinstance(other, InputOutputSystem) else as_gain(other)
+        if K is None or K.shape != (self.ninputs, self.noutputs):
+            return None
+        signed = Matrix.from_fractions(K.fractions() * Fraction(k))
+        return composition.gain(Ports.of(self), signed) if maps_into(signed, self.Y, self.U) else None
+
+    def __mul__(self, other: Any) -> Any:
+        if not is_system_with_states(other) or self.ninputs != other.noutputs or not lies_in(other.Y, self.U):
+            return super().__mul__(other)
+        self._require_operand(other)
+        return self._joined(composition.series(Ports.of(self), Ports.of(other)))
+
+    def __getitem__(self, key: Any) -> StateSpace:
+        try:
+            outputs, inputs = key
+            chosen = _places(outputs, self.output_index), _places(inputs, self.input_index)
+        except (TypeError, ValueError, KeyError):
+            return super().__getitem__(key)
+        own = Ports.of(self)
+        part = Ports(own.model, own.inputs[chosen[1]], own.outputs[chosen[0]])
+        if not all(_has_cone(part, kind) for kind in (1, 2)):
+            return super().__getitem__(key)
+        return self._joined(part, f"{self.name}$indexed", vars(self).get("certificate"))
+
+    def _joined(self, ports: Ports, name: str | None = None, certificate: NetworkCertificate | None = None) -> Any:
+        external = ports.inputs, ports.outputs
+        return type(self)(ports.model, external=external, name=name, certificate=certificate, progress=self._progress)
+
+
+def _places(key: Any, labels: Mapping[str, int]) -> Index:
+    """Places of signals by number, name, slice, or a list of numbers and names."""
+    if isinstance(key, slice):
+        return np.arange(len(labels))[key]
+    places = [labels[item] if isinstance(item, str) else item for item in (key if isinstance(key, list) else [key])]
+    if any(isinstance(place, bool) or not isinstance(place, (int, np.integer)) for place in places):
+        raise TypeError
+    if any(not -len(labels) <= place < len(labels) for place in places):
+        raise ValueError
+    return np.array(places, dtype=np.intp) % len(labels)
+
+
+def _has_cone(part: Ports, kind: int) -> bool:
+    """True if something proper is left of the cones of the nodes."""
+    try:
+        return port_cone(part, kind).is_proper
+    except NotProperConeError:
+        return False
