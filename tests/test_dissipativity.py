@@ -33,6 +33,16 @@ def inequalities(cert, A, B, C, D, X, U, discrete=False):
     return X.rays @ v, X.rays @ (S.T @ v + a * v - C.T @ q), U.rays @ (B.T @ v - r - D.T @ q)
 
 
+def test_a_chain_of_eighty_lags_at_its_gain():
+    """The gain of a chain of lags is one: that supply is refuted, because the decrease is not strict."""
+    n = 80
+    A, B, C = np.eye(n, k=-1) - np.eye(n), np.eye(n)[:, :1], np.eye(n)[-1:]
+    X = kp.orthant(n)
+    at = kp.dissipativity(A, B, C, [[0.0]], X, R1, R1, q=[-1], r=[1])
+    assert at.status is Status.REFUTED and at.check()
+    assert kp.dissipativity(A, B, C, [[0.0]], X, R1, R1, q=[-1], r=[1.01])
+
+
 @pytest.mark.parametrize("r", [0.5000001, 0.6, 10.0, 1e6])
 def test_supply_above_the_gain_is_enough(r):
     cert = kp.dissipativity(*LAG, R1, R1, R1, q=[-1], r=[r])

@@ -410,6 +410,19 @@ def test_bad_input_is_named():
         find_cone(np.eye(2), few="edges")
 
 
+def test_eighty_states_whose_rightmost_eigenvalues_are_not_real():
+    A = np.random.default_rng(0).normal(size=(80, 80))
+    values = np.linalg.eigvals(A)
+    assert values[np.argmax(values.real)].imag
+    found = find_cone(A)
+    assert found.status is Status.REFUTED and found.obstruction.kind == "ahead" and found.certificate.check()
+    assert (
+        not replace(found.obstruction, bound=Fraction(100))
+        .conditions(Matrix.stack([Matrix(A)]), discrete=False)[0]
+        .verdict()
+    )
+
+
 # -- exact root counts
 
 

@@ -80,6 +80,6 @@ def quarter_turns(low: float, high: float) -> tuple[int, int]:
     size = max(math.frexp(low)[1], math.frexp(high)[1], 0)
     with ctx.workprec(_BITS + size):
         quarter = arb.pi() / 2
-        first = (arb(low) / quarter).lower().ceil()
-        last = (arb(high) / quarter).upper().floor()
-        return int(first.unique_fmpz()), int(last.unique_fmpz())
+        first: Any = (arb(low) / quarter).lower().ceil().unique_fmpz()
+        last: Any = (arb(high) / quarter).upper().floor().unique_fmpz()
+        return int(first), int(last)

@@ -59,7 +59,7 @@ def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tupl
 
     Notes
     -----
-    Two exact solutions of m equations if HiGHS is right: 0.1 s for 60 rows of doubles, 2 s for 150.
+    Two exact solutions of m equations if HiGHS is right: 0.2 s for 60 rows of doubles, 4 s for 150.
 
     Examples
     --------

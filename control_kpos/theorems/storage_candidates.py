@@ -24,7 +24,7 @@ Rationals = NDArray[np.object_]
 # supply is asked for, as far as a given supply allows for the sake of the decay rate.
 _LEAST = (1e-6, 1e-9, 1e-3, 1e-12, 1e-1)
 _GIVEN = (1.0, 0.1, 1e-2, 1e-3, 1e-6, 1e-9, 1e-12)
-_RATIONAL_ROWS = 60
+_RATIONAL_ROWS = 120
 # Margin where the least supply is sought, as small as for the solves.
 _LEAST_MARGIN = 1e-6
 
