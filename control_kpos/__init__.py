@@ -21,16 +21,11 @@ from .errors import (
 )
 from .proof.certificate import Certificate, Status
 from .proof.files import load_certificate
+from .proof.inclusion import PlaneViolation, PositivityViolation
 from .systems.statespace import ConeStateSpace
 from .theorems.dissipativity import DissipativityCertificate, SupplyViolation, dissipativity
 from .theorems.gains import induced_gain
-from .theorems.positivity import (
-    PlaneViolation,
-    PositivityCertificate,
-    PositivityViolation,
-    cone_positivity,
-    state_positivity,
-)
+from .theorems.positivity import PositivityCertificate, cone_positivity, state_positivity
 from .theorems.stability import InstabilityCombination, InstabilityDirection, LyapunovCertificate, linear_lyapunov
 
 if TYPE_CHECKING:

@@ -13,9 +13,10 @@ from strategies import integer_matrices, many_rays, proper_cone, without_facets
 import control_kpos as kp
 from control_kpos.cones import polyhedral
 from control_kpos.exact.matrix import Matrix
-from control_kpos.proof.generators import GeneratorProof, own_generators, prove
+from control_kpos.proof.inclusion import GeneratorProof, PlaneViolation
 from control_kpos.proof.independent import verdict
-from control_kpos.proof.violations import PlaneViolation
+from control_kpos.proof.portable_cones import own_generators
+from control_kpos.proof.proposed_weights import prove
 from control_kpos.theorems.growing_direction import InstabilityCombination
 
 
@@ -167,7 +168,7 @@ def proved():
 
 def test_wrong_proofs_are_not_believed(proved):
     proof = proved.generator_proof
-    P, shares = proof.multipliers.values, proof.shares
+    P, shares = proof.proposed_weights.values, proof.shares
     wrong = [
         replace(proof, multipliers=Matrix(P * (1 + 1e-9))),
         replace(proof, multipliers=Matrix(P + np.abs(P).max() * np.eye(len(P))[[3]])),
@@ -277,7 +278,7 @@ def test_work_is_limited(monkeypatch):
     A = Matrix(inside(rays, np.random.default_rng(0), strictly=False).astype(float))
     X = kp.PolyhedralCone(rays)
     assert prove(A, X, None, None, discrete=True)
-    monkeypatch.setattr("control_kpos.proof.generators.LIMIT", 1e4)
+    monkeypatch.setattr("control_kpos.proof.proposed_weights.LIMIT", 1e4)
     assert prove(A, X, None, None, discrete=True) is None
 
 
@@ -324,7 +325,7 @@ def test_stability_on_cones_that_are_found(no_facets, tmp_path):
 def test_fine_steps_need_no_rational_numbers(step, discrete, no_facets, monkeypatch):
     A = slow_modes(12)
     X = kp.find_cone(A).cone
-    monkeypatch.setattr("control_kpos.proof.generators.exact_feasibility", lambda *_, **__: pytest.fail("exact"))
+    monkeypatch.setattr("control_kpos.proof.proposed_weights.exact_feasibility", lambda *_, **__: pytest.fail("exact"))
     cert = kp.state_positivity(np.eye(12) + step * A if discrete else A - step * np.eye(12), X, discrete=discrete)
     assert cert and cert.check()
 

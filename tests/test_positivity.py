@@ -14,7 +14,8 @@ import control_kpos as kp
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix
 from control_kpos.proof.certificate import Status
-from control_kpos.theorems.positivity import PositivityCertificate, PositivityViolation
+from control_kpos.proof.inclusion import PositivityViolation
+from control_kpos.theorems.positivity import PositivityCertificate
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 PLANT = [[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], [[0]]

@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..errors import DataError
 from .condition import Condition
 from .matrix import Matrix
 from .products import as_doubles, summed_products
@@ -147,6 +148,30 @@ class Generators:
     def solid(self) -> Bounds:
         """The generators span the whole space."""
         return Bounds.of("R Y = I", 1 - self.defect - 2.0**-50, np.ones_like(self.defect))
+
+    def pointed(self, w: Array) -> Condition:
+        """w is positive on all generators."""
+        return Condition("w'x > 0", BilinearForms(Matrix(np.asarray(w, dtype=float)[None, :]), None, self.rays), ">")
+
+    def images(self, name: str, M: Matrix, vectors: Matrix, weights: Matrix, *, diagonal: bool = True) -> Bounds:
+        """M x_j = R Q_j with Q >= 0, not on the diagonal unless `diagonal`.
+
+        Parameters
+        ----------
+        name : str
+        M : Matrix, shape (n, k)
+        vectors : Matrix, shape (c, k)
+        weights : Matrix, shape (N, c)
+            Q up to an error that the proof takes up; sparse only for a square Q.
+        diagonal : bool
+        """
+        shape = self.rays.shape[0], vectors.shape[0]
+        if weights.shape != shape:
+            raise DataError(f"{name}: {weights.shape} weights do not fit {shape} columns.")
+        if weights.is_sparse:
+            return self.sparse_combination(name, (M, vectors), weights, diagonal=diagonal)
+        required = np.ones(shape, dtype=bool) if diagonal else ~np.eye(*shape, dtype=bool)
+        return self.combination(name, [(M, vectors)], weights, required)
 
     def combination(
         self,

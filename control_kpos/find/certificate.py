@@ -6,7 +6,7 @@
 
 prove e^{At} X inside X (A X inside X) for X = cone of the columns of R, without a facet: in dimension
 30 a cone with 45 generators has far too many of them.  The sign conditions are proven in floating
-point with rounding bounds; see `generators.enclosure`.
+point with rounding bounds; see `exact.enclosure`.
 """
 
 from __future__ import annotations
@@ -95,29 +95,16 @@ class ConeCertificate(Certificate):
         matrices = self.matrices.T if self.by_facets else self.matrices
         contains, within = (self.within, self.contains) if self.by_facets else (self.contains, self.within)
         basis = Generators(rays, self.right_inverse)
-        out: list[Condition] = [
-            Condition("w'x > 0", _forms(_row(self.pointing), rays), ">"),
-            basis.solid(),
-        ]
+        out: list[Condition] = [basis.pointed(self.pointing), basis.solid()]
         if self.multipliers.is_sparse and self.matrices.shape[0] != 1:
             raise DataError("sparse multipliers are for one matrix; a family has a stack of dense ones.")
-        size = 0 if self.multipliers.is_sparse else rays.shape[0]
-        off_diagonal = np.ones((size, size), dtype=bool) if self.discrete else ~np.eye(size, dtype=bool)
         for s in range(self.matrices.shape[0]):
-            image = (matrices[s], rays)
-            if self.multipliers.is_sparse:
-                P = self.multipliers
-                out.append(basis.sparse_combination(f"A{s} R = R P{s}", image, P, diagonal=self.discrete))
-            else:
-                P = self.multipliers[s]
-                out.append(basis.combination(f"A{s} R = R P{s}", [image], P, off_diagonal))
+            P = self.multipliers if self.multipliers.is_sparse else self.multipliers[s]
+            out.append(basis.images(f"A{s} R = R P{s}", matrices[s], rays, P, diagonal=self.discrete))
         if contains is not None:
             if self.shares is None:
                 raise ValueError("vectors to contain come without their combinations")
-            shares = self.shares.T
-            eye = Matrix.identity(rays.shape[1])
-            everywhere = np.ones(shares.shape, dtype=bool)
-            out.append(basis.combination("b = R q", [(eye, contains)], shares, everywhere))
+            out.append(basis.images("b = R q", Matrix.identity(rays.shape[1]), contains, self.shares.T))
         if within is not None:
             out.append(Condition("c'x >= 0", _forms(within, rays), ">="))
         if self.v is not None:

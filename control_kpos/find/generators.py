@@ -17,7 +17,7 @@ from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
 from ..exact.programs import program_effort, solve
 from ..exact.signs import BilinearForms
-from ..proof.multipliers import Frame
+from ..proof.proposed_weights import Frame
 
 Array = NDArray[np.float64]
 
@@ -105,9 +105,8 @@ def _proven_inside(rays: Matrix, right_inverse: Array) -> Array | None:
     point = weights @ values
     weights = np.ldexp(weights, -np.frexp(np.abs(point).max())[1])
     point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
-    column = (Matrix.identity(rays.shape[1]), Matrix(point[None, :]))
-    everywhere = np.ones((len(values), 1), dtype=bool)
-    inside = Generators(rays, right_inverse).combination("x = R q", [column], Matrix(weights[:, None]), everywhere)
+    basis, eye = Generators(rays, right_inverse), Matrix.identity(rays.shape[1])
+    inside = basis.images("x = R q", eye, Matrix(point[None, :]), Matrix(weights[:, None]))
     if not (inside.verdict() and (inside.lower > 0).all()):
         return None
     point.flags.writeable = False

@@ -18,7 +18,7 @@ from ..cones import PolyhedralCone
 from ..exact.budget import spend
 from ..exact.matrix import Matrix
 from ..proof.answer import first_proven
-from ..proof.multipliers import multipliers
+from ..proof.proposed_weights import multipliers
 from .certificate import ConeCertificate
 from .generators import proper_cone
 

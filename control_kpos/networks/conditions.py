@@ -18,11 +18,12 @@ from ..errors import UndecidedError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
+from ..proof.inclusion import MEANING, NAMES
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, take_blocks
 from .model import NetworkModel, NodeStack
 
-STATE, INPUT, OUTPUT, DIRECT = "h'A x >= 0", "h'B u >= 0", "h'C x >= 0", "h'D u >= 0"
-INCLUSIONS = {STATE: "A X in X", INPUT: "B U in X", OUTPUT: "C X in Y", DIRECT: "D U in Y"}
+STATE, INPUT, OUTPUT, DIRECT = (NAMES[name] for name in "ABCD")
+INCLUSIONS = {NAMES[name]: meaning for name, meaning in MEANING.items()}
 STORAGE, RATE, SUPPLY = "v'x > 0", "(v'A + rate v' - q'C) x <= 0", "(v'B - r' - q'D) u <= 0"
 STRICT = "(v'A - q'C) x < 0"
 COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"

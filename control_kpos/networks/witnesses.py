@@ -15,8 +15,9 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
 from ..proof.files import register_record
+from ..proof.inclusion import PositivityViolation
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
-from ..theorems.positivity import PositivityCertificate, PositivityViolation
+from ..theorems.positivity import PositivityCertificate
 from . import conditions as on
 from .blocks import Floats, take_blocks
 from .model import NetworkModel

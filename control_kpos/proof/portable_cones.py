@@ -70,6 +70,16 @@ def given_generators(cone: Cone) -> Matrix:
     return Matrix(cone.exact_rays.values.toarray()) if cone.exact_rays.is_sparse else cone.exact_rays
 
 
+def own_generators(X: Cone) -> Matrix:
+    """The generators of X as they were given, with lengths that files keep."""
+    return portable(given_generators(X))
+
+
+def portable(rows: Matrix) -> Matrix:
+    """Dense rows with one common factor, of the lengths that they have in files."""
+    return rows.plain() if rows.integer_rows is None else Matrix.from_fractions(portable_rows(rows))
+
+
 def portable_rows(m: Matrix) -> Rationals:
     """Rows as fractions: exactly, with lengths that are those of the doubles up to a power of two."""
     values = np.asarray(m.values.toarray() if m.is_sparse else m.values)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ..cones import Cone, Orthant
 from ..exact.matrix import Matrix
-from ..proof.inclusion import inclusion_condition, invariance_condition
+from ..proof.inclusion import Inclusion
 
 # Sizes of epsilon tried, in units of the largest entry; thin cones need more than a rounding error.
 _STEPS = tuple(2.0**k for k in range(-54, -28, 2))
@@ -33,12 +33,7 @@ def maps_into(M: Matrix, source: Cone, target: Cone, *, flow: bool = False) -> b
         return True
     if isinstance(source, Orthant) and isinstance(target, Orthant) and M.is_double:
         return bool((_inner(np.asarray(M.values), flow) >= 0).all())
-    condition = (
-        invariance_condition(M, source, discrete=False)
-        if flow
-        else inclusion_condition("M x in the target", target, M, source)
-    )
-    return condition.verdict() is True
+    return Inclusion("A", target, M, source, flow).condition().verdict() is True
 
 
 def rounded_into(

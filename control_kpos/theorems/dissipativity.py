@@ -29,6 +29,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
 from ..proof.encoding import register_record
+from ..proof.inclusion import PositivityViolation
 from ..proof.weights import (
     Prover,
     drift,
@@ -40,7 +41,6 @@ from ..systems.system import System
 from .positivity import (
     ClaimOnPositivity,
     PositivityCertificate,
-    PositivityViolation,
     cone_positivity,
 )
 from .stability import exact_row

@@ -20,7 +20,9 @@ from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.encoding import register_record
-from ..proof.generators import GeneratorProof, combinations, own_generators
+from ..proof.inclusion import GeneratorProof
+from ..proof.portable_cones import own_generators
+from ..proof.proposed_weights import combinations
 
 
 @register_record
@@ -111,12 +113,10 @@ def combination_conditions(
     if w.weights is None or w.weights.shape != (2, rays.shape[0]):
         raise DataError("there must be two weights for every generator.")
     basis, everywhere = Generators(rays, proof.right_inverse), np.ones((rays.shape[0], 1), dtype=bool)
+    own, moved = (w.weights[np.array([k])].T for k in range(2))
     eye = Matrix.identity(X.dim)
-    terms = {"x = R q": [(eye, x)], "A x = R q": [(A.plain(), x), *([(-eye, x)] if discrete else [])]}
-    columns = (w.weights[np.array([k])].T for k in range(2))
-    return [
-        basis.combination(name, term, q, everywhere) for (name, term), q in zip(terms.items(), columns, strict=True)
-    ]
+    terms = [(A.plain(), x), *([(-eye, x)] if discrete else [])]
+    return [basis.images("x = R q", eye, x, own), basis.combination("A x = R q", terms, moved, everywhere)]
 
 
 def growing_combination(

@@ -7,9 +7,8 @@ Y for all x(0) in X and u(t) in U if and only if
     B U in X,   C X in Y,   D U in Y,
 
 each inclusion read on generators and facets.  In discrete time the first line is A X in X: h'A x_i >= 0
-for every facet and generator.  D is not in the paper; a static system needs the last inclusion.
-
-Where X has too many facets to list, its generators prove the same: see `generators.inclusion`.
+for every facet and generator.  The inequalities, and the proof from generators where X has too many facets to list,
+are in `proof.inclusion`.
 """
 
 from __future__ import annotations
@@ -27,25 +26,14 @@ from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.intake import exact_matrix, flag, require_shape
 from ..exact.matrix import Matrix
-from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Status
-from ..proof.generators import (
-    NO_MARGIN,
-    GeneratorProof,
-    own_generators,
-    portable,
-    prove,
-)
-from ..proof.inclusion import NAMES, invariance_condition
-from ..proof.portable_cones import encode_generators
-from ..proof.violations import PlaneViolation as PlaneViolation
-from ..proof.violations import PositivityViolation as PositivityViolation
-from ..proof.violations import parallel, plane_violation
+from ..proof.inclusion import MEANING, NAMES, NO_MARGIN, GeneratorProof, Inclusion, PlaneViolation, PositivityViolation
+from ..proof.portable_cones import encode_generators, own_generators
+from ..proof.proposed_weights import prove
 from ..proof.weights import Prover, violation
 from ..systems.system import System
 
 _WEIGHTS = {"A": "P", "B": "N", "C": "L", "D": "K"}
-_MEANING = {NAMES["A"]: "A X in X", NAMES["B"]: "B U in X", NAMES["C"]: "C X in Y", NAMES["D"]: "D U in Y"}
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -84,52 +72,64 @@ class PositivityCertificate(Certificate):
             raise DataError("B, C, D and the cones U and Y are needed here; give them all.")
         return System(self.A, self.B, self.C, self.D, self.X, self.U, self.Y, dt=self.discrete)
 
-    def conditions(self) -> Sequence[Condition]:
-        """The inclusions of Theorem 1."""
-        proof, rays = self.generator_proof, None
-        if proof is None:
-            out = [invariance_condition(self.A, self.X, discrete=self.discrete)]
-        else:
-            out = proof.conditions(self.A, self.X, self.B, self.U, discrete=self.discrete)
-            rays = own_generators(self.X)
-        for name, (target, matrix, source) in self.maps().items():
-            if name == "A" or (name == "B" and proof is not None):
-                continue
-            generators = rays if name == "C" and rays is not None else source.exact_rays
-            out.append(Condition(NAMES[name], BilinearForms(target.exact_facets, matrix, generators), ">="))
-        return out
+    def inclusions(self) -> list[Inclusion]:
+        """The inclusions that are claimed."""
+        own = None if self.generator_proof is None else own_generators(self.X)
+        maps = [
+            ("A", self.X, self.A, self.X, not self.discrete, own),
+            ("B", self.X, self.B, self.U, False, None),
+            ("C", self.Y, self.C, self.X, False, own),
+            ("D", self.Y, self.D, self.U, False, None),
+        ]
+        return [
+            Inclusion(name, target, M, source, flow, generators)
+            for name, target, M, source, flow, generators in maps
+            if target is not None and M is not None and source is not None
+        ]
 
-    def maps(self) -> dict[str, tuple[Cone, Matrix, Cone]]:
-        """The inclusions claimed: target, matrix and source by the name of the matrix."""
-        maps = {"A": (self.X, self.A, self.X), "B": (self.X, self.B, self.U), "C": (self.Y, self.C, self.X)}
-        maps["D"] = (self.Y, self.D, self.U)
-        return {k: (T, M, S) for k, (T, M, S) in maps.items() if M is not None and T is not None and S is not None}
+    def conditions(self) -> Sequence[Condition]:
+        """The inclusions of Theorem 1, those into X by facets or from generators."""
+        proof, inclusions = self.generator_proof, self.inclusions()
+        if proof is None:
+            return [inclusion.condition() for inclusion in inclusions]
+        into_X = proof.conditions(self.A, self.X, self.B, self.U, discrete=self.discrete)
+        return [*into_X, *(inclusion.condition() for inclusion in inclusions if inclusion.name in "CD")]
 
     def refutation(self) -> Sequence[Condition] | None:
         """The inequality that the facet and generator of the witness break."""
         w = self.witness
         if not isinstance(w, PositivityViolation):
             return None
-        if isinstance(w, PlaneViolation):
-            name = w.condition[:1]
-            if name not in self.maps():
-                return None
-            return w.conditions(*self.maps()[name], invariance=name == "A" and not self.discrete)
-        condition = next((c for c in self.conditions() if _MEANING.get(c.name) == w.condition), None)
-        if condition is None:
+        broken = self._broken(w)
+        if broken is None:
             return None
-        normal = condition.forms.left[np.array([w.facet])].dense()
-        generator = condition.forms.right[np.array([w.ray])].dense()
-        product = BilinearForms(normal, condition.forms.middle, generator)
-        out = [Condition(f"{w.condition}: z < 0", product, "<")]
-        if w.condition == "A X in X" and not self.discrete:
-            out.append(Condition("h'x = 0", BilinearForms(normal, None, generator), "=="))
-        same = parallel(w.normal, normal.values[0].copy()) and parallel(w.generator, generator.values[0].copy())
-        if not same or condition.forms.middle is None:
-            return None
-        own = BilinearForms(Matrix(w.normal[None]), condition.forms.middle, Matrix(w.generator[None]))
-        rounding = 1e-11 * abs(w.value) + 1e-14 * own.magnitudes[0, 0]
-        return out if abs(own.values[0, 0] - w.value) <= rounding else None
+        by_facet = not isinstance(w, PlaneViolation)
+        if by_facet and self.generator_proof is not None and broken.name in "AB":
+            return None  # the facets of X are too many to list
+        return broken.broken_by(w)
+
+    def _broken(self, w: PositivityViolation) -> Inclusion | None:
+        return next((inclusion for inclusion in self.inclusions() if MEANING[inclusion.name] == w.condition), None)
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> PositivityCertificate:
+        """The inverse of `contents`; what a violation shows is computed afresh.
+
+        Parameters
+        ----------
+        contents : dict
+            By field.
+        """
+        return cls.settle(**{**contents, "witness": cls(**contents).restated()})
+
+    def restated(self) -> Any:
+        """The witness, with the normal, generator and value that belong to its numbers if these fit."""
+        w = self.witness
+        broken = self._broken(w) if isinstance(w, PositivityViolation) else None
+        try:
+            return w if broken is None else broken.restated(w)
+        except (ValueError, IndexError):
+            return w
 
     def contents(self) -> dict[str, Any]:
         """The fields; X by its generators alone if the proof is."""
@@ -142,25 +142,20 @@ class PositivityCertificate(Certificate):
 
     def evidence(self) -> dict[str, Any]:
         """A X = X P, B U = X N, C X = Y L, D U = Y K with weights P, N, L, K; or the normal of the broken facet."""
-        maps, proof, w = self.maps(), self.generator_proof, self.witness
+        proof, w = self.generator_proof, self.witness
         if isinstance(w, PlaneViolation):
             return violation(w.condition[0], w.exact_normal(), 0, w.ray)
         if isinstance(w, PositivityViolation):
-            name = w.condition[0]
-            return violation(name, maps[name][0].exact_facets, w.facet, w.ray)
-        prover, out = Prover(), {}
-        for name, (target, matrix, source) in maps.items():
-            free = name == "A" and not self.discrete
-            guess = None if proof is None else {"A": proof.multipliers, "B": proof.shares}.get(name)
-            rays = own_generators(source) if proof is not None and name in "AC" else None
-            if guess is None:
-                weights = prover.inclusion(target, matrix, source, invariance=free, source_rays=rays)
-            else:
-                vectors = portable(source.exact_rays) if rays is None else rays
-                images = matrix.plain().fractions() @ vectors.fractions().T
-                weights = prover.repaired(own_generators(target), images, guess, invariance=free)
-            out[_WEIGHTS[name]] = weights
-        return out
+            broken = self._broken(w)
+            if broken is None:
+                raise DataError(f"{w.condition} is not claimed.")
+            return violation(broken.name, broken.target.exact_facets, w.facet, w.ray)
+        prover = Prover()
+        guesses = {} if proof is None else {"A": proof.proposed_weights, "B": proof.shares}
+        return {
+            _WEIGHTS[inclusion.name]: inclusion.evidence(prover, guesses.get(inclusion.name))
+            for inclusion in self.inclusions()
+        }
 
     def explain(self) -> str:
         """Which inclusions hold, or where one breaks."""
@@ -337,7 +332,10 @@ class ClaimOnPositivity(Certificate):
         system = {key: value for key, value in contents.items() if key not in own}
         witness = contents.get("witness")
         violation = witness if isinstance(witness, PositivityViolation) else None
-        return cls.settle(positivity=PositivityCertificate.settle(**system, witness=violation), **own)
+        positivity = PositivityCertificate.restore({**system, "witness": violation})
+        if violation is not None:
+            own["witness"] = positivity.witness
+        return cls.settle(positivity=positivity, **own)
 
 
 def positivity_from_generators(**data: Any) -> PositivityCertificate | None:
@@ -349,12 +347,10 @@ def positivity_from_generators(**data: Any) -> PositivityCertificate | None:
     proof, crossing = found
     if crossing is None:
         settled = PositivityCertificate.settle(**data, generator_proof=proof)
-        witness = None if settled else _worst(settled.conditions())
+        witness = None if settled else _worst(settled)
     else:
-        _, matrix, source = s.maps()[crossing.matrix]
-        vectors = own_generators(s.X) if crossing.matrix == "A" else portable(source.exact_rays)
-        condition = _MEANING[NAMES[crossing.matrix]]
-        settled, witness = s, plane_violation(condition, crossing.normal, crossing.ray, matrix.plain(), vectors)
+        settled, broken = s, next(inclusion for inclusion in s.inclusions() if inclusion.name == crossing.matrix)
+        witness = broken.crossing(crossing.normal, crossing.ray)
     if witness is not None:
         settled = PositivityCertificate.settle(**data, generator_proof=proof, witness=witness)
     return None if settled.status is Status.UNDECIDED else settled
@@ -365,26 +361,23 @@ def settle_positivity(**data: Any) -> PositivityCertificate:
     draft = PositivityCertificate.settle(**data)
     if draft:
         return draft
-    witness = _worst(draft.conditions())
+    witness = _worst(draft)
     return draft if witness is None else PositivityCertificate.settle(**data, witness=witness)
 
 
-def _worst(conditions: Sequence[Condition]) -> PositivityViolation | None:
+def _worst(draft: PositivityCertificate) -> PositivityViolation | None:
     """The proven violation of largest relative size."""
-    found: list[tuple[float, Condition, tuple[int, ...]]] = []
-    for condition in conditions:
-        place = condition.worst_violation() if condition.name in _MEANING else None
-        if place is not None:
-            found.append((condition.margin, condition, place))
+    conditions = {condition.name: condition for condition in draft._own_conditions}
+    found: list[tuple[float, Inclusion, tuple[int, ...]]] = []
+    for inclusion in draft.inclusions():
+        condition = conditions.get(NAMES[inclusion.name])
+        place = None if condition is None else condition.worst_violation()
+        if condition is not None and place is not None:
+            found.append((condition.margin, inclusion, place))
     if not found:
         return None
-    _, condition, (facet, ray) = min(found, key=lambda item: item[0])
-    normal = condition.forms.left[np.array([facet])].dense()
-    generator = condition.forms.right[np.array([ray])].dense()
-    value = float(BilinearForms(normal, condition.forms.middle, generator).values[0, 0])
-    return PositivityViolation(
-        _MEANING[condition.name], facet, ray, normal.values[0].copy(), generator.values[0].copy(), value
-    )
+    _, inclusion, (facet, ray) = min(found, key=lambda item: item[0])
+    return inclusion.violation(facet, ray)
 
 
 def square_matrix(A: ArrayLike | Matrix | Any, X: Cone, name: str = "A") -> Matrix:

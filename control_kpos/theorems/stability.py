@@ -28,7 +28,8 @@ from ..exact.intake import choice
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
-from ..proof.generators import NO_MARGIN, own_generators
+from ..proof.inclusion import NO_MARGIN, PositivityViolation
+from ..proof.portable_cones import own_generators
 from ..proof.weights import (
     Prover,
     drift,
@@ -51,7 +52,6 @@ from .lyapunov_candidates import ScaledProblem, SingularMatrixError
 from .positivity import (
     ClaimOnPositivity,
     PositivityCertificate,
-    PositivityViolation,
     state_positivity,
 )
 

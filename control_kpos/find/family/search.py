@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...exact.budget import OutOfBudgetError, affords
 from ...exact.matrix import Matrix
 from ...exact.programs import solve
-from ...proof.multipliers import pointing_functional
+from ...proof.proposed_weights import pointing_functional
 from ..certificate import ConeCertificate
 from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone

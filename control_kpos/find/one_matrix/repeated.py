@@ -28,7 +28,7 @@ from ...exact.polynomials import (
     multiply,
     square_free_factors,
 )
-from ...proof.multipliers import pointing_functional
+from ...proof.proposed_weights import pointing_functional
 from ..impossible.existence import spectrum_polynomial
 from ..ports import search as ports
 from ..question import Candidate, Question, first_cone

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ...exact.budget import affords, spend
 from ...exact.matrix import Matrix
 from ...exact.products import as_doubles, exact_product, summed_products
-from ...proof.multipliers import multipliers
+from ...proof.proposed_weights import multipliers
 from ..question import Candidate, Question
 from .explicit import LARGE, ModalCone, fewest_rays, modal_cone
 from .modes import PER_CUBE, Modes, balanced, dominant_index, eigenbasis, modes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...cones import PolyhedralCone
 from ...errors import TooLargeError
 from ...exact.matrix import Matrix
-from ...proof.multipliers import Frame, multipliers, nonnegative_combination
+from ...proof.proposed_weights import Frame, multipliers, nonnegative_combination
 from ..one_matrix.explicit import (
     LARGE,
     MOST_ENTRIES,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ...exact.budget import spend
 from ...exact.matrix import Matrix
-from ...proof.multipliers import Frame, nonnegative_combination
+from ...proof.proposed_weights import Frame, nonnegative_combination
 from ..generators import extreme_generators
 from ..one_matrix.modes import Split, split
 from ..one_matrix.search import Analysis

@@ -1,18 +1,18 @@
-"""Positivity of a system on a cone of which generators are known, and facets are too many.
+"""Proposed weights: vectors as nonnegative combinations of generators, by linear programs; nothing here is trusted.
 
-With the generators as columns of R, Theorem 1 reads: e^{At} X stays in X (A X lies in X) and B U in X if
+Columns of P with A R = R P are sought as far inside the allowed signs as possible, for each generator x_j:
 
-    A R = R P,  P off-diagonal >= 0  (discrete time: P >= 0),      B u_i = R n_i,  n_i >= 0,
-    w'R > 0                          (the cone is pointed),
-    R Y = I for some Y               (the cone is solid).
+    maximise t   subject to   R p = A x_j,   p_i >= t s_i   (i != j in continuous time),
 
-For polyhedral cones this is necessary too.  A column of P that does not exist has a reason, by Farkas' lemma: a vector
-h with h'x >= 0 on all generators, h'x_j = 0 and h'A x_j < 0, a supporting hyperplane that the field crosses.
+in coordinates where the generators are well spread.  A strictly positive t survives rounding; where
+t = 0 the structure of A asks for exact zeros, and exact rational arithmetic takes over.  What is found
+is proven by `inclusion.GeneratorProof`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from contextlib import suppress
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -22,77 +22,110 @@ from numpy.typing import NDArray
 from ..cones import Cone
 from ..cones.hull import LIMIT, Allowance
 from ..errors import DataError, TooLargeError
-from ..exact.condition import Condition
+from ..exact.budget import spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
+from ..exact.programs import program_effort, solve
 from ..exact.rational_programs import exact_feasibility
-from ..exact.signs import BilinearForms
-from .encoding import register_record
-from .multipliers import Frame, nonnegative_combination, pointing_functional
-from .portable_cones import given_generators, portable_rows
+from .inclusion import GeneratorProof
+from .portable_cones import own_generators, portable
 
-_POINTED, _STATE, _INPUT = "w'x > 0", "A R = R P", "B U = R N"
-SUPPORTING = "h'x >= 0 on X"
-# Conditions that say nothing about how far the system is from losing positivity, or a violation from being none.
-NO_MARGIN = frozenset({_POINTED, "R Y = I", SUPPORTING})
+Array = NDArray[np.float64]
+
 # Below this a margin may be rounding of the solver.
 _STRICT = 1e-9
 # Below this the tolerances of the solver have eaten from it.
 _CLOSE = 1e-6
 # Multiplications of machine words for all rational columns together, some ten seconds, and for the worst of them.
 _WORK = 10**10
-# Binary digits of all rational multipliers together.
+# Binary digits of all rational weights together.
 _DIGITS = 4 * 10**8
+# Rational columns above this dimension take seconds each.
+_EXACT_DIMENSION = 40
 
 
-@register_record
 @dataclass(frozen=True, eq=False)
-class GeneratorProof:
-    """What proves positivity without facets.
+class Frame:
+    """Generators in coordinates where they have heights w'x = 1 and are well spread.
 
     Attributes
     ----------
-    pointing : ndarray, shape (n,)
-        w with w'x > 0 for every generator.
-    right_inverse : ndarray, shape (N, n)
-        Y with R Y close to the identity.
-    multipliers : Matrix, shape (N, N), or None
-        P with A R = R P up to an error that the proof takes up; None beside a violation.
-    shares : Matrix, shape (N, k), or None
-        B u_i = R n_i likewise, for the generators u_i of U.
+    R : ndarray, shape (n, N)
+        Generators of height 1.
+    heights : ndarray, shape (N,)
+        w'x of the original generators.
+    to, back : ndarray, shape (n, n)
+        R = to @ original / heights.
     """
 
-    pointing: NDArray[np.float64]
-    right_inverse: NDArray[np.float64]
-    multipliers: Matrix | None = None
-    shares: Matrix | None = None
+    R: Array
+    heights: Array
+    to: Array
+    back: Array
 
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, np.ndarray):
-                view = value.view()
-                view.flags.writeable = False
-                object.__setattr__(self, field.name, view)
+    @classmethod
+    def of(cls, rays: Array, pointing: Array) -> Frame | None:
+        """None if some generator has no positive height, or the generators span too little."""
+        heights = rays @ pointing
+        if not (heights > 0).all():
+            return None
+        R = (rays / heights[:, None]).T
+        u, s, _ = np.linalg.svd(R, full_matrices=False)
+        if len(s) < len(R) or not s[-1] > 1e-14 * s[0]:
+            return None
+        to = (u / s).T
+        spread = to @ R
+        # What should be zero is, or a solver would scale rounding errors up.
+        return cls(np.where(np.abs(spread) < 1e-14, 0.0, spread), heights, to, u * s)
 
-    def conditions(self, A: Matrix, X: Cone, B: Matrix | None, U: Cone | None, *, discrete: bool) -> list[Condition]:
-        """The inequalities and equations above, proven from the data and nothing else."""
-        rays = own_generators(X)
-        basis = Generators(rays, self.right_inverse)
-        out: list[Condition] = [pointed(rays, self.pointing), basis.solid()]
-        if self.multipliers is None:
-            raise DataError("the multipliers are missing.")
-        columns = [(_STATE, A, rays, self.multipliers, _signed(rays.shape[0], discrete))]
-        if B is not None and U is not None:
-            inputs = portable(U.exact_rays)
-            if self.shares is None:
-                raise DataError("the shares of the inputs are missing.")
-            columns.append((_INPUT, B, inputs, self.shares, np.ones((rays.shape[0], inputs.shape[0]), dtype=bool)))
-        for name, M, sources, weights, required in columns:
-            if weights.shape != required.shape:
-                raise DataError(f"{name}: {weights.shape} weights do not fit {required.shape} columns.")
-            out.append(basis.combination(name, [(M.plain(), sources)], weights, required))
-        return out
+
+def pointing_functional(rays: Array) -> Array:
+    """w with w'x well above 0 for every generator of length 1, by a linear program."""
+    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
+    n = rays.shape[1]
+    answer = solve(
+        np.append(np.zeros(n), -1.0),
+        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
+        b_ub=np.zeros(len(unit)),
+        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
+    )
+    return answer.x[:-1] if answer else np.zeros(n)
+
+
+def nonnegative_combination(
+    frame: Frame, target: Array, free: int | None = None, *, size: float
+) -> tuple[Array, float]:
+    """Coefficients p with R p = target and the largest t with p_i >= t; `free` is left out.
+
+    `size` is what t is measured against; a target far below it is rounding.
+
+    Returns
+    -------
+    p : ndarray, shape (N,)
+        In units of the frame's generators (of height 1).
+    t : float
+        -inf if no combination was found.
+    """
+    N = frame.R.shape[1]
+    unit = np.ones(N)
+    lower = np.zeros(N + 1)
+    if free is not None:
+        unit[free], lower[free] = 0.0, -np.inf
+    lower[N] = -np.inf
+    # p = z + t unit with z >= 0 keeps the program small: n rows only.
+    matrix = np.column_stack([frame.R, frame.R @ unit])
+    upper = np.full(N + 1, np.inf)
+    upper[N] = 10.0
+    cost = np.zeros(N + 1)
+    cost[N] = -1.0
+    answer = solve(cost, A_eq=matrix, b_eq=target / size, bounds=(lower, upper))
+    if not answer:
+        return np.zeros(N), -np.inf
+    p = answer.x[:N] + answer.x[N] * unit
+    with suppress(np.linalg.LinAlgError):  # no convergence: the point stays as the solver gave it
+        p = p + np.linalg.lstsq(frame.R, target / size - frame.R @ p, rcond=None)[0]
+    rest = np.delete(p, free) if free is not None else p
+    return p * size, float(rest.min(initial=np.inf))
 
 
 class Crossing(NamedTuple):
@@ -101,21 +134,6 @@ class Crossing(NamedTuple):
     matrix: str
     normal: NDArray[np.object_]
     ray: int
-
-
-def own_generators(X: Cone) -> Matrix:
-    """The generators of X as they were given, with lengths that files keep."""
-    return portable(given_generators(X))
-
-
-def portable(rows: Matrix) -> Matrix:
-    """Dense rows with one common factor, of the lengths that they have in files."""
-    return rows.plain() if rows.integer_rows is None else Matrix.from_fractions(portable_rows(rows))
-
-
-def pointed(rays: Matrix, w: NDArray[np.float64]) -> Condition:
-    """w is positive on all generators."""
-    return Condition(_POINTED, BilinearForms(Matrix(np.asarray(w, dtype=float)[None, :]), None, rays), ">")
 
 
 def prove(
@@ -245,26 +263,87 @@ class _Search:
     ) -> NDArray[np.object_] | tuple[NDArray[np.object_], int]:
         """Column j in rational numbers, for one part in `count` of the work, or the reason why there is none."""
         N, n = self.rays.shape
-        R = self.rays.fractions().T
-        image = M.fractions() @ Matrix.from_fractions(vectors.fractions()[[j]]).fractions()[0]
+        image = M.fractions() @ vectors[np.array([j])].fractions()[0]
         if not image.any():
             return np.full(N, Fraction(0), dtype=object)
-        matrix = np.concatenate([R, -R[:, [j]]], axis=1) if free else R
         digits = max(int(x).bit_length() for x in np.abs(self.rays.as_integers()[0]).ravel())
         self.allowance.take(2.4 * n**3 * (1 + n * digits / 1024) ** 1.6, N, n)
         try:
-            x, h = exact_feasibility(matrix, image, work_limit=_WORK / count)
+            x, h = _rational_column(self.rays, image, j if free else None, work_limit=_WORK / count)
         except DataError:
             raise TooLargeError(f"the numbers of column {j} are too long for a linear program.") from None
         if h is not None or x is None:
             return np.asarray(h, dtype=object), j
-        if free:
-            x[j] -= x[-1]
-            x = x[:-1]
         self.digits += N * N * max(Fraction(v).denominator.bit_length() for v in x)
         if self.digits > _DIGITS:
             raise TooLargeError("the multipliers are too long.")
         return x
+
+
+def multipliers(
+    A: Matrix,
+    rays: Matrix,
+    pointing: Array,
+    *,
+    discrete: bool = False,
+) -> Matrix | None:
+    """P with A R = R P and the signs that invariance asks for; None if there is none.
+
+    Parameters
+    ----------
+    A : Matrix, shape (n, n)
+    rays : Matrix, shape (N, n)
+    pointing : ndarray, shape (n,)
+        Positive on every generator.
+
+    Returns
+    -------
+    Matrix, shape (N, N), or None
+
+    Notes
+    -----
+    N linear programs of n rows, a millisecond or two each.
+    """
+    frame = Frame.of(np.asarray(rays.values), pointing)
+    if frame is None:
+        return None
+    images = frame.to @ A.values @ frame.back @ frame.R
+    size = float(np.abs(images).max()) or 1.0
+    columns: list[NDArray] = []
+    for j in range(rays.shape[0]):
+        spend(program_effort(*frame.R.shape))
+        p, t = nonnegative_combination(frame, images[:, j], None if discrete else j, size=size)
+        if t > _STRICT:
+            columns.append(p * frame.heights[j] / frame.heights)
+            continue
+        column = _affordable_column(A, rays, j, None if discrete else j)
+        if column is None:
+            return None
+        columns.append(column)
+    return _stacked(columns)
+
+
+def _affordable_column(A: Matrix, rays: Matrix, j: int, free: int | None) -> NDArray[np.object_] | None:
+    """An exact combination, by rational arithmetic; None if there is none, or it is too dear."""
+    if rays.shape[1] > _EXACT_DIMENSION:
+        return None
+    try:
+        return _rational_column(rays, A.fractions() @ rays[np.array([j])].fractions()[0], free)[0]
+    except TooLargeError:
+        return None
+
+
+def _rational_column(
+    rays: Matrix, image: NDArray[np.object_], free: int | None, **limit: float
+) -> tuple[NDArray[np.object_] | None, NDArray[np.object_] | None]:
+    """x with R x = image, x_i >= 0 for i != free; or else h with h'R >= 0 (= 0 at `free`) and h'image < 0."""
+    R = rays.fractions().T
+    matrix = R if free is None else np.concatenate([R, -R[:, [free]]], axis=1)
+    x, h = exact_feasibility(Matrix.from_fractions(matrix), Matrix.from_fractions(image), **limit)
+    if x is None or free is None:
+        return x, h
+    x[free] -= x[-1]
+    return x[:-1], h
 
 
 def _signed(N: int, discrete: bool) -> NDArray[np.bool_]:
@@ -275,5 +354,4 @@ def _signed(N: int, discrete: bool) -> NDArray[np.bool_]:
 def _stacked(columns: list[NDArray]) -> Matrix:
     if all(c.dtype != object for c in columns):
         return Matrix(np.array(columns).T)
-    rows = Matrix.from_fractions(np.array([[Fraction(x) for x in c] for c in columns], dtype=object))
-    return rows.T
+    return Matrix.from_fractions(np.array([[Fraction(x) for x in c] for c in columns], dtype=object)).T
