@@ -79,7 +79,7 @@ def _exact_array(arr: NDArray[Any], name: str) -> Matrix:
     kind = arr.dtype.kind
     if kind == "c":
         raise DataError(f"{name} is complex; control_kpos takes real numbers only.")
-    if kind == "b" or (kind == "f" and arr.dtype.itemsize <= 8) or (kind in "iu" and arr.dtype.itemsize < 8):
+    if kind == "b" or (kind == "f" and arr.dtype.itemsize <= 8) or (kind in "iu" and _fits_doubles(arr)):
         values = arr.astype(np.float64)
         _require_finite(values, name)
         values.flags.writeable = False
@@ -95,6 +95,12 @@ def _exact_array(arr: NDArray[Any], name: str) -> Matrix:
         except DataError:
             raise DataError(f"{name} holds a number that does not fit into a double; rescale the data.") from None
     raise DataError(f"{name} holds {arr.dtype.name} data; give real numbers.")
+
+
+def _fits_doubles(integers: NDArray[Any]) -> bool:
+    """Whether doubles hold integers of these sizes without rounding."""
+    small = integers.dtype.itemsize < 8 or not integers.size
+    return small or bool(integers.min() >= -(2**53) and integers.max() <= 2**53)
 
 
 def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:

@@ -46,6 +46,17 @@ def underflow(terms: int) -> float:
     return 4 * SMALLEST_NORMAL * (terms + 1)
 
 
+def chain_constants(inner: int, outer: int) -> tuple[float, float, float]:
+    """For (l'M) r: the factor, and what underflows in l'M, before r multiplies it, and in the product with r.
+
+    Parameters
+    ----------
+    inner, outer : int
+        Entries of l (0 without M) and of r.
+    """
+    return error_factor(inner + outer), underflow(inner), underflow(outer)
+
+
 def room(terms: int) -> float:
     """A computed sum of so many nonnegative numbers, times this, is no smaller than the exact sum."""
     return max(ROOM, 1 + error_factor(terms))

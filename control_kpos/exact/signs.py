@@ -30,7 +30,7 @@ from .matrix import (
     granularity,
     integers_of_doubles,
 )
-from .rounding import RADIUS_ROOM, ROOM, SMALLEST_NORMAL, error_factor, room, underflow
+from .rounding import RADIUS_ROOM, ROOM, SMALLEST_NORMAL, chain_constants, room
 
 UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
@@ -70,14 +70,14 @@ class BilinearForms:
         """The forms in floating point: ndarray (..., k, p), or csr_array on `pattern`."""
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             z = self._product(*(m.values for m in self._operands))
-        return self._on_pattern(z) if self.is_sparse else dense(z)
+        return self._on_pattern(z) if self.is_sparse else np.asarray(z)
 
     @cached_property
     def magnitudes(self) -> Any:
         """|l_k|' |M| |r_i| in floating point, shaped like `values`."""
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             m = self._product(*(abs(m.values) for m in self._operands))
-        return self._on_pattern(m) if self.is_sparse else dense(m)
+        return self._on_pattern(m) if self.is_sparse else np.asarray(m)
 
     @cached_property
     def pattern(self) -> sp.csr_array:
@@ -159,13 +159,11 @@ class BilinearForms:
 
     def _relative_error(self) -> float:
         """The factor of the lemma: a term passes through one rounding for each entry of both inner sums."""
-        return error_factor(sum(self._lengths))
+        return self._constants()[0]
 
-    @cached_property
-    def _lost(self) -> tuple[float, float]:
-        """What underflows in l'M, before r multiplies it, and in the sum over b."""
-        inner, outer = self._lengths
-        return underflow(inner), underflow(outer)
+    def _constants(self) -> tuple[float, float, float]:
+        """That factor, and what underflows in l'M, before r multiplies it, and in the sum over b."""
+        return chain_constants(*self._lengths)
 
     def _norm_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| through Euclidean norms: no matrix product."""
@@ -174,21 +172,21 @@ class BilinearForms:
             nr, dr = _row_norms(self.right)
             nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
             nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
-            inner, outer = self._lost  # |r|_1 <= sqrt(length) |r|_2
-            bound = (self._relative_error() * nl * nm + inner * np.sqrt(self._lengths[1])) * nr + outer
+            g, inner, outer = self._constants()  # |r|_1 <= sqrt(length) |r|_2
+            bound = (g * nl * nm + inner * np.sqrt(self._lengths[1])) * nr + outer
             if any(m.radius is not None for m in self._operands):
                 bound = bound + RADIUS_ROOM * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
             return bound
 
     def _entry_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| entry by entry."""
-        inner, outer = self._lost
+        g, inner, outer = self._constants()
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             lost = inner * np.asarray(abs(self.right.values).sum(axis=-1)) + outer
             if self.is_sparse:
-                bound = self._relative_error() * self.magnitudes.data + lost[self.pattern.indices]
+                bound = g * self.magnitudes.data + lost[self.pattern.indices]
             else:
-                bound = self._relative_error() * self.magnitudes + lost[..., None, :]
+                bound = g * self.magnitudes + lost[..., None, :]
             done: list[Any] = []
             for i, m in enumerate(self._operands):
                 if m.radius is not None:

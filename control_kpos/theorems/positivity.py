@@ -274,10 +274,10 @@ def cone_positivity(
     for name, matrix, target, source in (("B", B, X, U), ("C", C, Y, X), ("D", D, Y, U)):
         if matrix is None or target is None or source is None:
             continue
-        exact = exact_matrix(matrix, name)
-        if name == "D" and exact.shape == (1, 1) and not np.any(exact.values) and (target.dim, source.dim) != (1, 1):
-            exact = Matrix.zeros(target.dim, source.dim)  # D = 0, as in control.ss
-        data[name] = require_shape(exact, name, (target.dim, source.dim), _sizes(name, n))
+        exact, shape = exact_matrix(matrix, name), (target.dim, source.dim)
+        if name == "D" and exact.shape == (1, 1) and not np.any(exact.values) and shape != (1, 1):
+            exact = Matrix.zeros(*shape)  # D = 0, as in control.ss
+        data[name] = require_shape(exact, name, shape, _sizes(name, n))
     for name, cone in (("U", U), ("Y", Y)):
         if cone is not None:
             cone.require_proper(name)
