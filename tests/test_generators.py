@@ -168,7 +168,7 @@ def proved():
 
 def test_wrong_proofs_are_not_believed(proved):
     proof = proved.generator_proof
-    P, shares = proof.proposed_weights.values, proof.shares
+    P, shares = proof.multipliers.values, proof.shares
     wrong = [
         replace(proof, multipliers=Matrix(P * (1 + 1e-9))),
         replace(proof, multipliers=Matrix(P + np.abs(P).max() * np.eye(len(P))[[3]])),

@@ -151,7 +151,7 @@ class PositivityCertificate(Certificate):
                 raise DataError(f"{w.condition} is not claimed.")
             return violation(broken.name, broken.target.exact_facets, w.facet, w.ray)
         prover = Prover()
-        guesses = {} if proof is None else {"A": proof.proposed_weights, "B": proof.shares}
+        guesses = {} if proof is None else {"A": proof.multipliers, "B": proof.shares}
         return {
             _WEIGHTS[inclusion.name]: inclusion.evidence(prover, guesses.get(inclusion.name))
             for inclusion in self.inclusions()
