@@ -82,15 +82,17 @@ class Matrix:
         """From an object array of int and Fraction, any shape."""
         if rows.size == 0:
             return cls(np.zeros(rows.shape))
-        flat = [x if type(x) is Fraction else Fraction(x) for x in rows.ravel().tolist()]
-        den = lcm(*{x.denominator for x in flat})
-        values = np.array([nearest_double(x) for x in flat])
-        same = (v.as_integer_ratio() == x.as_integer_ratio() for v, x in zip(values.tolist(), flat, strict=True))
-        exact = np.fromiter(same, dtype=bool, count=len(flat))
+        flat = [(x if type(x) in (int, Fraction) else Fraction(x)).as_integer_ratio() for x in rows.ravel().tolist()]
+        den = lcm(*{d for _, d in flat})
+        try:
+            values = np.array([n / d for n, d in flat])
+        except OverflowError:
+            values = np.array([nearest_double(Fraction(n, d)) for n, d in flat])  # names the number
+        exact = np.array([v.as_integer_ratio() == x for v, x in zip(values.tolist(), flat, strict=True)])
         values, exact = values.reshape(rows.shape), exact.reshape(rows.shape)
         if exact.all():
             return cls(values)
-        nums = np.array([x.numerator * (den // x.denominator) for x in flat], dtype=object).reshape(rows.shape)
+        nums = np.array([n * (den // d) for n, d in flat], dtype=object).reshape(rows.shape)
         return cls(values, np.where(exact, 0.0, rounding_radius(values)), nums, den)
 
     @classmethod

@@ -46,9 +46,11 @@ def exact_vectors(rounded: Sequence[Any], exact: Exact) -> list[Any]:
 
 def with_exact(vectors: Sequence[Any]) -> tuple[list[Floats], Exact]:
     """The inverse: doubles, and the fractions if they differ from them."""
-    rounded = [np.array([float(value) for value in part]) for part in vectors]
-    same = all(Fraction(a) == b for r, part in zip(rounded, vectors, strict=True) for a, b in zip(r, part, strict=True))
-    return rounded, None if same else tuple(tuple(map(Fraction, part)) for part in vectors)
+    exact = [[x if isinstance(x, Fraction) else Fraction(x) for x in part] for part in vectors]
+    rounded = [np.array([x.numerator / x.denominator for x in part]) for part in exact]
+    pairs = zip(np.concatenate(rounded).tolist(), (x for part in exact for x in part), strict=True)
+    same = all(a.as_integer_ratio() == b.as_integer_ratio() for a, b in pairs)
+    return rounded, None if same else tuple(map(tuple, exact))
 
 
 @register_record

@@ -32,6 +32,8 @@ from .refinement import Borders, Factors, Frame, balancing_units, frames, ration
 
 # Bits at which a root that may be zero is first looked at as zero.
 _FIRST_ATTEMPT = 80
+# A t below minus this is not rounding: x is looked for first.
+_NO_ROUNDING = 2.0**-45
 # Weights of parts may differ by this many bits: doubles hold no more.
 _LONGEST = 1900
 # Rows up to which exact solutions and programs are asked for.
@@ -220,6 +222,10 @@ def _near_margin(N: SparseIntegers) -> Decision | None:
     if made is None:
         return None
     (frame, solver), (other, transposed) = made
+    if solver.solve(np.append(np.zeros(N.height), N.height))[-1] < -_NO_ROUNDING:
+        grown = _grown(frame, solver)
+        if grown is not None:
+            return grown
     sign, goal, step = 0, _FIRST_ATTEMPT, None
     for step in refine(other, transposed):
         sign = step.sign
@@ -234,12 +240,15 @@ def _near_margin(N: SparseIntegers) -> Decision | None:
         return None
     if sign > 0:
         return Decision(True, _ambient(other, step.X)) if other.holds(step.X, 1) else None
-    for step in refine(frame, solver):
-        if step.sign < 0 and frame.holds(step.X, -1):
-            return Decision(False, _ambient(frame, step.X))
-        if step.sign:
-            break
-    return None
+    return _grown(frame, solver)
+
+
+def _grown(frame: Frame, solver: Borders) -> Decision | None:
+    """x >= 0 with N x >= 0, once the sign of t is certain."""
+    step = next((step for step in refine(frame, solver) if step.sign), None)
+    if step is None or step.sign > 0 or not frame.holds(step.X, -1):
+        return None
+    return Decision(False, _ambient(frame, step.X))
 
 
 def _marginal(frame: Frame, solver: Borders, bits: int) -> Decision | None:
