@@ -2,6 +2,7 @@
 
 import control as ct
 import numpy as np
+import scipy as sp
 from strategies import without_facets
 
 import control_kpos as kp
@@ -72,6 +73,25 @@ def ports():
     return kp.find_cone(
         ct.ss([[-1, 4, 0], [-4, -1, 0], [0, 0, -0.2]], [[0.3], [0.2], [1]], [[0.1, 0, 1]], [[0]])
     ).certificate
+
+
+def pendulum(X, region, stiffness=0.0, damping=-3.0):
+    def field(t, x, u, p):
+        return [x[1], stiffness * x[0] - np.sin(x[0]) + damping * x[1]]
+
+    return kp.differential_positivity(ct.nlsys(field, inputs=0, states=2), X, region)
+
+
+def node(a, d=0):
+    return kp.ConeStateSpace([[a]], [[1]], [[1]], [[d]])
+
+
+def bracket(systems, coupling):
+    return kp.feedback_interconnect(systems, coupling).abscissa_certificate()
+
+
+# dominant directions that point the same way for neither sign
+TURNED = [[[0.5, 0], [0, -0.25]], [[-0.625, 0.375], [-1.125, 0.875]]]
 
 
 def supplied(*rates):
@@ -156,10 +176,65 @@ CERTIFICATES = {
     "Jacobians, one not positive": lambda: kp.differential_positivity(
         [FAMILY[0], [[-3, 1], [-0.5, -2]]], kp.orthant(2)
     ),
+    "Jacobians within bounds": lambda: pendulum(kp.PolyhedralCone([[1, 0], [1, -2]]), [[-1.5, 1.5], [-9, 9]]),
+    "Jacobians within bounds, common vector": lambda: pendulum(PAPER, [[-0.1, 0.1], [-1, 1]], -22.0, -13.0),
+    "Jacobians within bounds, on an orthant": lambda: kp.differential_positivity(
+        ct.nlsys(lambda t, x, u, p: [np.sin(x[1]) - 2 * x[0], np.exp(x[0]) - 5 * x[1]], inputs=0, states=2),
+        kp.orthant(2),
+        [[-1, 1], [-1, 1]],
+    ),
+    "Jacobians within bounds, four generators": lambda: kp.differential_positivity(
+        ct.nlsys(lambda t, x, u, p: [-3 * x[0] + 0.1 * np.sin(x[1]), 0.1 * x[2] - 3 * x[1], -x[2]], inputs=0, states=3),
+        SQUARE,
+        [[-1, 1]] * 3,
+    ),
+    "Jacobians within bounds, not positive": lambda: pendulum(
+        kp.PolyhedralCone([[1, 0], [1, -2]]), [[-4, 4], [-9, 9]]
+    ),
+    "stable, tightest rate, four generators": lambda: kp.linear_lyapunov(INWARDS, SQUARE, rate="max"),
+    "stable, tightest rate, discrete": lambda: kp.linear_lyapunov(
+        [[0.5, 0.25], [0.25, 0.5]], kp.orthant(2), discrete=True, rate="max"
+    ),
+    "bracket": lambda: bracket(mass_springs(), kp.examples.ring(4)),
+    "bracket, algebraic loops": lambda: bracket(mixed_nodes(), LINKS),
+    "bracket, discrete": lambda: bracket(
+        [kp.ConeStateSpace([[0.5]], [[1]], [[1]], [[0]], dt=True)] * 2, [[0, 0.25], [0.25, 0]]
+    ),
+    "any number of nodes": lambda: kp.scale_free_certificate(node(-2)),
+    "any number of nodes, of two types": lambda: kp.scale_free_certificate([node(-2), node(-3)]),
+    "any number of nodes, algebraic loops": lambda: kp.scale_free_certificate(node(-2, 0.5)),
+    "any number of nodes, link": lambda: kp.scale_free_certificate(node(-2), weight=1.5, link=[[0.5]]),
+    "any number of nodes, paper": lambda: kp.scale_free_certificate(kp.examples.mass_spring_node(), weight=21),
+    "any number of nodes, not stable": lambda: kp.scale_free_certificate(node(-2), weight=3),
+    "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
+    "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,
+    "not any cone, beside": lambda: kp.find_cone([["1/3", 1, 0], [-1, "1/3", 0], [0, 0, "1/3"]]).certificate,
+    "not any cone, beside, discrete": lambda: kp.find_cone(
+        [["0.6", "-0.8", 0], ["0.8", "0.6", 0], [0, 0, 1]], discrete=True
+    ).certificate,
+    "not any cone, cycle": lambda: kp.find_cone(TURNED).certificate,
+    "not any cone, cycle, discrete": lambda: kp.find_cone(TURNED, discrete=True).certificate,
+    "not any cone, ports": lambda: kp.find_cone(ct.ss([[-1, 0], [0, -2]], [[1], [1]], [[-1, 2]], [[0]])).certificate,
+    "not any feedback": lambda: kp.state_feedback(kp.ConeStateSpace(*kp.examples.mass_spring())).certificate,
+    "not any feedback, gain bound": lambda: designed(rate=50.0, gain_bound=[30.0]),
+    "not any feedback, ports": lambda: kp.state_feedback(
+        kp.ConeStateSpace([[-1, -1], [0, -1]], [[0], [1]], [[1, 0]], 0), gain_bound=[5.0], ports=True
+    ).certificate,
+    "not any feedback, two vertices": lambda: kp.state_feedback(
+        kp.ConeStateSpace(*kp.examples.mass_spring()), vertices=two_vertices()
+    ).certificate,
+    "not any feedback, discrete": lambda: kp.state_feedback(
+        kp.ConeStateSpace([[0.5, -1], [0, 1.5]], [[0], [1]], [[1, 0]], 0, dt=True)
+    ).certificate,
+    "not any invariant gain": lambda: kp.output_feedback(
+        kp.ConeStateSpace(*kp.examples.mass_spring()[:2], [[0, 1]], 0)
+    ).certificate,
+    "not any invariant gain, four generators": lambda: kp.state_feedback(
+        kp.ConeStateSpace([[-1, 0, 0], [0, -1, 0], [3, 0, -1]], [[0], [1], [0]], [[1, 0, 0]], 0, X=SQUARE)
+    ).certificate,
 }
-# for which no proof that stands alone is written
+# for which no proof that stands alone is written, with the reason
 FOR_THE_PACKAGE = {
-    "no cone": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
-    "any number of nodes": lambda: kp.scale_free_certificate(kp.ConeStateSpace([[-2]], [[1]], [[1]], [[0]])),
-    "no feedback": lambda: kp.state_feedback(kp.ConeStateSpace(*kp.examples.mass_spring())).certificate,
+    "no cone, too many states": lambda: kp.find_cone(sp.linalg.block_diag(*[[[0, 1], [-1, 0]]] * 16)).certificate,
+    "any number of nodes, rounded": lambda: kp.scale_free_certificate(node(-2), weight=0.7, link=[[0.3]]),
 }

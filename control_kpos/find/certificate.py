@@ -28,6 +28,7 @@ from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import encode_generators, given_generators
 from ..proof.weights import ProofOmittedError, Prover
+from .impossible.port_obstruction import PortObstruction
 
 
 @runtime_checkable
@@ -36,6 +37,10 @@ class Obstruction(Protocol):
 
     def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """What has to hold for the obstruction to be real; None if the data do not fit."""
+        ...
+
+    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
+        """What a checker without this package needs besides."""
         ...
 
 
@@ -153,7 +158,12 @@ class ConeCertificate(Certificate):
             By the names in files.
         """
         if "X" not in contents:
-            return cls.settle(**contents)
+            restored = cls.settle(**contents)
+            if isinstance(restored.witness, PortObstruction) and not restored.witness.concerns(
+                restored.contains, restored.within
+            ):
+                raise DataError("the obstruction is about ports that nobody asked for.")
+            return restored
         rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
         matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")
         inner = None if inner is None else inner.T
@@ -170,8 +180,10 @@ class ConeCertificate(Certificate):
 
     def evidence(self) -> dict[str, Any]:
         """The multipliers, and the shares of what the cone contains, without their rounding errors."""
+        if self.witness is not None:
+            return self.witness.evidence(self.matrices, discrete=self.discrete)
         if self.rays is None or self.multipliers is None:
-            raise ProofOmittedError("claims that no cone exists are for control_kpos alone")
+            raise ProofOmittedError("no cone is claimed, and none excluded")
         prover, rays, (matrices, inner, _) = Prover(), self.rays, self._sides()
         each, free = [matrices[s] for s in range(matrices.shape[0])], not self.discrete
         if self.multipliers.is_sparse and self.right_inverse is not None:

@@ -28,7 +28,7 @@ from ..exact.intake import exact_matrix, real_number, require_shape, vector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Status
-from ..proof.weights import exact_vector
+from ..proof.weights import ProofOmittedError, exact_vector
 from ..systems.statespace import ConeStateSpace
 from ..theorems.stability import LyapunovCertificate
 from . import conditions as on
@@ -80,6 +80,24 @@ class OutWeightCertificate(Certificate):
 
     def refutation(self) -> Sequence[Condition] | None:
         return self.local._own_conditions if self.local.status is Status.REFUTED else None
+
+    def evidence(self) -> dict[str, Any]:
+        """Nothing: `local` comes with a proof of its own.
+
+        With feedthrough, its t has to be a multiple of r, so that the loops of all these networks contract.
+        """
+        local, link = self.local, exact_matrix(self.link, "link").fractions() * Fraction(self.weight)
+        m, q = link.shape
+        for j in range(local.model.n_nodes):
+            if (local.model.coupling[j * m : (j + 1) * m].plain().fractions()[:, j * q : (j + 1) * q] != link).any():
+                raise ProofOmittedError("weight times link is rounded in the self-loops that are proven")
+        if self and local.loop_weights is not None and local.r is not None:
+            r = exact_vector(flat(local.r, local.model, 1), None if local.exact is None else local.exact[1])
+            t = exact_vector(local.loop_weights[1])
+            ratio = next((b / a for a, b in zip(r, t, strict=True) if a), Fraction(0))
+            if ratio < 0 or (t != ratio * r).any():
+                raise ProofOmittedError("the algebraic loops of other networks contract by weights that are not r")
+        return {}
 
     @property
     def decay_rate(self) -> float:

@@ -18,6 +18,7 @@ from ..cones import Cone, product
 from ..errors import DataError
 from ..exact.matrix import Matrix
 from ..proof import weights as proofs
+from ..proof.encoding import number_text
 from .blocks import Index, take_blocks
 from .model import NetworkModel, NodeStack
 from .witnesses import (
@@ -165,7 +166,7 @@ def evidence(
         places = {"x": (X, x), "z": (X, moved), "u": (U, u), "y": (Y, y), "W": (U, extra), "C": (Y, spare)}
         out.update({f"w{name}": prover.vector(*places[name]) for name in _PLACED[shows]})
         out.update({name: proofs.numbers(vector) for name, vector in (("x", x), ("u", u), ("y", y))})
-        return {**out, "shows": shows, "rate": proofs.numbers(np.array([rate], dtype=object))["array"][0]}
+        out.update({"shows": shows, "rate": number_text(rate)})
     if vectors and sigma is not None:
         for (name, vector), kind in zip(vectors.items(), (0, 1, 2), strict=True):
             weight = proofs.exact_vector(np.asarray(sigma)[model.owners(kind)])

@@ -124,16 +124,17 @@ class DifferentialCertificate(Certificate):
         return out
 
     def contents(self) -> dict[str, Any]:
-        """Jacobians that are known are named A, one matrix each."""
+        """Jacobians are named A, one matrix each; `radii`, if there are any, are the bounds around them."""
         out = self.data()
-        if self.source == "sampled" or np.any(self.radii):
+        if self.source == "sampled":
             return out
         del out["centres"], out["radii"]
-        return {"A": tuple(self.centres[s] for s in range(self.centres.shape[0])), **out}
+        bounds = {"radii": tuple(self.radii)} if np.any(self.radii) else {}
+        return {"A": tuple(self.centres[s] for s in range(self.centres.shape[0])), **bounds, **out}
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> DifferentialCertificate:
-        """The inverse of `contents`.
+        """The inverse of `contents`; also reads files of version 0.1, with all Jacobians in one stack.
 
         Parameters
         ----------
@@ -143,19 +144,21 @@ class DifferentialCertificate(Certificate):
         rest = dict(contents)
         if "A" in rest:
             rest["centres"] = Matrix.stack(rest.pop("A"))
-            rest["radii"] = np.zeros(rest["centres"].shape)
+            rest["radii"] = np.array(rest["radii"]) if "radii" in rest else np.zeros(rest["centres"].shape)
         return cls.settle(**rest)
 
     def evidence(self) -> dict[str, Any]:
-        """Weights of A x_i for every Jacobian A; or the facet that one of them crosses."""
+        """Weights of A x_i for every Jacobian A, within its bounds; or the facet that one of them crosses."""
         w, prover, count = self.witness, Prover(), self.centres.shape[0]
-        if self.source == "sampled" or np.any(self.radii):
-            raise ProofOmittedError("Jacobians that are enclosed or sampled are for control_kpos alone")
+        if w is None and self.source == "sampled":
+            raise ProofOmittedError("Jacobians seen at points prove nothing about the others")
         if w is None:
-            layers = (self.centres[s] for s in range(count))
-            return {"P": [prover.inclusion(self.X, A, self.X, invariance=not self.discrete) for A in layers]}
-        member = next(s for s in range(count) if np.array_equal(self.centres.values[s], w.centre))
-        return {"P": [None] * count, "member": member, **violation("A", self.X.exact_facets, w.facet, w.ray)}
+            layers = ((self.centres[s], self.radii[s]) for s in range(count))
+            return {"P": [prover.within_bounds(self.X, A, R, invariance=not self.discrete) for A, R in layers]}
+        crossed = violation("A", self.X.exact_facets, w.facet, w.ray)
+        same = (s for s in range(count) if np.array_equal(self.centres.values[s], w.centre) and not self.radii[s].any())
+        member = next(same, None) if w.point is None else None
+        return {"P": [None] * count, **({} if member is None else {"member": member}), **crossed}
 
     @property
     def is_strict(self) -> bool:

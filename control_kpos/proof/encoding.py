@@ -24,8 +24,9 @@ from ..exact.matrix import Matrix
 _FREE_DIMENSION = 20_000
 _LONG = 10**18
 _SHORT_DECIMAL = 10**15
-_TEXT = re.compile(r"-?(\d{1,4000}(\.\d{1,4000}|/\d{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
-_DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,9})\.?([0-9a-f]{0,30})p([+-]\d{1,4})")
+# The grammar of numbers, as on the page certificate_format and in the checker.
+_DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{1,30}))?p([+-][0-9]{1,4})")
+_TEXT = re.compile(r"-?([0-9]{1,4000}(\.[0-9]{1,4000}|/[0-9]{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
 
 _records: dict[str, type] = {}
 
@@ -200,7 +201,7 @@ class Decoder:
 
     def _array(self, entries: Any) -> NDArray[np.float64]:
         if isinstance(entries, np.ndarray):
-            return entries.astype(float)
+            return _doubles(entries)
         shape = nested_shape(entries)
         return np.array([_special_double(x) for x in flat_entries(entries, shape)], dtype=float).reshape(shape)
 
@@ -215,12 +216,15 @@ class Decoder:
                 raise CertificateFileError(f"{str(shape)[:60]} is not a shape that this file can hold.")
             return self._sparse(value["sparse"], (shape[0], shape[1]))
         if isinstance(value["matrix"], np.ndarray):
-            return Matrix(_finite(value["matrix"]))
+            long = _is_long(value["matrix"])
+            return exact_rows(value["matrix"].tolist()) if long else Matrix(_finite(value["matrix"]))
         return exact_rows(value["matrix"])
 
     def _sparse(self, entries: Any, shape: tuple[int, ...]) -> Matrix:
         if isinstance(entries, dict):  # index arrays of an archive
             i, j, data = (np.asarray(entries[key]) for key in ("rows", "columns", "values"))
+            if i.dtype.kind != "i" or j.dtype.kind != "i":
+                raise CertificateFileError("the indices of a sparse matrix are not integers.")
             data = _finite(data)
         else:
             if any(not isinstance(e, list) or len(e) != 3 or not all(map(self._is_size, e[:2])) for e in entries):
@@ -277,7 +281,8 @@ def number(x: Any) -> Fraction:
         raise CertificateFileError(f"{str(x)[:60]!r} is not a number.")
     double = _DOUBLE.fullmatch(x)
     if double:
-        return int(double[1] + double[2], 16) * Fraction(2) ** (int(double[3]) - 4 * len(double[2]))
+        digits = double[2] or ""
+        return int(double[1] + digits, 16) * Fraction(2) ** (int(double[3]) - 4 * len(digits))
     if not _TEXT.fullmatch(x):
         raise CertificateFileError(f"{x[:60]!r} is not a number, or has too many digits.")
     if "x" in x:
@@ -298,15 +303,30 @@ def _special_double(x: Any) -> float:
     """A double, or what stands for none: inf and nan."""
     if type(x) is int and -_SHORT_DECIMAL < x < _SHORT_DECIMAL:
         return float(x)
-    return float(x) if isinstance(x, str) and x.lstrip("-") in ("inf", "nan") else _signed(x)
+    return float(x) if x in ("inf", "-inf", "nan") else _signed(x)
 
 
 def _signed(x: Any) -> float:
     return -0.0 if isinstance(x, str) and x.startswith("-0x0.0p") else _double(x)
 
 
+def _doubles(values: NDArray[Any]) -> NDArray[np.float64]:
+    """An array of an archive; its integers must be doubles."""
+    if _is_long(values):
+        raise CertificateFileError("an integer in the archive is not a double.")
+    return values.astype(float)
+
+
+def _is_long(values: NDArray[Any]) -> bool:
+    """True if some integer among the entries is no double."""
+    if values.dtype.kind != "i":
+        return False
+    far = values[(values > 2**53) | (values < -(2**53))]
+    return any(int(float(x)) != x for x in far.tolist())
+
+
 def _finite(values: NDArray[Any]) -> NDArray[np.float64]:
-    values = values.astype(float)
+    values = _doubles(values)
     if not np.isfinite(values).all():
         raise CertificateFileError("a matrix has entries that are not finite.")
     return values

@@ -13,8 +13,10 @@ import json
 import math
 import os
 import secrets
+import stat
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -58,9 +60,13 @@ def register_claim(claim: str, restore: Callable[[dict[str, Any]], Any]) -> None
 
 def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     """Write a certificate; an interrupted write leaves the old file, or none."""
-    target = file_path(path)
-    compact = target.suffix == ".npz"
+    path = file_path(path)
+    compact = path.suffix.lower() == ".npz"
     content = _describe(certificate, compact=compact)
+    target = Path(os.path.realpath(path))  # what a link points to is written, and the link stays
+    mode = target.stat().st_mode if target.exists() else None
+    if mode is not None and not stat.S_ISREG(mode):
+        raise CertificateFileError(f"{path} is not a regular file.")
     # named before it exists, so that an interruption at any moment finds what to remove
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
     try:
@@ -71,9 +77,14 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
                 stream.write(_compact_text(content).encode())
             stream.flush()
             os.fsync(stream.fileno())
+        if mode is not None:
+            os.chmod(temporary, stat.S_IMODE(mode))
         os.replace(temporary, target)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+    except BaseException as error:
+        with suppress(OSError):  # what went wrong first is what is reported
+            temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError) and error.filename is not None:
+            error.filename, error.filename2 = str(path), None  # not a name that nobody gave
         raise
 
 
@@ -151,6 +162,7 @@ def read_content(path: str | PathLike[str], *, as_text: bool = False) -> dict[st
     as_text : bool
         Also turn the arrays of an archive into text, so that the data look as in a JSON file.
     """
+    require_regular(path)
     if os.path.getsize(path) > MAX_FILE_BYTES:
         raise CertificateFileError(f"{path} is larger than {MAX_FILE_BYTES} bytes.")
     if is_archive(path):
@@ -166,6 +178,12 @@ def read_content(path: str | PathLike[str], *, as_text: bool = False) -> dict[st
     if set(content) - _KEYS:
         raise CertificateFileError(f"{path} has the unknown keys {sorted(set(content) - _KEYS)}.")
     return content
+
+
+def require_regular(path: str | PathLike[str]) -> None:
+    """Refuse pipes, devices and folders, which need not end, or are no files."""
+    if not stat.S_ISREG(os.stat(path).st_mode):
+        raise CertificateFileError(f"{path} is not a regular file.")
 
 
 def _parse(text: str) -> Any:
@@ -253,9 +271,28 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
             importlib.import_module(room)
     if claim not in _restorers:
         raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
+    if type(data.get("discrete", False)) is not bool:
+        raise CertificateFileError(f"discrete is {str(data['discrete'])[:60]!r}; it must be true or false.")
     certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
     if certificate.status.name != content["status"]:
         raise FalseClaimError(
             f"the file says {str(content['status'])[:60]}, but its data give {certificate.status.name} for {claim!r}."
         )
+    for name in unproven_rates(certificate):
+        raise FalseClaimError(
+            f"the file states a {name} of {getattr(certificate, name):g}, which its data do not prove."
+        )
     return certificate
+
+
+def unproven_rates(certificate: Any) -> list[str]:
+    """Names of the rates that a certificate states although none of its conditions is about them.
+
+    A proof holds a decay rate that is not negative; a bound on rates comes with a slow direction.
+    """
+    own = vars(certificate)
+    rate, bound = own.get("decay_rate", 0.0), own.get("decay_rate_bound", math.inf)
+    proved = bool(certificate)
+    allowed = (proved and 0 <= rate < math.inf) or (not proved and (math.isnan(rate) or rate == 0))
+    bounded = proved and own.get("slow_direction") is not None
+    return ["decay_rate"] * (not allowed) + ["decay_rate_bound"] * (not bounded and bound != math.inf)

@@ -27,9 +27,10 @@ from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix, integers_of_doubles
 from ..exact.rational_programs import exact_feasibility
-from .encoding import encode_triplets, nested_text, number_text
+from .encoding import encode_triplets, exact_rows, nested_text, number_text
 from .portable_cones import (
     LARGE,
+    encode_cone,
     independent,
     opposite_facets,
     portable_rows,
@@ -50,6 +51,12 @@ _HALF_LINE = orthant(1)
 
 class ProofOmittedError(ArithmeticError):
     """A proof would be too long for a file, or take too long to find."""
+
+
+def require_portable(cone: Cone) -> None:
+    """Raise `ProofOmittedError` if a file with this cone does not prove it pointed and solid."""
+    if any("Z" not in part for _, part in encode_cone(cone)):
+        raise ProofOmittedError(f"cones are proven pointed and solid up to dimension {LARGE}")
 
 
 class _Block:
@@ -112,6 +119,30 @@ class Prover:
             entries += [(a.ray + i, b.ray + j, W[i, j]) for i, j in zip(*np.nonzero(W), strict=True)]
         self._count(entries)
         return _encoded(entries, (target.n_rays, source.n_rays))
+
+    def within_bounds(self, X: Cone, A: Matrix, radius: NDArray[np.float64], *, invariance: bool) -> Any:
+        """P with A x_i = sum_k P_ki x_k and P_ki >= sum_j |Z_kj| (radius |x_i|)_j, as JSON data.
+
+        Then J x_i has weights >= 0 (invariance: but for its own) for every J with |J - A| <= radius, entry by entry,
+        because sum_k x_k Z_kj = e_j.  On simplicial cones this is necessary too.
+        """
+        if isinstance(X, Orthant) or not radius.any():
+            return self.inclusion(X, A, X, invariance=invariance)
+        require_portable(X)
+        if X.n_rays * X.n_rays * X.dim > _REPAIRS:
+            raise ProofOmittedError("exact weights for so many generators would take too long")
+        rays, Z = _written(X, "rays"), _written(X, "Z")
+        images = A.fractions() @ rays.T
+        if len(rays) == X.dim:
+            P = Z @ images
+        else:
+            spread = np.abs(Z) @ Matrix(radius).fractions() @ np.abs(rays.T)
+            rest = (images - rays.T @ spread).T
+            free = range(len(rays)) if invariance else [None] * len(rays)
+            P = spread + np.array([self._column(rays, y, i, False) for y, i in zip(rest, free, strict=True)]).T
+        entries = [(int(i), int(j), P[i, j]) for i, j in zip(*np.nonzero(P), strict=True)]
+        self._count(entries)
+        return _encoded(entries, P.shape)
 
     def _images(self, target: Cone, M: Matrix, rays: Matrix) -> Any:
         """Weights of M x for generators x of a cone of which nothing else is known."""
@@ -321,6 +352,17 @@ def _pieces(M: Matrix, targets: list[_Block], sources: list[_Block]) -> Iterator
         yield a, b, piece
 
 
+def _written(cone: Cone, key: str) -> Rationals:
+    """The generators ("rays") or the right inverse ("Z") of a cone as they stand in its file, block diagonal."""
+    blocks = [exact_rows(part[key]).fractions() for count, part in encode_cone(cone) for _ in range(count)]
+    out = np.full((sum(len(b) for b in blocks), cone.dim), Fraction(0), dtype=object)
+    row = column = 0
+    for b in blocks:
+        out[row : row + b.shape[0], column : column + b.shape[1]] = b
+        row, column = row + b.shape[0], column + b.shape[1]
+    return out
+
+
 def _encoded(entries: list[tuple[int, int, Any]], shape: tuple[int, int]) -> dict[str, Any]:
     if 3 * len(entries) < shape[0] * shape[1]:
         return encode_triplets(entries, shape)
@@ -357,6 +399,12 @@ def product(M: Matrix, x: Rationals) -> Rationals:
 def numbers(x: Rationals) -> dict[str, Any]:
     """A vector as JSON data."""
     return {"array": nested_text(list(x))}
+
+
+def columns(vectors: Any, size: int) -> dict[str, Any]:
+    """Vectors of one size as the columns of a matrix, as JSON data."""
+    entries = [(i, j, x[i]) for j, x in enumerate(vectors) for i in range(size) if x[i]]
+    return _encoded(entries, (size, len(vectors)))
 
 
 def exact_vector(x: Any, exact: Sequence[Fraction] | None = None) -> Rationals:

@@ -13,6 +13,7 @@ In discrete time A - I takes the place of A.  A "no" has a witness too: some x i
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
@@ -31,6 +32,7 @@ from ..proof.certificate import Status
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
+    ProofOmittedError,
     Prover,
     drift,
     exact_vector,
@@ -160,8 +162,13 @@ class LyapunovCertificate(ClaimOnPositivity):
         return _growth_conditions(self.positivity, w)
 
     def evidence(self) -> dict[str, Any]:
-        """Evidence of positivity, and of a witness x the weights of x and A x in X."""
+        """Evidence of positivity, and of a witness x (the slow direction) the weights of x and A x (+ bound x) in X."""
         w, out, prover = self.witness, self.positivity.evidence(), Prover()
+        if self.slow_direction is not None:
+            z = exact_vector(self.slow_direction, self.slow_direction_exact)
+            slowed = drift(self.A, z, self.discrete, Fraction(self.decay_rate_bound))
+            with suppress(ProofOmittedError):  # then the claim is proven without the bound
+                out |= {"ws": prover.vector(self.X, z), "wb": prover.vector(self.X, slowed)}
         if not isinstance(w, InstabilityDirection):
             return out
         x = exact_vector(w.x, w.exact)

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,8 @@ from ...exact.program import alternative
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
 from ...proof.files import register_record
+from ...proof.portable_cones import portable_rows
+from ...proof.weights import ProofOmittedError, columns, require_portable
 from ..plant import EFFORT_PER_ENTRY, EFFORT_TO_CHECK, Plant, within_doubles
 
 
@@ -92,13 +94,20 @@ class NoInvariance(Certificate):
             ),
         ]
 
+    def _pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Facets and generators whose products must not be negative."""
+        where = np.asarray(self.X.incidence, dtype=bool)
+        i, k = np.nonzero(np.ones_like(where) if self.discrete else where)
+        return i, k
+
+    @staticmethod
+    def _rows_of(m: Matrix) -> NDArray[np.object_]:
+        return within_doubles(m.rows_as_integers(np.arange(m.shape[0])))
+
     def rows(self) -> tuple[NDArray[np.object_], NDArray[np.object_]]:
         """Exact (G, g) with G l + g >= 0 over the free entries l of the gain."""
-        X = self.X
-        where = np.asarray(X.incidence, dtype=bool)
-        i, k = np.nonzero(np.ones_like(where) if self.discrete else where)
-        facets = within_doubles(X.exact_facets.rows_as_integers(np.arange(X.n_facets)))
-        rays = within_doubles(X.exact_rays.rows_as_integers(np.arange(X.n_rays)))
+        i, k = self._pairs()
+        facets, rays = self._rows_of(self.X.exact_facets), self._rows_of(self.X.exact_rays)
         seen = rays @ self.R.fractions().T
         free = np.flatnonzero(np.asarray(self.pattern).ravel())
         rows, constants = [], []
@@ -108,6 +117,21 @@ class NoInvariance(Certificate):
             rows.append(full[:, free])
             constants.append((facets @ A.fractions() @ rays.T)[i, k])
         return np.concatenate(rows), np.concatenate(constants)
+
+    def evidence(self) -> dict[str, Any]:
+        """sum_i y_ik h_i, the facets combined by their weights, in column k of L[s], for every vertex s."""
+        w, X = self.witness, self.X
+        if not isinstance(w, PairMultipliers):
+            raise ProofOmittedError("no multipliers are given")
+        require_portable(X)
+        rays, portable = self._rows_of(X.exact_rays), portable_rows(X.exact_rays)
+        top = np.array([np.flatnonzero(row)[0] for row in rays])
+        lengths = rays[np.arange(len(rays)), top] / portable[np.arange(len(rays)), top]
+        facets, (i, k) = self._rows_of(X.exact_facets), self._pairs()
+        L = np.zeros((len(self.A), X.n_rays, X.dim), dtype=object)
+        for s, weights in enumerate(np.split(np.array(w.weights, dtype=object), len(self.A))):
+            np.add.at(L[s], k, (weights * lengths[k])[:, None] * facets[i])
+        return {"L": [columns(l, X.dim) for l in L]}
 
     def explain(self) -> str:
         """What is proven, in words."""

@@ -24,6 +24,8 @@ from ...exact.program import alternative
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
 from ...proof.files import register_record
+from ...proof.portable_cones import portable_rows
+from ...proof.weights import ProofOmittedError, columns, require_portable
 from ..plant import EFFORT_PER_ENTRY, EFFORT_TO_CHECK, Plant, column_freedom, exact_geometry
 from .inequalities import (
     Inequalities,
@@ -132,8 +134,38 @@ class NoFeedback(Certificate):
 
     def inequalities(self) -> Inequalities:
         """The exact inequalities that have no solution."""
-        plant = Plant(None, self.X, self.A, self.B, None, self.discrete, self.gain_bound, None, False, self.coupling)  # type: ignore[arg-type]
-        return exact_inequalities(plant, self.ports)
+        return exact_inequalities(self._plant(), self.ports)
+
+    def _plant(self) -> Plant:
+        return Plant(None, self.X, self.A, self.B, None, self.discrete, self.gain_bound, None, False, self.coupling)  # type: ignore[arg-type]
+
+    def evidence(self) -> dict[str, Any]:
+        """The combinations of facets that the multipliers make: of X for every generator and vertex, of Y, of X again.
+
+        L[s] has sum_i a_sik h_i in column k, G has sum_i o_ik g_i, and d has sum_i d_si h_i in column s, for facets
+        h of X and g of Y; what gain bounds add follows from these.
+        """
+        w = self.witness
+        if not isinstance(w, Multipliers):
+            raise ProofOmittedError("no multipliers are given")
+        require_portable(self.X)
+        rays = portable_rows(self.X.exact_rays)
+        if self.gain_bound is not None and (rays != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
+            raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
+        plant, n = self._plant(), self.X.dim
+        facets, _ = exact_geometry(plant)
+        Y = None if self.ports is None else self.ports[2]
+        outer = np.zeros((0, 0), dtype=object) if Y is None else Y.exact_facets.rows_as_integers(np.arange(Y.n_facets))
+        L, G = np.zeros((len(self.A), n, n), dtype=object), np.zeros((n, outer.shape[1]), dtype=object)
+        for weight, (kind, *place) in zip(w.closed, self.inequalities().labels, strict=True):
+            if kind == "positivity":
+                s, i, k = place
+                L[s, k] += weight * facets[i]
+            elif kind == "output":
+                i, k = place
+                G[k] += weight * outer[i]
+        d = np.array(w.drift, dtype=object).reshape(-1, n) @ facets
+        return {"L": [columns(l, n) for l in L], "G": columns(G, outer.shape[1]), "d": columns(d, n)}
 
     def explain(self) -> str:
         """What is proven, in words."""

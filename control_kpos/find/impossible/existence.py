@@ -9,9 +9,11 @@ non-existence, by exact root counts of the characteristic polynomial.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +33,17 @@ from ...exact.polynomials import (
     without_roots_of_unity,
 )
 from ...exact.roots import Disc, on_imaginary_axis, real_roots_above, root_discs, roots_beyond
+from ...proof.encoding import number_text
 from ...proof.files import register_record
+from ...proof.weights import ProofOmittedError
 
 # Characteristic polynomials of larger matrices take too long in exact arithmetic.
 LARGEST = 120
 # Binary digits to which eigenvalues are told apart.
 _DIGITS = 256
+# States up to which a checker counts eigenvalues again; 3 s at 30.
+COUNTABLE = 30
+_NEWTON = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +78,14 @@ class SpectralObstruction:
             return None
         holds = excludes_cones(spectrum_polynomial(matrices[self.matrix]), self)
         return [fact(f"the eigenvalue {self.kind} of {float(self.bound):.6g} is in the way", holds)]
+
+    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
+        """A disc ahead of the bound that holds an eigenvalue; nothing where it is beside the bound."""
+        require_countable(matrices)
+        if self.kind != "ahead":
+            return {}
+        p = spectrum_polynomial(matrices[self.matrix])
+        return {"z": disc_ahead(p, complex(self.real, self.imag), self.bound, discrete=self.discrete)}
 
     def __str__(self) -> str:
         where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
@@ -172,6 +187,49 @@ def excludes_cones(p: Polynomial, w: SpectralObstruction) -> bool:
         return on_imaginary_axis(shift_roots(p, w.bound))
     rest, _ = without_roots_of_unity(circle_part(scale_roots(p, 1 / w.bound)))
     return len(rest) > 1 and on_imaginary_axis(moebius(rest, Fraction(1)))
+
+
+def require_countable(matrices: Matrix) -> None:
+    """Raise where counting eigenvalues takes a checker in plain Python more than a few seconds."""
+    if matrices.shape[-1] > COUNTABLE:
+        raise ProofOmittedError(f"eigenvalues are counted again up to {COUNTABLE} states")
+
+
+def disc_ahead(p: Polynomial, near: complex, bound: Fraction, *, discrete: bool) -> list[str | int]:
+    """Real part, imaginary part and radius of a disc that lies ahead of the bound and holds a root of p.
+
+    The disc around z of radius n |p(z)| / |p'(z)| holds one (Laguerre).  Newton's method brings z closer to it.
+
+    Raises
+    ------
+    ProofOmittedError
+        No such disc was found.
+    """
+    re, im = Fraction(near.real), Fraction(near.imag)
+    for step in range(1, _NEWTON):
+        value, slope = _value_and_slope(p, re, im)
+        size = slope[0] ** 2 + slope[1] ** 2
+        if size == 0:
+            break
+        ratio = (value[0] ** 2 + value[1] ** 2) / size
+        # one more than the degree, and what underflow may hide
+        reach = (Fraction(math.sqrt(ratio)) + (ratio > 0) * Fraction(1, 10**150)) * len(p)
+        if re**2 + im**2 > (bound + reach) ** 2 if discrete else re > bound + reach:
+            return [number_text(x) for x in (re, im, reach)]
+        unit = Fraction(2) ** (math.frexp(abs(near))[1] - 60 * step)
+        re -= (value[0] * slope[0] + value[1] * slope[1]) / size
+        im -= (value[1] * slope[0] - value[0] * slope[1]) / size
+        re, im = (unit * round(x / unit) for x in (re, im))
+    raise ProofOmittedError("the eigenvalue in the way is too close to the bound, or to others")
+
+
+def _value_and_slope(p: Polynomial, re: Fraction, im: Fraction) -> tuple[tuple[Fraction, Fraction], ...]:
+    """p(z) and p'(z) by Horner's rule, as pairs of real and imaginary parts."""
+    value, slope = (Fraction(0), Fraction(0)), (Fraction(0), Fraction(0))
+    for a in p:
+        slope = re * slope[0] - im * slope[1] + value[0], re * slope[1] + im * slope[0] + value[1]
+        value = re * value[0] - im * value[1] + a, re * value[1] + im * value[0]
+    return value, slope
 
 
 def fact(name: str, holds: bool) -> Condition:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -20,9 +21,11 @@ from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.roots import real_roots_above
 from ...proof.files import register_record
+from ...proof.weights import ProofOmittedError
 from ..one_matrix.modes import Modes
 from .existence import (
     SpectralObstruction,
+    disc_ahead,
     excludes_cones,
     fact,
     spectral_obstruction,
@@ -71,6 +74,15 @@ class PerronObstruction:
                 excludes_cones(spectrum_polynomial(product), spectral),
             )
         ]
+
+    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
+        """A disc outside the circle of radius `bound` that holds an eigenvalue of the product."""
+        product = _product(matrices, self.cycle, self.shifts, discrete)
+        if product is None:
+            raise ProofOmittedError("the product does not keep cones")
+        values = np.linalg.eigvals(product.values).astype(complex)
+        largest = complex(values[np.argmax(np.abs(values))])
+        return {"z": disc_ahead(spectrum_polynomial(product), largest, self.bound, discrete=True)}
 
     def __str__(self) -> str:
         names = ", ".join(map(str, self.cycle))
@@ -122,7 +134,8 @@ def _prove(
             m = known[i]
             gap = float((m.dominant - (np.abs(m.others) if discrete else m.others.real)).min(initial=1.0))
             if discrete:
-                power = min(_POWER, int(np.ceil(np.log(closeness) / np.log(max(1 - gap / m.dominant, 1e-3)))))
+                fading = max(1 - gap / m.dominant, 1e-3)
+                power = _POWER if fading >= 1 else min(_POWER, int(np.ceil(np.log(closeness) / np.log(fading))))
                 shifts.append(Fraction(max(power, 1)))
             else:
                 shifts.append(Fraction(m.dominant + closeness * gap))

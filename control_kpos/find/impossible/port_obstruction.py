@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sl
@@ -26,7 +27,7 @@ from ...exact.linalg import solve_exactly
 from ...exact.matrix import Matrix
 from ...exact.roots import real_roots_above
 from ...proof.files import register_record
-from .existence import fact, spectrum_polynomial
+from .existence import fact, require_countable, spectrum_polynomial
 
 _LARGEST = 40
 _MOST = 400
@@ -71,6 +72,16 @@ class PortObstruction:
         if not sizes or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
             return None
         return [fact("c'(s I - A)^-k b < 0", _negative(matrices[0], self))]
+
+    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
+        """Nothing: the vectors, the power and s are all that is needed."""
+        require_countable(matrices)
+        return {}
+
+    def concerns(self, contains: Matrix | None, within: Matrix | None) -> bool:
+        """True if the cone was to hold the vector and to lie in the half-space."""
+        wanted = ((contains, self.vector), (within, self.normal))
+        return all(rows is not None and (rows.fractions() == row.fractions()).all(axis=1).any() for rows, row in wanted)
 
     def __str__(self) -> str:
         if self.shift is None:

@@ -7,15 +7,17 @@ q'y + r'W y <= 0 on Y; lambda >= mu if some x in X, x != 0, has A_cl x - mu x in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ...errors import DataError
 from ...exact.condition import Condition, all_hold
 from ...proof.certificate import Certificate, Status
+from ...proof.weights import ProofOmittedError
 from .. import conditions as on
+from .. import files
 from ..blocks import Floats
 from ..certificate import (
     PerNode,
@@ -90,6 +92,34 @@ class AbscissaCertificate(Certificate):
             raise DataError("loop_weights are missing although some D is not zero.")
         upper = dissipation(model, v, r, q, -self.upper, discrete=False)
         return [*lower, *upper, on.balance(model, q, r, None)]
+
+    def contents(self) -> dict[str, Any]:
+        """The network as one large system, and the fields."""
+        own = {key: value for key, value in self.data().items() if key != "model"}
+        return {**files.describe(self.model), **own}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> AbscissaCertificate:
+        """The inverse of `contents`; also reads files of version 0.1, which hold the model as a record.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+        restored = cls.settle(**{"model": own.get("model") or files.rebuild(contents), **own})
+        if not restored and (restored.lower, restored.upper) != (-np.inf, np.inf):
+            raise DataError("the ends of a bracket are stated without a proof.")
+        return restored
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights for positivity and the coupling, v, q, r for the upper end, and the motion for the lower one."""
+        if self.v is None or self.r is None or self.q is None:
+            raise ProofOmittedError("no bracket is claimed")
+        parts = [flat(x, self.model, k) for k, x in enumerate((self.v, self.r, self.q))]
+        vectors = dict(zip("VRQ", exact_vectors(parts, self.exact), strict=True))
+        return files.evidence(self.model, self.below, vectors, self.loop_weights, np.ones(self.model.n_nodes))
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and (self.v is None or self.below is None):
