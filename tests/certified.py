@@ -188,9 +188,7 @@ CERTIFICATES = {
         SQUARE,
         [[-1, 1]] * 3,
     ),
-    "Jacobians within bounds, not positive": lambda: pendulum(
-        kp.PolyhedralCone([[1, 0], [1, -2]]), [[-4, 4], [-9, 9]]
-    ),
+    "Jacobians within bounds, not positive": lambda: pendulum(kp.PolyhedralCone([[1, 0], [1, -2]]), [[-4, 4], [-9, 9]]),
     "stable, tightest rate, four generators": lambda: kp.linear_lyapunov(INWARDS, SQUARE, rate="max"),
     "stable, tightest rate, discrete": lambda: kp.linear_lyapunov(
         [[0.5, 0.25], [0.25, 0.5]], kp.orthant(2), discrete=True, rate="max"
@@ -209,29 +207,33 @@ CERTIFICATES = {
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
     "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,
     "not any cone, beside": lambda: kp.find_cone([["1/3", 1, 0], [-1, "1/3", 0], [0, 0, "1/3"]]).certificate,
-    "not any cone, beside, discrete": lambda: kp.find_cone(
-        [["0.6", "-0.8", 0], ["0.8", "0.6", 0], [0, 0, 1]], discrete=True
-    ).certificate,
+    "not any cone, beside, discrete": lambda: (
+        kp.find_cone([["0.6", "-0.8", 0], ["0.8", "0.6", 0], [0, 0, 1]], discrete=True).certificate
+    ),
     "not any cone, cycle": lambda: kp.find_cone(TURNED).certificate,
     "not any cone, cycle, discrete": lambda: kp.find_cone(TURNED, discrete=True).certificate,
     "not any cone, ports": lambda: kp.find_cone(ct.ss([[-1, 0], [0, -2]], [[1], [1]], [[-1, 2]], [[0]])).certificate,
     "not any feedback": lambda: kp.state_feedback(kp.ConeStateSpace(*kp.examples.mass_spring())).certificate,
     "not any feedback, gain bound": lambda: designed(rate=50.0, gain_bound=[30.0]),
-    "not any feedback, ports": lambda: kp.state_feedback(
-        kp.ConeStateSpace([[-1, -1], [0, -1]], [[0], [1]], [[1, 0]], 0), gain_bound=[5.0], ports=True
-    ).certificate,
-    "not any feedback, two vertices": lambda: kp.state_feedback(
-        kp.ConeStateSpace(*kp.examples.mass_spring()), vertices=two_vertices()
-    ).certificate,
-    "not any feedback, discrete": lambda: kp.state_feedback(
-        kp.ConeStateSpace([[0.5, -1], [0, 1.5]], [[0], [1]], [[1, 0]], 0, dt=True)
-    ).certificate,
-    "not any invariant gain": lambda: kp.output_feedback(
-        kp.ConeStateSpace(*kp.examples.mass_spring()[:2], [[0, 1]], 0)
-    ).certificate,
-    "not any invariant gain, four generators": lambda: kp.state_feedback(
-        kp.ConeStateSpace([[-1, 0, 0], [0, -1, 0], [3, 0, -1]], [[0], [1], [0]], [[1, 0, 0]], 0, X=SQUARE)
-    ).certificate,
+    "not any feedback, ports": lambda: (
+        kp.state_feedback(
+            kp.ConeStateSpace([[-1, -1], [0, -1]], [[0], [1]], [[1, 0]], 0), gain_bound=[5.0], ports=True
+        ).certificate
+    ),
+    "not any feedback, two vertices": lambda: (
+        kp.state_feedback(kp.ConeStateSpace(*kp.examples.mass_spring()), vertices=two_vertices()).certificate
+    ),
+    "not any feedback, discrete": lambda: (
+        kp.state_feedback(kp.ConeStateSpace([[0.5, -1], [0, 1.5]], [[0], [1]], [[1, 0]], 0, dt=True)).certificate
+    ),
+    "not any invariant gain": lambda: (
+        kp.output_feedback(kp.ConeStateSpace(*kp.examples.mass_spring()[:2], [[0, 1]], 0)).certificate
+    ),
+    "not any invariant gain, four generators": lambda: (
+        kp.state_feedback(
+            kp.ConeStateSpace([[-1, 0, 0], [0, -1, 0], [3, 0, -1]], [[0], [1], [0]], [[1, 0, 0]], 0, X=SQUARE)
+        ).certificate
+    ),
 }
 # for which no proof that stands alone is written, with the reason
 FOR_THE_PACKAGE = {
