@@ -115,7 +115,8 @@ class Encoder:
                 return {"sparse": {"rows": rows, "columns": columns, "values": coo.data}, "shape": shape}
             entries = zip(*coo.coords, coo.data.tolist(), strict=True)
             return encode_triplets(list(entries), m.shape)
-        return {"matrix": self.nested(np.asarray(m.values if m.is_double else m.fractions()))}
+        # the zeros of matrices have no sign, as readers know them
+        return {"matrix": self.nested(np.asarray(m.values + 0.0 if m.is_double else m.fractions()))}
 
     def nested(self, values: NDArray[Any]) -> Any:
         """Entries as lists of rows."""
