@@ -155,10 +155,7 @@ class Program:
         Solution
             With answer[name] for the variables of a block.  Not checked.
         """
-        low, high, cost = (
-            np.concatenate([np.broadcast_to(np.asarray(b[k], dtype=float), b.count) for b in self._blocks])
-            for k in (1, 2, 3)
-        )
+        low, high, cost = (np.concatenate([_filled(b[k], b.count) for b in self._blocks]) for k in (1, 2, 3))
         below, equal = self._assembled(self._below), self._assembled(self._equal)
         return replace(lp(cost, *below, *equal, bounds=(low, high), **options), places=self._places)
 
@@ -192,7 +189,12 @@ class Program:
 def _rows(right: ArrayLike, parts: dict[str, Any]) -> tuple[dict[str, Any], Floats]:
     shaped = {name: part if sp.issparse(part) or np.ndim(part) == 2 else part[:, None] for name, part in parts.items()}
     height = next(iter(shaped.values())).shape[0]
-    return shaped, np.broadcast_to(np.asarray(right, dtype=float), height)
+    return shaped, _filled(right, height)
+
+
+def _filled(values: Any, count: int) -> Floats:
+    """As many numbers, if one is given for all: `numpy.broadcast_to` takes as long as a small program's assembly."""
+    return np.full(count, values, dtype=float) if np.ndim(values) == 0 else np.asarray(values, dtype=float)
 
 
 def _diagonals(sizes: list[Floats]) -> Any:

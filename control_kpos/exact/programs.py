@@ -159,7 +159,7 @@ def solve(
         return failure("the program has bounds that are not numbers")
     if _contradicts_itself(matrix, lower, upper, box):
         return Solution("infeasible", np.empty(0), message="a bound or a row without entries cannot hold")
-    if not matrix.count_nonzero():
+    if not matrix.data.any():
         return _best_in_box(cost, *box)
     limit = min(time_limit, seconds_left())
     answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, limit), limit)
@@ -170,16 +170,11 @@ def _contradicts_itself(
     matrix: sp.csr_array, lower: NDArray[np.float64], upper: NDArray[np.float64], box: list[NDArray[np.float64]]
 ) -> bool:
     """True if some bounds exclude every number, or a row without entries excludes 0: HiGHS refuses these, or dies."""
-    empty = np.diff(matrix.indptr) == 0
-    return bool(
-        (box[0] > box[1]).any()
-        or (box[0] == np.inf).any()
-        or (box[1] == -np.inf).any()
-        or (lower == np.inf).any()
-        or (upper == -np.inf).any()
-        or (lower[empty] > 0).any()
-        or (upper[empty] < 0).any()
-    )
+    low, high = box
+    empty = matrix.indptr[1:] == matrix.indptr[:-1]
+    crossed = (low > high) | (low == np.inf) | (high == -np.inf)
+    impossible = (lower == np.inf) | (upper == -np.inf) | (empty & ((lower > 0) | (upper < 0)))
+    return bool(crossed.any() or impossible.any())
 
 
 def _best_in_box(cost: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> Solution:
