@@ -23,6 +23,7 @@ from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from ..systems.cones_of_connections import lies_in, opposite
 from ..systems.operations import as_gain
+from ..systems.reading import read_operand
 from ..systems.rounding import maps_into
 from ..theorems.dissipativity import DissipativityCertificate
 from ..theorems.positivity import PositivityCertificate, state_positivity
@@ -241,6 +242,7 @@ class ClosedLoopSystem(NetworkResponses):
 
     def _closed_by(self, other: Any, sign: Any) -> Ports | None:
         """The loop as a network, or None if cones do not follow or the arguments are for python-control to judge."""
+        read_operand(other)
         k = real_number(sign, "sign")
         if is_system_with_states(other):
             self._require_operand(other)

@@ -43,9 +43,12 @@ def single_node(system: Any, dt: Any) -> NodeStack:
     stacks, _, _ = gather(system, "system")
     if len(stacks) != 1 or len(stacks[0]) != 1:
         raise ShapeError("give one node; add several one after the other.")
+    if not stacks[0].sizes[0]:
+        raise ShapeError("system has no states; a node needs at least one.")
     if not same_timebase(stacks[0].dt, dt):
         raise TimebaseError(
-            f"the node has dt = {stacks[0].dt}, but the network has dt = {dt}; bring it to the same sampling time."
+            f"system: the node has dt = {stacks[0].dt}, but the network has dt = {dt}; bring it to the same sampling "
+            "time."
         )
     return stacks[0]
 

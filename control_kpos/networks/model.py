@@ -21,7 +21,7 @@ import scipy.sparse as sp
 from control import StateSpace
 from numpy.typing import NDArray
 
-from ..errors import ShapeError, TimebaseError
+from ..errors import KposError, ShapeError, TimebaseError
 from ..exact.intake import items
 from ..exact.matrix import Matrix
 from ..proof.files import register_record
@@ -243,7 +243,7 @@ def gather(
             stacks.append(item)
             members.append(np.arange(count, count + len(item)))
         elif isinstance(item, StateSpace):
-            item = item if isinstance(item, ConeStateSpace) else ConeStateSpace(item)
+            item = _with_cones(item, f"{name}[{position}]")
             sizes, cones = (item.nstates, item.ninputs, item.noutputs), item.cones
             key = (*sizes, *map(id, cones), item._generic_name_check())
             groups.setdefault(key, []).append((count, item))
@@ -263,6 +263,16 @@ def gather(
         stacks.append(_stacked([s for _, s in nodes], [j for j, _ in nodes]))
         members.append(np.array([j for j, _ in nodes], dtype=np.intp))
     return tuple(stacks), tuple(members), dt
+
+
+def _with_cones(system: StateSpace, name: str) -> ConeStateSpace:
+    """A system with cones; the nonnegative orthants for a plain one."""
+    if isinstance(system, ConeStateSpace):
+        return system
+    try:
+        return ConeStateSpace(system)
+    except KposError as error:
+        raise type(error)(f"{name}: {error}") from None
 
 
 def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> list[list[tuple[int, ConeStateSpace]]]:

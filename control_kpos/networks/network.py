@@ -168,7 +168,8 @@ class ConeNetwork(ClosedLoopSystem):
             the certificate is inherited, without a solve for the whole network; otherwise it is found anew when
             first asked for.
         """
-        return self._with_placed(self.model.n_nodes, system, incoming or {}, outgoing or {})
+        into, out_of = ({} if links is None else links for links in (incoming, outgoing))
+        return self._with_placed(self.model.n_nodes, system, into, out_of)
 
     def replace_node(
         self,
