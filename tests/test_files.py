@@ -8,6 +8,8 @@ import subprocess
 import sys
 import textwrap
 import time
+from fractions import Fraction
+from pathlib import Path
 
 import campaigns
 import certified
@@ -214,3 +216,59 @@ def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
         EVERY["unstable"]().save(tmp_path / "file.json")
     assert (tmp_path / "file.json").read_bytes() == before
     assert [entry.name for entry in tmp_path.iterdir()] == ["file.json"]
+
+
+# -- one grammar of numbers, and the files of version 0.1
+
+NUMBERS = {
+    "-7": -7,
+    "-21.3": "-213/10",
+    "1/3": "1/3",
+    "0x1.8p+1": 3,
+    "0x123456789abcp+0": 0x123456789ABC,
+    "-0x1f/0x3": "-31/3",
+}
+NO_NUMBERS = ["0x1.8", "0x1.p+1", "1e5", ".5", "5.", "+1", "0X1p+0", "1/-3", "inf", "", " 1", "\u0663"]
+
+
+@pytest.mark.parametrize("read", [number, checker.number])
+def test_both_readers_read_the_same_numbers(read):
+    assert [read(text) for text in NUMBERS] == [Fraction(value) for value in NUMBERS.values()]
+    for text in NO_NUMBERS:
+        with pytest.raises(ValueError, match="number"):
+            read(text)
+
+
+@pytest.mark.parametrize("path", sorted((Path(__file__).parent / "files_of_0_1").iterdir()), ids=lambda path: path.stem)
+def test_files_of_version_0_1_load_and_check(path):
+    certificate = load_certificate(path)
+    assert certificate.status.name in ("PROVED", "REFUTED") and certificate.check()
+    if path.suffix == ".json":
+        proof = json.loads(path.read_text())["proof"]
+        assert checker.main(path) == (2 if "omitted" in proof else 0 if certificate else 1)
+
+
+def test_saving_keeps_links_and_modes_and_names_the_path_given(tmp_path):
+    certificate = certified.CERTIFICATES["stable"]()
+    certificate.save(tmp_path / "file.json")
+    (tmp_path / "file.json").chmod(0o640)
+    (tmp_path / "link.json").symlink_to(tmp_path / "file.json")
+    certificate.save(tmp_path / "link.json")
+    assert (tmp_path / "link.json").is_symlink() and (tmp_path / "file.json").stat().st_mode & 0o777 == 0o640
+    with pytest.raises(FileNotFoundError) as missing:
+        certificate.save(tmp_path / "nowhere" / "file.json")
+    assert missing.value.filename == str(tmp_path / "nowhere" / "file.json")
+    os.mkfifo(tmp_path / "pipe.json")
+    refusals = (load_certificate, certificate.save)
+    for refuse in refusals:
+        with pytest.raises(CertificateFileError, match="regular"):
+            refuse(tmp_path / "pipe.json")
+    assert checker.main(tmp_path / "pipe.json") == 2
+
+
+@pytest.mark.parametrize(
+    "change", [{"decay_rate": {"double": -1}}, {"decay_rate_bound": {"double": "0.5"}}, {"discrete": 0}]
+)
+def test_numbers_that_nothing_proves_are_refused(change, tmp_path):
+    certified.CERTIFICATES["stable"]().save(tmp_path / "file.json")
+    refused(tmp_path / "file.json", with_data(json.loads((tmp_path / "file.json").read_text()), **change))
