@@ -3,6 +3,7 @@
 1/3 is no double.  Where the rounding of a datum changes a verdict, the verdict is that of the datum.
 """
 
+import dataclasses
 from fractions import Fraction
 
 import control as ct
@@ -194,3 +195,182 @@ def test_exact_feedback_decides_at_the_margin():
 def test_node_of_the_paper_is_exact():
     node = kp.examples.mass_spring_node(["-64/3", "-13"], k="1/3", m="7/3")
     assert node.exact.A.fractions().tolist() == [[0, 1], [Fraction(-64, 3) - Fraction(1, 7), -13]]
+
+
+# -- supply rates and weights
+
+
+SPRING = kp.ConeStateSpace([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])  # gain 1/22
+LAG = kp.ConeStateSpace([[-1]], [[1]], [[1]], 0)
+
+
+def test_supply_rates_are_what_is_given():
+    certificate = SPRING.dissipativity(q=["-1/3"], r=["1/65"])
+    assert certificate
+    assert (certificate.q_exact, certificate.r_exact) == ((-THIRD,), (Fraction(1, 65),))
+    assert SPRING.dissipativity(q=["-1/3"]).q_exact == (-THIRD,)
+    assert SPRING.dissipativity(r=["1/3"]).r_exact == (THIRD,)
+    assert SPRING.dissipativity(q=[-1], r=[0.5]).r_exact is None
+
+
+def test_least_supply_is_decided_by_the_fraction():
+    """1/22 is just not enough, and the double next to it is larger."""
+    assert SPRING.dissipativity(q=[-1], r=["1/22"]).status is kp.Status.REFUTED
+    assert SPRING.dissipativity(q=[-1], r=[1 / 22]).status is kp.Status.PROVED
+
+
+def test_supply_rates_outlive_a_file(tmp_path):
+    for r, status in (("1/21", kp.Status.PROVED), ("1/22", kp.Status.REFUTED)):
+        certificate = SPRING.dissipativity(q=[-1], r=[r])
+        certificate.save(tmp_path / "supply.json")
+        loaded = kp.load_certificate(tmp_path / "supply.json")
+        assert loaded.status is status
+        assert loaded.r_exact == (Fraction(r),)
+
+
+def test_a_supply_rate_that_is_not_the_rounding_of_the_fraction_is_no_proof():
+    certificate = SPRING.dissipativity(q=[-1], r=["1/21"])
+    assert certificate.check()
+    assert not dataclasses.replace(certificate, r=np.array([0.05])).check()
+    assert not dataclasses.replace(certificate, r_exact=(Fraction(1, 22),), r=np.array([1 / 22])).check()
+
+
+def supplied(W, q, r):
+    return kp.feedback_interconnect([LAG, LAG], W, supply_rates=[(q, r)] * 2).certificate
+
+
+def test_supply_rates_of_networks_are_exact(tmp_path):
+    certificate = supplied([[0, "1/2"], ["1/2", 0]], ["-1/3"], ["2/3"])
+    assert certificate
+    assert certificate.exact[1:] == ((Fraction(2, 3),) * 2, (-THIRD,) * 2)
+    certificate.save(tmp_path / "network.json")
+    assert kp.load_certificate(tmp_path / "network.json").exact == certificate.exact
+
+
+def test_supply_rates_of_networks_are_decided_by_the_fractions():
+    # node by node: gain 1 leaves no room for r = -q
+    refuted = supplied([[0, 0], [0, 0]], ["-1/3"], ["1/3"])
+    assert refuted.status is kp.Status.REFUTED
+    assert refuted.witness.r_exact == (THIRD,)
+    # together: -1/10 + 3/10 * 1/3 = 0 just fits; the double next to 3/10 is below, that next to 1/10 above
+    assert supplied([[0, "1/3"], ["1/3", 0]], ["-1/10"], ["3/10"])
+    assert supplied([[0, "10/30"], ["1/3", 0]], ["-1/10"], ["0.3000000000000000001"]).status is kp.Status.REFUTED
+
+
+def test_weights_other_than_one_are_found_for_fractions():
+    certificate = supplied([[0, "2/3"], ["1/6", 0]], ["-1/3"], ["2/3"])
+    assert certificate
+    assert certificate.sigma.tolist() != [1, 1]
+    refuted = supplied([[0, 2], ["1/2", 0]], ["-1/3"], ["2/3"])
+    assert refuted.status is kp.Status.REFUTED
+    assert refuted.check()
+
+
+def test_a_dissipativity_certificate_hands_on_its_fractions():
+    own = SPRING.dissipativity(q=["-1/3"], r=["1/65"])
+    certificate = kp.feedback_interconnect([SPRING], [[1]], supply_rates=[own]).certificate
+    assert certificate.exact[1:] == ((Fraction(1, 65),), (-THIRD,))
+
+
+def test_weights_of_gains_may_be_text():
+    cones = [kp.orthant(1)] * 3
+    assert kp.induced_gain([[-1]], [[1]], [[1]], [[0]], *cones, e=["1/3"], f=["1/6"]) == pytest.approx(0.5)
+    # on the boundary of the cone, which the doubles next to it are not
+    X = kp.PolyhedralCone([["1/3", "1/10"], [0, 1]])
+    s = kp.ConeStateSpace([[-1]], [[1, 1]], [[1]], [[0, 0]], U=X)
+    with pytest.raises(kp.DataError, match="does not weigh"):
+        s.gain("Linf", e=["1/3", "1/10"])
+
+
+# -- links of any network
+
+
+def test_out_weights_are_exact(tmp_path):
+    certificate = kp.scale_free_certificate(LAG, weight="1/3")
+    assert certificate.weight == THIRD
+    assert certificate.covers([[0, "1/3"], ["1/3", 0]])
+    assert certificate.local.model.coupling.fractions()[0, 0] == THIRD
+    certificate.save(tmp_path / "any.json")
+    assert kp.load_certificate(tmp_path / "any.json").weight == THIRD
+
+
+def test_out_weights_are_decided_by_the_fraction():
+    """A self-loop of weight 1/3 makes -1/3 zero; one of the double next to it does not."""
+    slow = plant([["-1/3"]])
+    assert kp.scale_free_certificate(slow, weight="1/3").status is kp.Status.REFUTED
+    assert kp.scale_free_certificate(slow, weight=1 / 3).status is kp.Status.PROVED
+
+
+def test_links_of_weight_one_are_exact(tmp_path):
+    certificate = kp.scale_free_certificate(LAG, weight=1, link=[["1/3"]])
+    assert certificate.link.fractions()[0, 0] == THIRD
+    certificate.save(tmp_path / "any.json")
+    assert kp.load_certificate(tmp_path / "any.json").link.fractions()[0, 0] == THIRD
+
+
+def test_scale_free_design_is_about_the_weight():
+    design = kp.scale_free_feedback(LAG, weight="1/3")
+    assert design
+    assert design.certificate.weight == THIRD
+
+
+# -- demands on designs
+
+
+def test_a_decay_rate_is_reached_as_a_fraction():
+    """The double next to 1/3 is below it: a loop that decays just that fast does not do."""
+    design = kp.state_feedback(plant([[-1, 1], [1, -2]]), rate="1/3")
+    assert Fraction(design.decay_rate) >= THIRD
+    still = plant([[-1 / 3]], [[0]])
+    assert kp.state_feedback(still, rate=1 / 3)
+    assert not kp.state_feedback(still, rate="1/3")
+    assert kp.state_feedback(still, rate="0.3333333333333333")
+
+
+def test_a_gain_bound_is_kept_as_a_fraction():
+    """The double next to 1/10 is above it."""
+    design = kp.state_feedback(plant([[1, 0], [0, -1]], [["1/7"], [0]]), gain_bound="71/10")
+    assert design
+    assert all(Fraction(b) <= Fraction(71, 10) for b in design.certificate.others[0].bound.tolist())
+    network = kp.network_feedback([plant([[-1]])] * 2, [[0, "1/3"], ["1/3", 0]], gain_bound="1/10")
+    assert network
+
+
+def test_vertices_and_disturbances_are_exact():
+    A = [["-1", "1/3"], ["1/7", "-2"]]
+    design = kp.state_feedback(plant(A), vertices=[(A, [[1], [0]]), (A, [["1/3"], [0]])])
+    F = [Fraction(x) for x in design.F[0].tolist()]
+    for loop, b in zip(design.certificate.loops, (1, THIRD), strict=True):
+        assert loop.A.fractions()[0].tolist() == [-1 + b * F[0], THIRD + b * F[1]]
+    design = kp.state_feedback(plant(A), disturbance=([["1/3"], [0]], [["1/7", 0]], [[0]], [["1/9"]]), gain_bound=5)
+    proof = design.certificate.others[-1].positivity
+    assert proof.B.fractions()[0, 0] == THIRD
+    assert proof.C.fractions()[0, 0] == Fraction(1, 7)
+    assert proof.D.fractions()[0, 0] == Fraction(1, 9)
+
+
+def test_refusals_of_networks_are_about_their_nodes():
+    node = plant([["1/3", "1"], [0, "1/3"]])
+    design = kp.network_feedback([node, node], [[0, "1/3"], ["1/3", 0]])
+    assert design.status is kp.Status.REFUTED
+    assert design.certificate.A[0].fractions().tolist() == fractions([["1/3", 1], [0, "1/3"]])
+
+
+# -- regions
+
+
+def test_a_region_is_covered_to_its_ends():
+    """The doubles next to 1/10 and 1/3 are above and below: both ends are rounded outwards."""
+    seen = []
+
+    def f(t, x, u, p):
+        if hasattr(x[0], "value"):  # an interval
+            seen.append((*x[0].value, *u[0].value))
+        return [-x[0] + u[0]]
+
+    system = ct.nlsys(f, inputs=1, states=1)
+    assert kp.differential_positivity(system, kp.orthant(1), [["1/10", "1/3"]], inputs=[["-1/3", "-1/10"]])
+    ends = np.array([[Fraction(end) for end in box] for box in seen])
+    low, high = ends.min(axis=0), ends.max(axis=0)
+    assert (low[0] <= Fraction(1, 10), high[1] >= THIRD) == (True, True)
+    assert (low[2] <= -THIRD, high[3] >= -Fraction(1, 10)) == (True, True)

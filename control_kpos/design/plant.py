@@ -19,7 +19,7 @@ from ..errors import (
     NotProperConeError,
     ShapeError,
 )
-from ..exact.intake import exact_matrix, flag, found, items, require_shape, vector
+from ..exact.intake import exact_matrix, flag, found, items, require_shape
 from ..exact.matrix import Integers, Matrix
 from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
@@ -195,7 +195,8 @@ def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:
 def _bound(bound: ArrayLike | None, m: int) -> Floats | None:
     if bound is None:
         return None
-    values = vector(bound, "gain_bound")
+    # the doubles below: what is proven for them holds for the bound that was given
+    values = exact_matrix(bound, "gain_bound", ndim=1).rounded(up=False)
     if values.shape == (1,):
         values = np.full(m, values[0])
     if values.shape != (m,):

@@ -10,7 +10,8 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.intake import choice, real_number, seconds
+from ..exact.intake import choice, exact_number, is_number, seconds
+from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from ..theorems.positivity import cone_positivity
@@ -176,10 +177,11 @@ def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp
 
 
 def read_rate(rate: Any) -> float | str:
-    """A nonnegative number, or "max"."""
-    if isinstance(rate, str):
+    """The number, if it is no double the next one above: what decays that fast decays as fast as asked; or "max"."""
+    if isinstance(rate, str) and not is_number(rate):
         return choice(rate, "rate", ("max",))
-    return real_number(rate, "rate", nonnegative=True)
+    asked = exact_number(rate, "rate", nonnegative=True)
+    return float(Matrix.from_fractions(np.array([asked], dtype=object)).rounded(up=True)[0])
 
 
 def _inputs_leave_cone(plant: Plant) -> DesignResult | None:

@@ -107,7 +107,7 @@ def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
     where = f"{name}[{', '.join(map(str, index))}]" if index else name
     if isinstance(x, str):
         x = str(x)  # numpy's own text type shows in messages
-        if not _NUMBER.fullmatch(x.strip()):
+        if not is_number(x):
             raise DataError(f'{where} is the text {reprlib.repr(x)}; give a number, or text such as "1/3" or "-21.3".')
         try:
             return Fraction(x.strip())
@@ -214,6 +214,15 @@ def whole_number(
     if (least is not None and value < least) or (most is not None and value > most):
         raise outside(f"{name} is {found(value)}; it must be a whole number{limits}.")
     return int(value)
+
+
+def is_number(text: str) -> bool:
+    """True for text that stands for a number.
+
+    >>> is_number("1/3"), is_number("max")
+    (True, False)
+    """
+    return bool(_NUMBER.fullmatch(text.strip()))
 
 
 def exact_number(value: Any, name: str, *, positive: bool = False, nonnegative: bool = False) -> Fraction:

@@ -172,6 +172,16 @@ class Matrix:
         ints, factor = self.as_integers()
         return np.array([Fraction(x) * factor for x in ints.ravel()], dtype=object).reshape(ints.shape)
 
+    def rounded(self, *, up: bool) -> NDArray[np.float64]:
+        """Doubles that are nowhere below the exact numbers (`up`), or nowhere above them; dense."""
+        values = np.array(dense(self.values), dtype=float)
+        if self.is_double:
+            return values
+        exact: list[Any] = self.fractions().ravel().tolist()
+        pairs = zip(map(Fraction, values.ravel().tolist()), exact, strict=True)
+        beyond = np.array([v < x if up else v > x for v, x in pairs], dtype=bool)
+        return np.where(beyond.reshape(values.shape), np.nextafter(values, np.inf if up else -np.inf), values)
+
     # -- parts and other forms, as exact as the matrix itself
 
     def __getitem__(self, index: Any) -> Matrix:

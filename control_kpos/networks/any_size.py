@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.condition import Condition, all_hold
-from ..exact.intake import exact_matrix, real_number, require_shape, vector
+from ..exact.intake import exact_matrix, exact_number, require_shape, vector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Status
@@ -51,10 +51,10 @@ class OutWeightCertificate(Certificate):
     ----------
     local : NetworkCertificate
         Of one node of each type with a self-loop of this weight.
-    weight : float
+    weight : float, or Fraction where a double does not suffice
         Bound on sum_j w_jk, the weights of all links that leave a node; for one type with one input and one
         output, on those that enter it instead if these are smaller.
-    link : ndarray, shape (m, q)
+    link : ndarray, shape (m, q), or Matrix where doubles do not suffice
         A link of weight 1: the K in sum_j r'W_jk y <= weight r'K y.
     witness : object or None
         What breaks the self-loops, themselves networks with these out-weights.
@@ -63,15 +63,16 @@ class OutWeightCertificate(Certificate):
     claim: ClassVar[str] = "out-weight"
 
     local: NetworkCertificate
-    weight: float
-    link: Floats
+    weight: float | Fraction
+    link: Floats | Matrix
 
     def parts(self) -> Sequence[Certificate]:
         return (self.local,)
 
     def conditions(self) -> Sequence[Condition]:
         model = self.local.model
-        if not np.array_equal(model.W.toarray(), np.kron(np.eye(model.n_nodes), self.weight * self.link)):
+        loops = _self_loops(exact_matrix(self.link, "link"), Fraction(self.weight), model.n_nodes)
+        if (loops.fractions() != model.coupling.dense().fractions()).any():
             raise DataError("the local certificate is not about self-loops of this weight.")
         r = flat(self.local.r, model, 1) if self.local.r is not None else np.zeros(0)
         if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
@@ -110,17 +111,17 @@ class OutWeightCertificate(Certificate):
         return self.local.margin
 
     def explain(self) -> str:
-        kinds = self.local.model.n_nodes
+        kinds, weight = self.local.model.n_nodes, float(self.weight)
         what = "copies of this node" if kinds == 1 else f"nodes of these {kinds} types"
         if self:
             entering = " (or the sum over those that enter a node)" if kinds == 1 and self.link.shape == (1, 1) else ""
             return (
                 f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links "
-                f"that leave a node{entering} is at most {self.weight:.6g}, is positive and stable with decay rate at "
+                f"that leave a node{entering} is at most {weight:.6g}, is positive and stable with decay rate at "
                 f"least {self.decay_rate:.4g}."
             )
         return (
-            f"Not certified: already a node with a self-loop of weight {self.weight:.6g} fails. {self.local.explain()} "
+            f"Not certified: already a node with a self-loop of weight {weight:.6g} fails. {self.local.explain()} "
             "Ask for a smaller weight, or raise the local gain."
         )
 
@@ -146,7 +147,8 @@ class OutWeightCertificate(Certificate):
     def _bounds_rows(self, model: NetworkModel) -> bool:
         """Weights of the links that enter a node sum to at most `weight`."""
         n = model.n_nodes
-        table = Matrix.join([model.coupling.T, Matrix(np.full((1, n), -self.weight))], -2)
+        bound = Matrix.from_fractions(np.full((1, n), -Fraction(self.weight)))
+        table = Matrix.join([model.coupling.T, bound], -2)
         forms = BilinearForms(Matrix(np.ones((1, n + 1))), table, Matrix(sp.eye_array(n, format="csr")))
         return Condition("sum of in-weights <= weight", forms, "<=").verdict() is True
 
@@ -283,49 +285,65 @@ def scale_free_certificate(
     if weight is None:
         gains = PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G
         loops = [
-            np.abs(np.linalg.eigvals(shape @ g)).max() if np.isfinite(g).all() else np.inf for G in gains for g in G
+            np.abs(np.linalg.eigvals(shape.values @ g)).max() if np.isfinite(g).all() else np.inf
+            for G in gains
+            for g in G
         ]
         top = float(max(loops))
         weight = (1 - 1e-9) / top if np.isfinite(top) and top > 0 else 1.0
-    weight = real_number(weight, "weight", nonnegative=True)
-    model = bare.with_coupling(Matrix(sp.csr_array(np.kron(np.eye(count), weight * shape))))
+    bound = exact_number(weight, "weight", nonnegative=True)
+    model = bare.with_coupling(_self_loops(shape, bound, count))
     if count == 1:
         local = certify(model)
     else:
-        local = certify_rates(model, np.full(count, -weight), np.ones(count))
-        if not local and weight > 0:
+        local = certify_rates(model, np.full(count, -bound), np.full(count, Fraction(1)))
+        if not local and bound > 0:
             whole = certify(model)
             local = whole if whole.status is Status.REFUTED else local
-    return OutWeightCertificate.settle(local=local, weight=weight, link=shape, witness=local.witness)
+    return OutWeightCertificate.settle(local=local, weight=_plain(bound), link=_plain(shape), witness=local.witness)
 
 
-def out_weight_certificate(node: ConeStateSpace, weight: float, proof: LyapunovCertificate) -> OutWeightCertificate:
+def _self_loops(link: Matrix, weight: Fraction, count: int) -> Matrix:
+    """The coupling of so many nodes, each with a self-loop of this weight."""
+    loops = Matrix.from_fractions(np.kron(np.eye(count, dtype=int).astype(object), weight * link.fractions()))
+    return Matrix(sp.csr_array(loops.values)) if loops.is_double else loops
+
+
+def _plain(x: Any) -> Any:
+    """A number or matrix as doubles, if these suffice."""
+    if isinstance(x, Matrix):
+        return np.array(x.values) if x.is_double else x
+    return float(x) if float(x) == x else x
+
+
+def out_weight_certificate(node: ConeStateSpace, weight: Fraction, proof: LyapunovCertificate) -> OutWeightCertificate:
     """The certificate for copies of a node with one input, one output and D = 0, from a proof for A + weight B C.
 
     Parameters
     ----------
     node : ConeStateSpace
-    weight : float
+    weight : Fraction
     proof : LyapunovCertificate
         Of A + weight * B C; its v and decay rate become those of the networks.
     """
     stacks, members, dt = gather(node, "node")
-    model = NetworkModel(stacks, members, Matrix(sp.csr_array([[weight]])), 0 if dt is None else dt)
+    one = Matrix(np.ones((1, 1)))
+    model = NetworkModel(stacks, members, _self_loops(one, weight, 1), 0 if dt is None else dt)
     v = exact_vector(proof.v, proof.v_exact)
     r = v @ stacks[0].B.fractions()[0]
-    vectors, exact = with_exact((v, r, -Fraction(weight) * r))
+    vectors, exact = with_exact((v, r, -weight * r))
     v_, r_, q_ = (per_node(x, model, kind) for kind, x in enumerate(vectors))
     rates = {"sigma": np.ones(1), "decay_rate": proof.decay_rate}
     local = NetworkCertificate.settle(model=model, v=v_, r=r_, q=q_, exact=exact, **rates)
-    return OutWeightCertificate.settle(local=local, weight=weight, link=np.ones((1, 1)))
+    return OutWeightCertificate.settle(local=local, weight=_plain(weight), link=_plain(one))
 
 
-def _link(stacks: Sequence[NodeStack], count: int, link: ArrayLike | None) -> Floats:
+def _link(stacks: Sequence[NodeStack], count: int, link: ArrayLike | None) -> Matrix:
     """The link of weight 1, or what is missing to say what that is."""
     s = stacks[0]
     _, m, q = s.sizes
     if all(t.sizes[1:] == (1, 1) and t.U.rays[0, 0] > 0 and t.Y.rays[0, 0] > 0 for t in stacks) and link is None:
-        return np.ones((1, 1))
+        return Matrix(np.ones((1, 1)))
     if count > 1:
         raise ConeMismatchError(
             "scale-free certificates for several node types are for nodes with one nonnegative input and one "
@@ -333,10 +351,10 @@ def _link(stacks: Sequence[NodeStack], count: int, link: ArrayLike | None) -> Fl
             "Certify one type at a time."
         )
     if link is not None:
-        return np.asarray(require_shape(exact_matrix(link, "link"), "link", (m, q), "inputs by outputs").values)
+        return require_shape(exact_matrix(link, "link"), "link", (m, q), "inputs by outputs").dense()
     if m != q or not s.U.contains(s.Y):
         raise ConeMismatchError(
             f"the node has {m} inputs and {q} outputs, and there is no telling what a link of weight 1 makes of the "
             f"outputs; give link, a {m} x {q} matrix that maps Y into U."
         )
-    return np.eye(m)
+    return Matrix.identity(m)

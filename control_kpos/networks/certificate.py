@@ -75,7 +75,8 @@ class NetworkCertificate(Certificate):
         With feedthrough: p and t with p'D u <= t'u and t'W y < p'y, so that the algebraic loop contracts;
         tuples of Fraction where doubles do not suffice.
     exact : tuple of three tuples of Fraction, or None
-        v, r and q in the order of nodes where doubles do not suffice; those above are their rounding.
+        v (empty without a v), r and q in the order of nodes where doubles do not suffice; those above are their
+        rounding.
     witness : CouplingViolation, NodeViolation, NetworkInstability, AlgebraicLoop, NodeNotDissipative or NoWeights
         What breaks the network, for REFUTED.
     """
@@ -115,7 +116,8 @@ class NetworkCertificate(Certificate):
         if isinstance(self.witness, NoWeights):
             if self.r is None or self.q is None:
                 return None
-            r, q = flat(self.r, self.model, 1), flat(self.q, self.model, 2)
+            rates = flat(self.r, self.model, 1), flat(self.q, self.model, 2)
+            r, q = exact_vectors(rates, None if self.exact is None else self.exact[1:])
             return no_weights(self.model, q, r, self.witness.y)
         return refute(self.model, self.witness, self.loop_weights)
 

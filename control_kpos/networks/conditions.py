@@ -6,6 +6,7 @@ Every product of given data is left to the kernel; nothing is multiplied beforeh
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -232,6 +233,8 @@ def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | Non
     left = np.concatenate([q, r])[None, :]
     generators = output_generators(model)
     Q = model.totals[2]
+    if left.dtype == object and sigma is not None:  # fractions are multiplied without rounding
+        left, sigma = left * np.array(list(map(Fraction, sigma.tolist())))[_nodes(model)], None
     if sigma is None or (sigma == 1).all():
         if model.coupling.is_double:
             middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
@@ -239,7 +242,7 @@ def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | Non
             middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
         return BilinearForms(exact(left), middle, generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
-    weights = np.concatenate([sigma[model.owners(2)], sigma[model.owners(1)]])[None, :]
+    weights = sigma[_nodes(model)][None, :]
     diagonal = Matrix(sp.csr_array(sp.diags_array(left[0])))
     if all(isinstance(s.Y, Orthant) for s in model.stacks) and model.coupling.is_double:
         right = Matrix(sp.csr_array(sp.hstack([sp.eye_array(Q, format="csr"), model.WT], format="csr")))
@@ -267,13 +270,23 @@ def _dense(m: Matrix) -> Matrix:
 def supply_by_node(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> BilinearForms:
     """q_j'y_j + r_j'(W y)_j for every node j: forms (N, 1)."""
     Q, M = model.totals[2], model.totals[1]
-    nodes = np.concatenate([model.owners(2), model.owners(1)])
-    left = sp.csr_array((np.concatenate([q, r]), (nodes, np.arange(Q + M))), shape=(model.n_nodes, Q + M))
+    rates, places = np.concatenate([q, r]), (_nodes(model), np.arange(Q + M))
+    if rates.dtype == object:
+        table = np.zeros((model.n_nodes, Q + M), dtype=object)
+        table[places] = rates
+        left = Matrix.from_fractions(table)
+    else:
+        left = Matrix(sp.csr_array((rates, places), shape=(model.n_nodes, Q + M)))
     if model.coupling.is_double:
         middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
     else:
         middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
-    return BilinearForms(Matrix(left), middle, Matrix(y[None, :]))
+    return BilinearForms(left, middle, Matrix(y[None, :]))
+
+
+def _nodes(model: NetworkModel) -> Index:
+    """Node number of every output, then of every input."""
+    return np.concatenate([model.owners(2), model.owners(1)])
 
 
 def balance(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> Condition:

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ShapeError
-from ..exact.intake import items, vector
+from ..exact.intake import exact_matrix, items
 from ..exact.matrix import Matrix
 from ..exact.programs import solve
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
@@ -27,7 +27,7 @@ from .certify import (
     violation,
 )
 from .model import NetworkModel
-from .witnesses import NodeNotDissipative, NoWeights, node_positivity
+from .witnesses import NodeNotDissipative, NoWeights, node_positivity, with_exact
 
 SupplyRates: TypeAlias = Sequence[Any]
 # sigma, or outputs y that exclude every sigma
@@ -37,8 +37,8 @@ Proposal: TypeAlias = tuple[Floats | None, Floats | None]
 _EXACT_ENTRIES = 2000
 
 
-def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Floats, Floats]:
-    """Supply rates as two vectors q and r over all outputs and inputs.
+def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Any, Any]:
+    """Supply rates as two vectors q and r over all outputs and inputs, of doubles, or of Fraction if need be.
 
     Raises
     ------
@@ -51,22 +51,35 @@ def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Floats, Floats]
     m, n_out = np.diff(model.offsets[1]), np.diff(model.offsets[2])
     qs, rs = [], []
     for j, item in enumerate(given):
-        pair: Any = (item.q, item.r) if isinstance(item, DissipativityCertificate) else item
+        pair: Any = item.supply if isinstance(item, DissipativityCertificate) else item
         if not isinstance(pair, (tuple, list)) or len(pair) != 2:
             raise ShapeError(f"supply_rates[{j}] must be a pair (q, r).")
         q, r = pair
-        qs.append(vector(q, f"q in supply_rates[{j}]", int(n_out[j])))
-        rs.append(vector(r, f"r in supply_rates[{j}]", int(m[j])))
-    return np.concatenate(qs), np.concatenate(rs)
+        qs.append(_row(q, f"q in supply_rates[{j}]", int(n_out[j])))
+        rs.append(_row(r, f"r in supply_rates[{j}]", int(m[j])))
+    return _vector(Matrix.join(qs, -1)), _vector(Matrix.join(rs, -1))
 
 
-def certify_rates(model: NetworkModel, q: Floats, r: Floats) -> NetworkCertificate:
+def _row(data: Any, name: str, size: int) -> Matrix:
+    given = exact_matrix(data, name, ndim=2 if isinstance(data, Matrix) else 1)
+    row = given if len(given.shape) == 2 else given[None]
+    if row.shape != (1, size):
+        raise ShapeError(f"{name} has {row.shape[-1]} entries; it must have {size}.")
+    return row
+
+
+def _vector(row: Matrix) -> Any:
+    return np.array(row.values[0]) if row.is_double else row.fractions()[0]
+
+
+def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
     """Theorem 4 with given supply rates.
 
     Parameters
     ----------
     model : NetworkModel
     q, r : ndarray, shapes (sum q_k,), (sum m_j,)
+        Doubles or fractions.
 
     Returns
     -------
@@ -81,25 +94,28 @@ def certify_rates(model: NetworkModel, q: Floats, r: Floats) -> NetworkCertifica
     if model.has_feedthrough and loop is None:
         return certify(model)
     v, witness = storages(model, q, r)
-    rates = {"q": per_node(q, model, 2), "r": per_node(r, model, 1)}
+    (r_, q_), exact = with_exact((r, q))
+    rates: dict[str, Any] = {"q": per_node(q_, model, 2), "r": per_node(r_, model, 1)}
+    rates["exact"] = None if exact is None else ((), *exact)
     if witness is not None or v is None:
         return NetworkCertificate.settle(model=model, witness=witness, loop_weights=loop, **rates)
-    rate = max(provable_rate(model, v, q, discrete=model.discrete), 0.0)
+    rate = max(provable_rate(model, v, q_, discrete=model.discrete), 0.0)
     common = {"model": model, "loop_weights": loop, **rates}
-    weighted = {"v": per_node(v, model, 0), "decay_rate": rate}
-    gains = balance_matrix(model, q, r)
+    weighted = {**common, "v": per_node(v, model, 0), "decay_rate": rate}
+    weighted["exact"] = None if exact is None else (tuple(map(Fraction, v.tolist())), *exact)
+    gains = balance_matrix(model, q_, r_)
     found = NetworkCertificate.settle(**common)
     for sigma, y in itertools.chain(weights(gains), obstructions(model, gains), exact_weights(model, q, r)):
         if y is not None:
             found = NetworkCertificate.settle(**common, witness=NoWeights(y))
         elif sigma is not None:
-            found = NetworkCertificate.settle(**common, **weighted, sigma=sigma)
+            found = NetworkCertificate.settle(**weighted, sigma=sigma)
         if found.status is not Status.UNDECIDED:
             return found
     return found
 
 
-def storages(model: NetworkModel, q: Floats, r: Floats) -> tuple[Floats | None, NodeNotDissipative | None]:
+def storages(model: NetworkModel, q: Any, r: Any) -> tuple[Floats | None, NodeNotDissipative | None]:
     """v_j for every node, or the first node that has none.
 
     For -q in Y* the least storage is v = (mu - A)^{-T} C'(-q); a share of (mu - A)^{-T} c that the slack of
@@ -109,7 +125,8 @@ def storages(model: NetworkModel, q: Floats, r: Floats) -> tuple[Floats | None, 
     least = 1.0 if model.discrete else 0.0
     parts: list[Floats] = []
     for g, s in enumerate(model.stacks):
-        q_g, r_g = model.split(q, 2)[g], model.split(r, 1)[g]
+        given_q, given_r = model.split(q, 2)[g], model.split(r, 1)[g]
+        q_g, r_g = given_q.astype(float), given_r.astype(float)
         K = inverse(least * np.eye(s.sizes[0]) - s.A.values)
         c = np.asarray(s.X.dual.interior_point)
         with np.errstate(all="ignore"):
@@ -124,9 +141,10 @@ def storages(model: NetworkModel, q: Floats, r: Floats) -> tuple[Floats | None, 
             good = (share > 0) & (v @ X.T > 0).all(axis=1) & (-q_g @ s.Y.rays.T >= 0).all(axis=1)
         for place in np.flatnonzero(~good).tolist():
             node = int(model.members[g][place])
-            found = dissipativity_of(node_positivity(model, node), q=q_g[place], r=r_g[place])
+            found = dissipativity_of(node_positivity(model, node), q=given_q[place], r=given_r[place])
             if found.status is Status.REFUTED:
-                return None, NodeNotDissipative(node, q_g[place], r_g[place], found.witness)
+                exact = found.q_exact, found.r_exact
+                return None, NodeNotDissipative(node, q_g[place], r_g[place], found.witness, *exact)
             if found.v is None:
                 return None, None
             v[place] = found.v
@@ -179,7 +197,7 @@ def _slacks(height: int) -> Iterator[tuple[sp.csr_array, float]]:
     yield sp.eye_array(height, format="csr"), 1e-3
 
 
-def exact_weights(model: NetworkModel, q: Floats, r: Floats) -> Iterator[Proposal]:
+def exact_weights(model: NetworkModel, q: Any, r: Any) -> Iterator[Proposal]:
     """sigma, or y in Y that excludes it, as whole numbers from a rational program; nothing if that is too long.
 
     By Tucker's theorem some sigma >= 1 satisfies (III') unless a y in Y has a supply that is negative at no node and
@@ -189,8 +207,8 @@ def exact_weights(model: NetworkModel, q: Floats, r: Floats) -> Iterator[Proposa
     if height * model.n_nodes > _EXACT_ENTRIES:
         return
     generators = _fractions(on.output_generators(model))
-    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(Matrix(q))[:, None], 0)
-    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(Matrix(r))[:, None], 0)
+    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(on.exact(q))[:, None], 0)
+    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(on.exact(r))[:, None], 0)
     gains = generators @ (own + _fractions(model.coupling).T @ given)
     unit = np.array([[Fraction(int(i == j)) for j in range(height)] for i in range(height)], dtype=object)
     x, y = exact_feasibility(np.concatenate([gains, unit], axis=1), -gains.sum(axis=1))

@@ -111,12 +111,16 @@ class NodeNotDissipative:
         The supply rate r'u + q'y.
     violation : SupplyViolation
         x and u that no storage v'x survives.
+    q_exact, r_exact : tuple of Fraction, or None
+        The supply rate where doubles do not suffice; q and r are its rounding.
     """
 
     node: int
     q: Floats
     r: Floats
     violation: SupplyViolation
+    q_exact: tuple[Fraction, ...] | None = None
+    r_exact: tuple[Fraction, ...] | None = None
 
     def __str__(self) -> str:
         return f"node {self.node} is not exponentially dissipative for its supply rate: {self.violation}"
@@ -231,7 +235,8 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         return None if found is None else list(found)
     if isinstance(w, NodeNotDissipative):
         part = node_positivity(model, w.node)
-        found = DissipativityCertificate.settle(positivity=part, q=w.q, r=w.r, witness=w.violation)
+        supply = {"q": w.q, "r": w.r, "q_exact": w.q_exact, "r_exact": w.r_exact}
+        found = DissipativityCertificate.settle(positivity=part, **supply, witness=w.violation)
         return list(found._own_conditions) if found.status is Status.REFUTED else None
     if isinstance(w, NetworkInstability):
         return growth(model, w, loop)

@@ -336,13 +336,14 @@ def _sampled(sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete:
 def _box(data: ArrayLike | None, n: int, name: str) -> Array:
     if data is None:
         return np.zeros((n, 2))
-    box = np.asarray(exact_matrix(data, name).values)
+    exact = exact_matrix(data, name)
+    box = exact.rounded(up=False)
     if box.shape != (n, 2):
         raise ShapeError(f"{name} has shape {box.shape}, but must be ({n}, 2): lower and upper bound of each of {n}.")
     if (box[:, 0] > box[:, 1]).any():
         row = int(np.argmax(box[:, 0] > box[:, 1]))
         raise DataError(f"{name}[{row}] is [{box[row, 0]:g}, {box[row, 1]:g}]: the lower bound exceeds the upper one.")
-    return box
+    return np.column_stack([box[:, 0], exact.rounded(up=True)[:, 1]])  # the smallest box of doubles around
 
 
 def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Array | None:

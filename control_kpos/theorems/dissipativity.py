@@ -93,8 +93,8 @@ class DissipativityCertificate(ClaimOnPositivity):
         Storage v'x.
     decay_rate : float
         Proven rate a of the dissipation inequality; NaN if there is no v.
-    v_exact : tuple of Fraction, or None
-        The exact v where doubles do not suffice.
+    v_exact, q_exact, r_exact : tuple of Fraction, or None
+        The exact v, q and r where doubles do not suffice; those above are their roundings.
     witness : PositivityViolation, SupplyViolation or None
     """
 
@@ -106,13 +106,22 @@ class DissipativityCertificate(ClaimOnPositivity):
     v: NDArray[np.float64] | None = None
     decay_rate: float = float("nan")
     v_exact: Rationals | None = None
+    q_exact: Rationals | None = None
+    r_exact: Rationals | None = None
+
+    @property
+    def supply(self) -> tuple[Matrix, Matrix | None]:
+        """q and r, exactly, as rows."""
+        q = exact_row(self.q, self.q_exact)
+        return q, None if self.r is None else exact_row(self.r, self.r_exact)
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities of Theorem 3."""
         p = self.positivity.system()
-        if self.v is None or self.r is None:
+        q, r = self.supply
+        if self.v is None or r is None:
             raise DataError("v or r is missing.")
-        v, q, r = exact_row(self.v, self.v_exact), exact_row(self.q), exact_row(self.r)
+        v = exact_row(self.v, self.v_exact)
         return [
             Condition(_STORAGE, BilinearForms(v, None, p.X.exact_rays), ">"),
             Condition(_STATE, _state_forms(p, v, q), "<"),
@@ -129,7 +138,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         """True if the rate is exactly the one that v proves."""
         if self.v is None:
             return True
-        rate = proven_rate(self.positivity.system(), exact_row(self.v, self.v_exact), exact_row(self.q))
+        rate = proven_rate(self.positivity.system(), exact_row(self.v, self.v_exact), self.supply[0])
         return self.decay_rate == rate
 
     def refutation(self) -> Sequence[Condition] | None:
@@ -142,7 +151,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         if self.r is None and np.any(w.u):
             return None
         x, u = exact_row(w.x, w.x_exact), exact_row(w.u, w.u_exact)
-        motion, supply = _motion_forms(p, x, u), _supply_forms(p, x, u, self.q, self.r)
+        motion, supply = _motion_forms(p, x, u), _supply_forms(p, x, u, *self.supply)
         moves = np.any(w.x) or np.any(np.isin(motion.signs(), (-1, 1))) or supply.signs()[0, 0] == -1
         if not moves:
             return None
@@ -249,36 +258,35 @@ def dissipativity_of(
     system = positivity.system()
     given_q = None if q is None else _supply(q, "q", system.Y.dim, "outputs")
     given_r = None if r is None else _supply(r, "r", system.U.dim, "inputs")
-    shown_q = given_q if given_q is not None else -np.asarray(system.Y.dual.interior_point, dtype=float)
+    supply_q = Matrix(-np.asarray(system.Y.dual.interior_point, dtype=float)[None]) if given_q is None else given_q
+    data = {"positivity": positivity, **_stored("q", supply_q), **_stored("r", given_r)}
     if positivity.witness is not None:
-        return DissipativityCertificate.settle(positivity=positivity, q=shown_q, r=given_r, witness=positivity.witness)
+        return DissipativityCertificate.settle(**data, witness=positivity.witness)
     if not positivity:
-        return DissipativityCertificate.settle(positivity=positivity, q=shown_q, r=given_r)
-    for v, q_try, r_try, v_exact in storage_candidates(system, shown_q, given_r, free_q=given_q is None):
-        cert = _attempt(positivity, v, q_try, r_try, v_exact)
+        return DissipativityCertificate.settle(**data)
+    for v, q_try in storage_candidates(system, supply_q, given_r, free_q=given_q is None):
+        cert = _attempt(positivity, v, q_try, given_r)
         if cert is not None:
             return cert
-    exact = supply_witness(system, shown_q, given_r)
+    exact = supply_witness(system, supply_q, given_r)
     if exact is not None:
         storage, x, u = exact
         if storage is not None:
-            v_try = np.array([float(t) for t in storage])
-            r_try = given_r if given_r is not None else _least_input_supply(system, v_try, shown_q)
-            cert = _attempt(positivity, v_try, shown_q, r_try, tuple(storage))
+            cert = _attempt(positivity, np.array([float(t) for t in storage]), supply_q, given_r, tuple(storage))
             if cert is not None:
                 return cert
         else:
             nearest_x, nearest_u = (np.array([float(t) for t in z]) for z in (x, u))
             witness = SupplyViolation(nearest_x, nearest_u, tuple(x), tuple(u))
-            return DissipativityCertificate.settle(positivity=positivity, q=shown_q, r=given_r, witness=witness)
-    return DissipativityCertificate.settle(positivity=positivity, q=shown_q, r=given_r)
+            return DissipativityCertificate.settle(**data, witness=witness)
+    return DissipativityCertificate.settle(**data)
 
 
 def _attempt(
     positivity: PositivityCertificate,
     v: NDArray[np.float64],
-    q: NDArray[np.float64],
-    r: NDArray[np.float64] | None,
+    q: Matrix,
+    r: Matrix | None,
     v_exact: Rationals | None = None,
 ) -> DissipativityCertificate | None:
     """The certificate if v (with the least r if r is None) proves dissipativity."""
@@ -286,46 +294,48 @@ def _attempt(
         return None
     if v_exact is not None and all(Fraction(a) == b for a, b in zip(v.tolist(), v_exact, strict=True)):
         v_exact = None
-    row, supply = exact_row(v, v_exact), exact_row(q)
-    p = positivity.system()
+    row, p = exact_row(v, v_exact), positivity.system()
     if not all_hold(
         [
             Condition(_STORAGE, BilinearForms(row, None, p.X.exact_rays), ">"),
-            Condition(_STATE, _state_forms(p, row, supply), "<"),
+            Condition(_STATE, _state_forms(p, row, q), "<"),
         ]
     ):
         return None
     if r is None:
-        r = _least_input_supply(p, v, q)
-    if Condition(_INPUT, _input_forms(p, row, supply, exact_row(r)), "<=").verdict() is not True:
+        r = _least_input_supply(p, row, q)
+    if Condition(_INPUT, _input_forms(p, row, q, r), "<=").verdict() is not True:
         return None
+    supply = {**_stored("q", q), **_stored("r", r)}
     return DissipativityCertificate.settle(
-        positivity=positivity, v=v, v_exact=v_exact, q=q, r=r, decay_rate=proven_rate(p, row, supply)
+        positivity=positivity, v=v, v_exact=v_exact, **supply, decay_rate=proven_rate(p, row, q)
     )
 
 
-def _least_input_supply(p: System, v: NDArray[np.float64], q: NDArray[np.float64]) -> NDArray[np.float64]:
+def _least_input_supply(p: System, v: Matrix, q: Matrix) -> Matrix:
     """r = B'v - D'q, moved into U* by a rounding error or so until the input inequality is proven."""
-    B, D = p.B, p.D
-    r = np.asarray(v @ B.values - q @ D.values, dtype=float)
+    B, D, v_, q_ = p.B.values, p.D.values, v.values[0], q.values[0]
+    r = np.asarray(v_ @ B - q_ @ D, dtype=float)
     inward = np.asarray(p.U.dual.interior_point, dtype=float)
     inward = inward / np.abs(inward).max()
-    size = float(np.max(np.abs(v) @ abs(B.values) + np.abs(q) @ abs(D.values), initial=0.0))
+    size = float(np.max(np.abs(v_) @ abs(B) + np.abs(q_) @ abs(D), initial=0.0))
     for step in (0.0, 2.0**-52, 2.0**-48, 1e-12, 1e-9):
-        moved = r + step * size * inward
-        forms = _input_forms(p, exact_row(v), exact_row(q), exact_row(moved))
-        if Condition(_INPUT, forms, "<=").verdict() is True:
+        moved = exact_row(r + step * size * inward)
+        if Condition(_INPUT, _input_forms(p, v, q, moved), "<=").verdict() is True:
             return moved
-    return r
+    return exact_row(r)
 
 
-def _supply(data: ArrayLike, name: str, size: int, what: str) -> NDArray[np.float64]:
-    exact = require_shape(exact_matrix(data, name), name, (1, size), f"one entry for each of the {size} {what}")
-    if not exact.is_double:
-        raise DataError(
-            f"{name} must be representable in doubles; supply rates are inequalities, so round r up or q down."
-        )
-    return np.array(exact.values[0])
+def _supply(data: ArrayLike, name: str, size: int, what: str) -> Matrix:
+    return require_shape(exact_matrix(data, name), name, (1, size), f"one entry for each of the {size} {what}")
+
+
+def _stored(name: str, row: Matrix | None) -> dict[str, Any]:
+    """q or r as a certificate holds it: doubles, and the fractions where these are their rounding."""
+    if row is None:
+        return {name: None}
+    exact = None if row.is_double else tuple(row.fractions()[0])
+    return {name: np.array(row.dense().values[0]), f"{name}_exact": exact}
 
 
 # -- inequalities
@@ -363,15 +373,15 @@ def _supply_forms(
     p: System,
     x: Matrix,
     u: Matrix,
-    q: NDArray[np.float64],
-    r: NDArray[np.float64] | None,
+    q: Matrix,
+    r: Matrix | None,
 ) -> BilinearForms:
     """q'(C x + D u) + r'u."""
     m = u.shape[1]
-    r = np.zeros(m) if r is None else np.asarray(r, dtype=float)
+    r = Matrix.zeros(1, m) if r is None else r
     top = Matrix.join([p.C.T, Matrix.zeros(p.A.shape[0], m)], -1)
     low = Matrix.join([p.D.T, Matrix.identity(m)], -1)
-    return BilinearForms(Matrix.join([x, u], -1), Matrix.join([top, low], -2), exact_row(np.concatenate([q, r])))
+    return BilinearForms(Matrix.join([x, u], -1), Matrix.join([top, low], -2), Matrix.join([q, r], -1))
 
 
 def proven_rate(p: System, v: Matrix, q: Matrix) -> float:

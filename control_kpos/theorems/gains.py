@@ -116,12 +116,13 @@ def induced_gain_of(
 def _weight(weight: ArrayLike | None, name: str, home: Cone) -> NDArray[np.float64]:
     if weight is None:
         return np.asarray(home.interior_point, dtype=float)
-    row = require_shape(exact_matrix(weight, name), name, (1, home.dim)).values[0]
-    if not home.contains(row, strict=True):
+    exact = require_shape(exact_matrix(weight, name), name, (1, home.dim)).plain()
+    row = np.array(exact.values[0])
+    if not home.contains(exact.fractions()[0], strict=True):
         signals = "inputs in U" if name == "e" else "outputs in Y"
         raise DataError(
             f"{name} = {shown(row)} does not weigh the {signals}: for L1 it must be positive on every generator of "
             f"the cone (in the interior of the dual), for Linf it must lie in the interior of the cone; for instance "
             f"{shown(np.asarray(home.interior_point))}."
         )
-    return np.array(row)
+    return row

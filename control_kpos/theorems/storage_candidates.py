@@ -30,9 +30,10 @@ _LEAST_MARGIN = 1e-6
 
 
 def storage_candidates(
-    p: System, q: Vector, r: Vector | None, *, free_q: bool
-) -> Iterator[tuple[Vector, Vector, Vector | None, tuple[Fraction, ...] | None]]:
-    """Pairs of storage and supply worth proving, most useful first: (v, q, r or None, exact v or None)."""
+    p: System, supply_q: Matrix, supply_r: Matrix | None, *, free_q: bool
+) -> Iterator[tuple[Vector, Matrix]]:
+    """Storages worth proving, most useful first, with the q that each is for; `free_q`: multiples of the one given."""
+    q, r = dense(supply_q.values)[0], None if supply_r is None else dense(supply_r.values)[0]
     least = _LeastStorage.of(p)
     if free_q and r is not None:
         if least is not None:
@@ -43,18 +44,18 @@ def storage_candidates(
                     g = share * (1 - back)
                     if 0 < g < np.inf:
                         v = g * (v0 + inwards * _ratio(v0, v1) * v1)
-                        yield v, g * q, r, None
+                        yield v, Matrix(g * q[None])
         program = _program(p, q, r, free_q=True)
         if program is not None:
-            yield program[0], program[1], r, None
+            yield program[0], Matrix(program[1][None])
         return
     if least is not None:
         v0, v1 = least.storage(q), least.inside
         for inwards in _LEAST if r is None else _GIVEN:
-            yield v0 + inwards * _ratio(v0, v1) * v1, q, r, None
+            yield v0 + inwards * _ratio(v0, v1) * v1, supply_q
     program = _program(p, q, r, free_q=False)
     if program is not None:
-        yield program[0], q, r, None
+        yield program[0], supply_q
 
 
 class _LeastStorage:
@@ -132,7 +133,7 @@ def _program(p: System, q: Vector, r: Vector | None, *, free_q: bool) -> tuple[V
     return answer["v"], q * (answer["g"][0] if free_q else 1.0)
 
 
-def supply_witness(p: System, q: Vector, r: Vector | None) -> tuple[Rationals | None, Rationals, Rationals] | None:
+def supply_witness(p: System, q: Matrix, r: Matrix | None) -> tuple[Rationals | None, Rationals, Rationals] | None:
     """Settle dissipativity for given q and r in rational arithmetic.
 
     Motzkin's theorem of the alternative: either some storage v satisfies the inequalities of the theorem,
@@ -154,8 +155,7 @@ def supply_witness(p: System, q: Vector, r: Vector | None) -> tuple[Rationals | 
     U = p.U.exact_rays.rows_as_integers(np.arange(p.U.n_rays)).T
     k = 0 if r is None else U.shape[1]
     U = U[:, :k]
-    exact_q = np.array([Fraction(float(t)) for t in q], dtype=object)
-    exact_r = np.array([Fraction(float(t)) for t in (np.zeros(m) if r is None else r)], dtype=object)
+    exact_q, exact_r = q.plain().fractions()[0], (Matrix.zeros(1, m) if r is None else r.plain()).fractions()[0]
     a, b = X.shape[1], X.shape[1]
     M = np.zeros((n + 2, a + b + k + 1), dtype=object)
     M[:n, :a], M[:n, a : a + b], M[:n, a + b : a + b + k] = X, -(S @ X), -(B @ U)

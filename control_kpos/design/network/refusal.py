@@ -106,14 +106,14 @@ def _blocking_node(
 
     Links only add to A + B F, in the order of X, and so never speed up the decay.
     """
-    seen: set[tuple[bytes, bytes, int]] = set()
+    seen: set[tuple[Any, Any, int]] = set()
     bounds = None if bound is None else model.split(bound, 1)
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
             X = cones.get(j, s.X)
             if not affords():
                 return None
-            key = (np.asarray(s.A.values[place]).tobytes(), np.asarray(s.B.values[place]).tobytes(), id(X))
+            key = (_numbers(s.A[place]), _numbers(s.B[place]), id(X))
             if key in seen:
                 continue
             seen.add(key)
@@ -131,6 +131,11 @@ def _blocking_node(
     return None
 
 
+def _numbers(M: Matrix) -> Any:
+    """What two equal matrices have in common."""
+    return np.asarray(M.values).tobytes() if M.is_double else str(M.fractions().tolist())
+
+
 def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
     """The proof that there is no gain, if it takes little effort."""
     with suppress(OutOfBudgetError), budget(EFFORT["a node of a network alone"]):
@@ -141,8 +146,9 @@ def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
 
 def node_system(s: NodeStack, place: int) -> ConeStateSpace:
     """One node of a stack."""
-    parts = (np.asarray(M.values[place]) for M in (s.A, s.B, s.C, s.D))
-    return ConeStateSpace(*parts, s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False)
+    return ConeStateSpace(
+        *(M[place] for M in (s.A, s.B, s.C, s.D)), s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False
+    )
 
 
 def _no_local_gains(

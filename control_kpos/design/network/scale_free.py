@@ -11,6 +11,7 @@ covers row sums at most w.
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from ...cones import Cone, orthant
 from ...errors import DataError, ShapeError
-from ...exact.intake import exact_matrix, real_number, seconds
+from ...exact.intake import exact_number, seconds
 from ...exact.matrix import Matrix
 from ...networks.any_size import out_weight_certificate
 from ...progress import Reporter, Target
@@ -82,7 +83,7 @@ def scale_free_feedback(
     (True, True)
     """
     limit, target = seconds(time_limit), read_rate(rate)
-    value = real_number(weight, "weight", nonnegative=True)
+    value = exact_number(weight, "weight", nonnegative=True)
 
     def design() -> DesignResult:
         plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
@@ -92,7 +93,7 @@ def scale_free_feedback(
     return within(limit, design)
 
 
-def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> DesignResult:
+def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -> DesignResult:
     system = plant.system
     if (system.ninputs, system.noutputs) != (1, 1):
         raise ShapeError(
@@ -106,7 +107,7 @@ def _design(plant: Plant, weight: float, target: float | str, lp: Programs) -> D
     if ports.status is Status.REFUTED:
         message = "B must lie in X and C in X*, which no feedback changes; choose another cone."
         return DesignResult(status=Status.REFUTED, certificate=ports, message=message)
-    product = exact_matrix([[weight]], "weight").fractions()[0, 0] * (B.fractions() @ C.fractions())
+    product = weight * (B.fractions() @ C.fractions())
     plant = replace(plant, coupling=Matrix.from_fractions(product))
     result = design_on_simplicial(plant, target, lp)
     if not result:

@@ -19,7 +19,7 @@ from ...errors import (
     ShapeError,
 )
 from ...exact.budget import OutOfBudgetError, affords, reason, spend
-from ...exact.intake import flag, items, seconds, vector
+from ...exact.intake import exact_matrix, flag, items, seconds
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.coupling import read_coupling
@@ -189,7 +189,8 @@ def _require_nodes(model: NetworkModel, uniform: bool) -> None:
 def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
     if bound is None:
         return None
-    values = vector(bound, "gain_bound")
+    # the doubles below: what is proven for them holds for the bound that was given
+    values = exact_matrix(bound, "gain_bound", ndim=1).rounded(up=False)
     total = model.totals[1]
     if values.shape == (1,):
         values = np.full(total, values[0])
