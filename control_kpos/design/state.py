@@ -62,6 +62,7 @@ def state_feedback(
     rate : float or "max"
         Decay rate to be reached, per unit of time; in discrete time V(x[k+1]) <= (1 - rate) V(x[k]).  "max": as
         fast as possible.  0: any.  A gain that is only just large enough leaves little decay: ask for what you need.
+        A rate that is no double, such as "1/3", is read as the next double above it, which proves it as well.
     gain_bound : float or array_like, shape (m,), optional
         |F x_k| <= gain_bound, input by input, at every generator x_k of X with the length it has in `X.rays`: the
         input that the state x_k may use.

@@ -49,7 +49,8 @@ def feedback_interconnect(
         for nodes with one input and one output, an edge j -> k of weight w feeds y_j into u_k, an undirected
         edge both ways; edges without a weight have weight 1.  Its nodes are 0, ..., N - 1 or the names of the
         systems.  Any other labels stand for the systems in the order of ``list(graph.nodes)`` and become
-        the names of the nodes, if these have none.
+        the names of the nodes, if these have none.  Sparse matrices hold doubles: give weights
+        such as "1/3" in a dense matrix, in blocks or in a graph, and they stay what they are.
     supply_rates : sequence of (q_j, r_j), optional
         Test these local supply rates r_j'u_j + q_j'y_j and find weights sigma, instead of finding rates.
     inputs, outputs : sequence of int or str, optional
