@@ -285,6 +285,16 @@ def test_weights_of_gains_may_be_text():
         s.gain("Linf", e=["1/3", "1/10"])
 
 
+def test_gains_of_systems_next_to_singular_ones():
+    """Stable by their fractions; the doubles next to these are singular."""
+    slow = kp.ConeStateSpace([[Fraction(2**60 - 1, 2**60)]], [[1]], [[1]], 0, True)
+    assert slow.gain() == 2.0**60
+    a = Fraction(10**22 - 1, 10**22)
+    assert kp.ConeStateSpace([[-1, a], [1, -1]], [[1], [0]], [[1, 0]], 0).gain() == pytest.approx(1e22)
+    with pytest.raises(kp.UndecidedError, match="beyond the range of doubles"):
+        kp.ConeStateSpace([[-Fraction(1, 10**300)]], [[10**300]], [[1]], 0).gain()
+
+
 # -- links of any network
 
 

@@ -8,6 +8,7 @@ Journal of Control 24 (2015), for positive systems.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any, Literal
 
 import numpy as np
@@ -16,10 +17,16 @@ from numpy.typing import ArrayLike, NDArray
 from ..cones import Cone
 from ..errors import DataError, KposError, UndecidedError
 from ..exact.intake import choice, exact_matrix, require_shape, shown
+from ..exact.linalg import identity, solve_columns
 from ..exact.matrix import Matrix, dense
 from ..proof.certificate import Status
+from ..systems.system import System
 from .positivity import PositivityCertificate, cone_positivity
 from .stability import lyapunov_on
+
+# Condition numbers of A from which on the rounding of its entries shows in the gain.
+_NEARLY_SINGULAR = 1e8
+_BEYOND = "the gain is beyond the range of doubles; rescale the weights e and f, or the data."
 
 
 def induced_gain(
@@ -100,17 +107,32 @@ def induced_gain_of(
         raise UndecidedError(f"the gain is not known: {stable.explain()}")
     homes = (p.U.dual, p.Y.dual) if norm == "L1" else (p.U, p.Y)
     e_row, f_row = (_weight(w, name, home) for w, name, home in ((e, "e", homes[0]), (f, "f", homes[1])))
-    A = dense(p.A.values)
-    S = A - np.eye(len(A)) if p.discrete else A
+    G = _static_gain(p)
     with np.errstate(all="ignore"):
-        G = np.asarray(p.D.values) - np.asarray(p.C.values) @ np.linalg.solve(S, np.asarray(p.B.values))
         if norm == "L1":
             gain = float(np.max((f_row @ G) @ p.U.rays.T / (p.U.rays @ e_row)))
         else:
             gain = float(np.max(p.Y.facets @ (G @ e_row) / (p.Y.facets @ f_row)))
     if not np.isfinite(gain):
-        raise UndecidedError("the gain is beyond the range of doubles; rescale the weights e and f, or the data.")
+        raise UndecidedError(_BEYOND)
     return gain
+
+
+def _static_gain(p: System) -> NDArray[np.float64]:
+    """D - C A^{-1} B, with A - I for A in discrete time; from fractions where the doubles of A are nearly singular."""
+    A, B, C, D = (dense(m.values) for m in p.matrices)
+    S = A - np.eye(len(A)) if p.discrete else A
+    with np.errstate(all="ignore"), suppress(np.linalg.LinAlgError):
+        if np.linalg.cond(S) < _NEARLY_SINGULAR:
+            return np.asarray(D - C @ np.linalg.solve(S, B), dtype=np.float64)
+    A, B, C, D = (m.plain().fractions() for m in p.matrices)
+    x = solve_columns(A - identity(len(A)) if p.discrete else A, B)
+    if x is None:
+        raise UndecidedError("the gain is out of reach of exact arithmetic at this size; move A away from singular.")
+    try:
+        return np.asarray((D - C @ x).astype(float), dtype=np.float64)
+    except OverflowError:
+        raise UndecidedError(_BEYOND) from None
 
 
 def _weight(weight: ArrayLike | None, name: str, home: Cone) -> NDArray[np.float64]:
