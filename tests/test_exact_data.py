@@ -673,6 +673,23 @@ EXACT = {
         "m": lambda: (kp.examples.mass_spring_node(m=3).exact.A, [[0, 1], ["-64/3", -13]]),
     },
 }
+LOOP = kp.feedback_interconnect([S], [[0]])
+EXACT |= {
+    "ConeNetwork.append": {"other": lambda: (LOOP.append(S).exact.A, [[-THIRD, 0], [0, -THIRD]])},
+    "ConeNetwork.feedback": {
+        "other": lambda: (LOOP.feedback(SIDE, sign=1).exact.A, [[0]]),
+        "sign": lambda: (LOOP.feedback(1, sign="1/3").exact.A, [[0]]),
+    },
+    "ConeNetwork.lft": {"other": lambda: (LOOP.lft(S).exact.A, [[-THIRD, 1], [1, -THIRD]])},
+    "ConeNetwork.dissipativity": {
+        "q": lambda: (LOOP.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
+        "r": lambda: (LOOP.dissipativity(r=["1/3"]).r_exact, [THIRD]),
+    },
+    "ConeNetwork.similarity_transform": {
+        "T": lambda: (LOOP.similarity_transform(SIDE).exact.B, SIDES),
+        "timescale": lambda: (LOOP.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
+    },
+}
 EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
 
 # Numbers that end as doubles, each with the reason.
@@ -712,6 +729,8 @@ DOUBLES = {
     "plot_network": {"positions": _DRAWN},
     "examples.mass_spring": dict.fromkeys("km", "doubles for python-control; `mass_spring_node` is exact"),
 }
+for _method in ("gain", "linear_lyapunov", "linearize", "sample"):  # the same for networks
+    DOUBLES[f"ConeNetwork.{_method}"] = DOUBLES[f"ConeStateSpace.{_method}"]
 # Arguments that are no data: what they are.
 NO_DATA = {
     "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"},

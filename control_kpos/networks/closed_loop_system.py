@@ -7,7 +7,6 @@ gains of the whole, the theorems for one system decide on the closed loop.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
 
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..errors import NotProperConeError, TooLargeError
 from ..exact.condition import all_hold
-from ..exact.intake import real_number
+from ..exact.intake import exact_number
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
@@ -243,7 +242,7 @@ class ClosedLoopSystem(NetworkResponses):
     def _closed_by(self, other: Any, sign: Any) -> Ports | None:
         """The loop as a network, or None if cones do not follow or the arguments are for python-control to judge."""
         read_operand(other)
-        k = real_number(sign, "sign")
+        k = exact_number(sign, "sign")
         if is_system_with_states(other):
             self._require_operand(other)
             returned = other.Y if k >= 0 else opposite(other.Y)
@@ -254,7 +253,7 @@ class ClosedLoopSystem(NetworkResponses):
         K = None if isinstance(other, InputOutputSystem) else as_gain(other)
         if K is None or K.shape != (self.ninputs, self.noutputs):
             return None
-        signed = Matrix.from_fractions(K.fractions() * Fraction(k))
+        signed = Matrix.from_fractions(K.fractions() * k)
         return composition.gain(Ports.of(self), signed) if maps_into(signed, self.Y, self.U) else None
 
     def __mul__(self, other: Any) -> Any:

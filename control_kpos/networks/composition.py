@@ -67,10 +67,10 @@ def series(outer: Ports, inner: Ports) -> Ports:
     return Ports(both, inner.inputs, last.outputs)
 
 
-def feedback(plant: Ports, other: Ports, sign: float) -> Ports:
+def feedback(plant: Ports, other: Ports, sign: Fraction) -> Ports:
     """The plant with u = r + sign y2, where the other system maps y to y2."""
     count = len(plant.outputs), len(other.outputs)
-    back = Matrix.from_fractions(np.full(count[1], Fraction(sign), dtype=object))
+    back = Matrix.from_fractions(np.full(count[1], sign, dtype=object))
     both, _ = _beside(plant, other, ((False, True, Matrix(np.ones(count[0]))), (True, False, back)))
     return Ports(both, plant.inputs, plant.outputs)
 
