@@ -351,6 +351,7 @@ def unnoticed_changes(files, path, every, mutants):
     return survivors, len(changed)
 
 
+@pytest.mark.skipif("KPOS_WHOLE" not in os.environ, reason="takes minutes: set KPOS_WHOLE=1")
 def test_changed_operators_are_noticed(files, tmp_path, capsys):
     survivors, count = unnoticed_changes(files, tmp_path / "file.json", every=SAMPLE, mutants=4)
     capsys.readouterr()
