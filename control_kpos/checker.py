@@ -29,7 +29,7 @@ Matrix = list[Vector]  # columns
 Polynomial = list[int]  # coefficients, the highest power first, up to a positive factor
 Json = Any
 
-DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{1,30}))?p([+-][0-9]{1,4})")
+DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{0,30}))?p([+-][0-9]{1,4})")
 HEXADECIMAL = re.compile(r"(-?0x[0-9a-f]{1,20000})(?:/(0x[0-9a-f]{1,20000}))?")
 DECIMAL = re.compile(r"-?[0-9]{1,4000}(\.[0-9]{1,4000}|/[0-9]{1,4000})?")
 

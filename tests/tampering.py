@@ -6,6 +6,8 @@ import functools
 import hashlib
 import json
 import random
+import sys
+import types
 
 
 def redigested(content):
@@ -192,6 +194,7 @@ def changes(node):
 
 def compiled(tree, name):
     """Names that a changed module defines."""
-    out = {"__name__": name}
-    exec(compile(ast.fix_missing_locations(tree), name, "exec"), out)
-    return out
+    module = types.ModuleType(name)
+    sys.modules[name] = module  # where dataclasses look for the names in annotations
+    exec(compile(ast.fix_missing_locations(tree), name, "exec"), vars(module))
+    return vars(module)

@@ -25,7 +25,7 @@ _FREE_DIMENSION = 20_000
 _LONG = 10**18
 _SHORT_DECIMAL = 10**15
 # The grammar of numbers, as on the page certificate_format and in the checker.
-_DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{1,30}))?p([+-][0-9]{1,4})")
+_DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{0,30}))?p([+-][0-9]{1,4})")
 _TEXT = re.compile(r"-?([0-9]{1,4000}(\.[0-9]{1,4000}|/[0-9]{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
 
 _records: dict[str, type] = {}
