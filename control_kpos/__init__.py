@@ -25,8 +25,9 @@ from .proof.inclusion import PlaneViolation, PositivityViolation
 from .systems.statespace import ConeStateSpace
 from .theorems.dissipativity import DissipativityCertificate, SupplyViolation, dissipativity
 from .theorems.gains import induced_gain
+from .theorems.growing_direction import InstabilityCombination, InstabilityDirection
 from .theorems.positivity import PositivityCertificate, cone_positivity, state_positivity
-from .theorems.stability import InstabilityCombination, InstabilityDirection, LyapunovCertificate, linear_lyapunov
+from .theorems.stability import LyapunovCertificate, linear_lyapunov
 
 if TYPE_CHECKING:
     from .design import (

@@ -32,8 +32,9 @@ from .proof.certificate import Status
 from .proof.files import load_certificate
 from .proof.independent import verdict
 from .systems.statespace import ConeStateSpace
+from .theorems.growing_direction import InstabilityDirection
 from .theorems.positivity import state_positivity
-from .theorems.stability import InstabilityDirection, LyapunovCertificate, linear_lyapunov
+from .theorems.stability import LyapunovCertificate, linear_lyapunov
 
 PROVED, REFUTED, UNREADABLE = 0, 1, 2
 _RING = (-13 + np.sqrt(85)) / 2

@@ -257,6 +257,43 @@ def test_files_hold_one_idea(module):
     assert lines <= MAX_LINES or module in LONG_FILES, f"{MODULES[module]} has {lines} lines; split it"
 
 
+def test_the_house_has_ten_folders():
+    folders = {path.relative_to(PACKAGE).parts[0] for path in MODULES.values() if path.parent != PACKAGE}
+    assert len(folders) <= 10
+    assert folders <= set(LEVEL)
+
+
+@pytest.mark.parametrize("module", [name for name, path in MODULES.items() if path.name != "__init__.py"])
+def test_names_are_imported_from_where_they_live(module):
+    """A module hands no name on: what others import from it, it defines."""
+    elsewhere = {
+        (name.module or "", alias.name): name.lineno
+        for name in import_nodes(TREES[module], inside_functions=False)
+        if isinstance(name, ast.ImportFrom)
+        for alias in name.names
+        if alias.asname == alias.name
+    }
+    assert not elsewhere, f"{module} hands on {sorted(elsewhere)}"
+    for node in import_nodes(TREES[module], inside_functions=False):
+        homes = imported_names(module, node) & set(MODULES) if isinstance(node, ast.ImportFrom) else set()
+        for home in (h for h in homes if MODULES[h].name != "__init__.py" and h.endswith(f".{node.module}")):
+            borrowed = {alias.name for alias in node.names} - names_defined_in(home)
+            assert not borrowed, f"{module} takes {sorted(borrowed)} from {home}, which only imports them"
+
+
+def names_defined_in(module: str) -> set[str]:
+    """Names that a module defines itself."""
+    out: set[str] = set()
+    for node in ast.walk(TREES[module]):
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)):
+            out.add(node.name)
+        elif isinstance(node, ast.Assign):
+            out |= {t.id for target in node.targets for t in ast.walk(target) if isinstance(t, ast.Name)}
+        elif isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            out.add(node.target.id)
+    return out
+
+
 @pytest.mark.parametrize("module", MODULES)
 def test_modules_open_with_their_subject(module):
     assert ast.get_docstring(TREES[module])

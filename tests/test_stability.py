@@ -14,8 +14,9 @@ import control_kpos as kp
 from control_kpos.errors import DataError
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof.certificate import Status
+from control_kpos.theorems.growing_direction import InstabilityDirection, exact_row
 from control_kpos.theorems.positivity import PositivityCertificate
-from control_kpos.theorems.stability import InstabilityDirection, LyapunovCertificate, exact_row
+from control_kpos.theorems.stability import LyapunovCertificate
 
 
 def routh_stable(A):

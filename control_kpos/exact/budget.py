@@ -170,20 +170,3 @@ def reason() -> str:
     """Which limit ends the search that is running, as words for a message."""
     current = _BUDGET.get()
     return "no limit" if current is None else current.reason()
-
-
-# -- by seconds: the form that is on its way out
-
-OutOfTimeError = OutOfBudgetError
-
-
-@contextmanager
-def limited_to(seconds: float) -> Iterator[None]:
-    """A budget by the clock alone."""
-    with budget(time_limit=seconds):
-        yield
-
-
-def require_seconds(needed: float = 0.0) -> None:
-    """`spend` for an estimate in seconds."""
-    spend(needed * SPEED)

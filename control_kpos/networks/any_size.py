@@ -37,8 +37,9 @@ from .certificate import NetworkCertificate, flat, per_node
 from .certify import certify
 from .coupling import is_graph, read_coupling
 from .given_rates import certify_rates
-from .model import NetworkModel, NodeStack, gather
+from .model import NetworkModel, gather
 from .network import ConeNetwork
+from .nodes import NodeStack
 from .spectrum.port_solves import PortSystem
 from .witnesses import exact_vectors, with_exact
 

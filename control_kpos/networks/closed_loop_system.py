@@ -25,8 +25,9 @@ from ..systems.operations import as_gain
 from ..systems.reading import read_operand
 from ..systems.rounding import maps_into
 from ..theorems.dissipativity import DissipativityCertificate
+from ..theorems.growing_direction import exact_row
 from ..theorems.positivity import PositivityCertificate, state_positivity
-from ..theorems.stability import LyapunovCertificate, exact_row, proven_rate
+from ..theorems.stability import LyapunovCertificate, proven_rate
 from . import composition
 from .blocks import Index
 from .certificate import NetworkCertificate, flat

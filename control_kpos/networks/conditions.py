@@ -21,7 +21,8 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, take_blocks
-from .model import NetworkModel, NodeStack
+from .model import NetworkModel
+from .nodes import NodeStack
 
 STATE, INPUT, OUTPUT, DIRECT = (NAMES[name] for name in "ABCD")
 INCLUSIONS = {NAMES[name]: meaning for name, meaning in MEANING.items()}

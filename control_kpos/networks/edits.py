@@ -29,7 +29,8 @@ from .blocks import Floats, Index, apply, inverse, take_blocks
 from .certificate import NetworkCertificate, flat, per_node
 from .certify import loop_weights, provable_rate, settle, supply_rates
 from .coupling import entries_of, from_entries
-from .model import NetworkModel, NodeStack, gather, same_timebase
+from .model import NetworkModel, gather, same_timebase
+from .nodes import NodeStack
 
 # Sizes of e c beside C_i'h tried in turn: as much decay as the sources of the new node can afford.
 _SIZES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)

@@ -20,7 +20,8 @@ from ..exact.matrix import Matrix
 from ..proof import weights as proofs
 from ..proof.encoding import number_text
 from .blocks import Index, take_blocks
-from .model import NetworkModel, NodeStack
+from .model import NetworkModel
+from .nodes import NodeStack
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,

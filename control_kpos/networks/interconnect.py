@@ -17,8 +17,9 @@ from ..exact.matrix import Matrix
 from .blocks import Index
 from .coupling import named_by_graph, read_coupling
 from .given_rates import SupplyRates, certify_rates, read_rates
-from .model import NetworkModel, NodeStack, gather
+from .model import NetworkModel, gather
 from .network import ConeNetwork
+from .nodes import NodeStack
 
 
 def feedback_interconnect(

@@ -24,11 +24,10 @@ from numpy.typing import NDArray
 from ..errors import KposError, ShapeError, TimebaseError
 from ..exact.intake import items
 from ..exact.matrix import Matrix
-from ..proof.files import register_record
+from ..proof.encoding import register_record
 from ..systems.statespace import ConeStateSpace
 from .blocks import Floats, Index, block_diagonal
-from .nodes import NodeStack as NodeStack
-from .nodes import Timebase as Timebase
+from .nodes import NodeStack, Timebase
 
 # Doubles, or fractions.
 Number = TypeVar("Number", bound=np.generic)

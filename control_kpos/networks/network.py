@@ -21,7 +21,8 @@ from .blocks import Index
 from .closed_loop_system import ClosedLoopSystem
 from .coupling import read_coupling
 from .edits import inherited, node_number, permissible_weight, placed, single_node, weights_by_node
-from .model import NetworkModel, NodeStack
+from .model import NetworkModel
+from .nodes import NodeStack
 from .spectrum.bracket import AbscissaCertificate, bracket
 
 # Brackets are not sought narrower than this: rounding is in the way.

@@ -14,7 +14,7 @@ from ..cones import Cone, as_cone, orthant
 from ..errors import ConeMismatchError, ShapeError
 from ..exact.intake import exact_matrix, places
 from ..exact.matrix import Matrix
-from ..proof.files import register_record
+from ..proof.encoding import register_record
 from ..systems.reading import require_timebase
 
 Timebase: TypeAlias = "float | bool | None"

@@ -14,7 +14,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
-from ..proof.files import register_record
+from ..proof.encoding import register_record
 from ..proof.inclusion import PositivityViolation
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
 from ..theorems.positivity import PositivityCertificate

@@ -18,7 +18,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
-from ..proof.files import register_record
+from ..proof.encoding import register_record
 from ..proof.weights import ProofOmittedError, Prover, violation
 
 Array = NDArray[np.float64]

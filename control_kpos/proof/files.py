@@ -37,7 +37,6 @@ from .archive import (
     write_archive,
 )
 from .encoding import Decoder, Encoder
-from .encoding import register_record as register_record
 from .portable_cones import decode_cone, encode_cone
 
 FORMAT = "kpos-certificate/1"

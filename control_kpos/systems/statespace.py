@@ -152,7 +152,7 @@ class ConeStateSpace(ConeOperations):
                 raise
             if not isinstance(error, ControlDimension) and "reshape" not in str(error):
                 raise DataError(str(error)) from None
-            sizes = ", ".join(f"{n} {size_of(a)}" for n, a in zip(_MATRICES, args)) if len(args) > 1 else ""  # noqa: B905
+            sizes = ", ".join(f"{n} {size_of(a)}" for n, a in zip(_MATRICES, args, strict=False) if len(args) > 1)
             raise SystemSizeError(
                 f"{error}. A must be n x n, B n x m, C q x n and D q x m{f'; here {sizes}' if sizes else ''}."
             ) from None

@@ -38,12 +38,12 @@ from ..proof.weights import (
 )
 from ..proof.weights import product as exact_product
 from ..systems.system import System
+from .growing_direction import exact_row
 from .positivity import (
     ClaimOnPositivity,
     PositivityCertificate,
     cone_positivity,
 )
-from .stability import exact_row
 from .storage_candidates import storage_candidates, supply_witness
 
 Rationals = tuple[Fraction, ...]

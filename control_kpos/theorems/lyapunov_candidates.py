@@ -91,7 +91,10 @@ class ScaledProblem:
                 lu = spla.splu(M)
             except (RuntimeError, ValueError):
                 raise SingularMatrixError from None
-            solve = lambda b, transposed: lu.solve(b, "T" if transposed else "N")  # noqa: E731
+
+            def solve(b: Vector, transposed: bool) -> Vector:
+                return lu.solve(b, "T" if transposed else "N")
+
         else:
             M = self.S - shift * np.eye(self.n) if shift else self.S
             if not np.isfinite(M).all():
@@ -99,7 +102,9 @@ class ScaledProblem:
             factors, pivots, info = lapack.dgetrf(M)
             if info:
                 raise SingularMatrixError
-            solve = lambda b, transposed: lapack.dgetrs(factors, pivots, b, trans=int(transposed))[0]  # noqa: E731
+
+            def solve(b: Vector, transposed: bool) -> Vector:
+                return lapack.dgetrs(factors, pivots, b, trans=int(transposed))[0]
 
         def refined(b: Vector, transposed: bool) -> Vector:
             try:

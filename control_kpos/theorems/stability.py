@@ -39,17 +39,17 @@ from ..proof.weights import (
     numbers,
 )
 from .generator_coordinates import decide_stability
-from .growing_direction import InstabilityCombination as InstabilityCombination
-from .growing_direction import InstabilityDirection as InstabilityDirection
 from .growing_direction import (
+    InstabilityCombination,
+    InstabilityDirection,
     combination_conditions,
     direction,
     drift_forms,
+    exact_row,
     growing_combination,
     instability_conditions,
     transposed_drift,
 )
-from .growing_direction import exact_row as exact_row
 from .lyapunov_candidates import ScaledProblem, SingularMatrixError
 from .positivity import (
     ClaimOnPositivity,

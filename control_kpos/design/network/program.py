@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from ...exact.budget import affords, reason, spend
 from ...exact.program import Block, Program, Solver
 from ...exact.programs import Solution
-from ...networks.model import NetworkModel, NodeStack
+from ...networks.model import NetworkModel
+from ...networks.nodes import NodeStack
 from ..simplicial.ratio import first_point, minimise_ratio, satisfies
 from .units import input_units, state_units
 

@@ -20,7 +20,8 @@ from ...exact.budget import OutOfBudgetError, affords, budget
 from ...exact.matrix import Matrix, dense
 from ...networks.certificate import NetworkCertificate
 from ...networks.certify import violation
-from ...networks.model import NetworkModel, NodeStack
+from ...networks.model import NetworkModel
+from ...networks.nodes import NodeStack
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ..effort import EFFORT

@@ -23,8 +23,9 @@ from ...exact.intake import exact_matrix, flag, items, seconds
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.coupling import read_coupling
-from ...networks.model import NetworkModel, NodeStack, gather
+from ...networks.model import NetworkModel, gather
 from ...networks.network import ConeNetwork
+from ...networks.nodes import NodeStack
 from ...progress import Reporter, Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status

@@ -22,7 +22,7 @@ from ...exact.matrix import Matrix
 from ...exact.program import alternative
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate
-from ...proof.files import register_record
+from ...proof.encoding import register_record
 from ...proof.portable_cones import portable_rows
 from ...proof.weights import ProofOmittedError, columns, require_portable
 from ..plant import EFFORT_PER_ENTRY, EFFORT_TO_CHECK, Plant, within_doubles

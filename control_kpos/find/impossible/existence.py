@@ -33,8 +33,7 @@ from ...exact.polynomials import (
     without_roots_of_unity,
 )
 from ...exact.roots import Disc, on_imaginary_axis, real_roots_above, root_discs, roots_beyond
-from ...proof.encoding import number_text
-from ...proof.files import register_record
+from ...proof.encoding import number_text, register_record
 from ...proof.weights import ProofOmittedError
 
 # Characteristic polynomials of larger matrices take too long in exact arithmetic.

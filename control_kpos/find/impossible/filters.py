@@ -20,7 +20,7 @@ from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.roots import real_roots_above
-from ...proof.files import register_record
+from ...proof.encoding import register_record
 from ...proof.weights import ProofOmittedError
 from ..one_matrix.modes import Modes
 from .existence import (

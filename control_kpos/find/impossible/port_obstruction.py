@@ -26,7 +26,7 @@ from ...exact.condition import Condition
 from ...exact.linalg import solve_exactly
 from ...exact.matrix import Matrix
 from ...exact.roots import real_roots_above
-from ...proof.files import register_record
+from ...proof.encoding import register_record
 from .existence import fact, require_countable, spectrum_polynomial
 
 _LARGEST = 40

@@ -22,7 +22,8 @@ import numpy as np
 
 from ...cones import Orthant
 from ..blocks import Floats, Index, apply
-from ..model import NetworkModel, NodeStack
+from ..model import NetworkModel
+from ..nodes import NodeStack
 from .port_solves import PortSystem, banded_order, direct_loop
 
 Progress: TypeAlias = Callable[[str], None]
