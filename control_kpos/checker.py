@@ -261,6 +261,14 @@ def stated(e: Json, name: str, n: int) -> Vector:
     return vector(e[name + "_exact"], n)
 
 
+def supply(s: System, e: Json) -> tuple[Vector, Vector | None]:
+    """q and r of the supply r'u + q'y, in networks those of all nodes; the exact ones, where there are."""
+    if e.get("exact"):
+        _, r, q = e["exact"]["tuple"]
+        e = e | {"r_exact": r, "q_exact": q}
+    return stated(e, "q", s.Y.dim), None if e["r"] is None else stated(e, "r", s.U.dim)
+
+
 def decreases(s: System, v: Vector, q: Vector, rate: Fraction) -> None:
     """v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + rate v'x <= 0,  rate >= 0."""
     drift = total((1, pullback(v, s.A)), (-s.discrete, v), (-1, pullback(q, s.C)))
@@ -306,9 +314,10 @@ def dissipative(s: System, e: Json) -> None:
     positive,  v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + decay_rate v'x <= 0,  v'B u <= r'u + q'D u.
     """
     positive(s, e)
-    v, q, r = stated(e, "v", s.X.dim), vector(e["q"], s.Y.dim), vector(e["r"], s.U.dim)
+    v, (q, r) = stated(e, "v", s.X.dim), supply(s, e)
+    expect(r is not None, "r is there")
     decreases(s, v, q, numbers(e.get("decay_rate", 0))[0])
-    supplied(s, v, q, r)
+    supplied(s, v, q, r or {})
 
 
 def disturbance_gain(s: System, e: Json) -> None:
@@ -317,7 +326,10 @@ def disturbance_gain(s: System, e: Json) -> None:
     The system in the file, on the dual cone, is dissipative with q = -1 and r = g 1; U and Y are orthants.
     """
     need(all(len(x) == 1 for C in (s.U, s.Y) for x in C.rays), "U and Y are orthants")
-    need(all(x == -1 for x in numbers(e["q"])) and len(set(numbers(e["r"]))) == 1, "the supply is g 1'u - 1'y")
+    q, r = supply(s, e)
+    bound = r.get(0, Fraction(0)) if r else Fraction(0)
+    alike = r == {i: bound for i in range(s.U.dim) if bound}
+    need(q == dict.fromkeys(range(s.Y.dim), -1) and alike, "the supply is g 1'u - 1'y")
     dissipative(s, {**e, "decay_rate": 0})
 
 
@@ -459,7 +471,7 @@ def unstable(s: System, e: Json) -> None:
 
 def not_dissipative(s: System, e: Json) -> None:
     """Not dissipative for this supply, or for this q and any r where r is null: see `no_storage`."""
-    no_storage(s, e, vector(e["q"], s.Y.dim), None if e["r"] is None else vector(e["r"], s.U.dim))
+    no_storage(s, e, *supply(s, e))
 
 
 def closed_loop(s: System, e: Json) -> None:
@@ -475,15 +487,13 @@ def no_weights(s: System, e: Json) -> None:
     """No sigma > 0 balances these supplies: y in Y, q_j'y_j + r_j'(W y)_j >= 0 at every node, > 0 at one."""
     _, u, y, _ = motion(s, e)
     listed(e, "y", y, s.Y)
-    received, rows, places = image(s.W, y), [], [0, 0]
-    for q, r in zip(*(e[k].get("tuple") or e[k]["array"] for k in "qr"), strict=True):
-        supply = Fraction(0)
-        for kind, (weights, signal) in enumerate(((q, y), (r, received))):
-            own = numbers(weights)
-            supply += sum(a * signal.get(places[kind] + i, 0) for i, a in enumerate(own))
-            places[kind] += len(own)
-        rows.append(supply)
-    need(not u and places == [s.Y.dim, s.U.dim] and min(rows) >= 0 and max(rows) > 0, "no weights exist")
+    (q, r), received, rows, first = supply(s, e), image(s.W, y), [], (0, 0)
+    for nodes in zip(*(e[k].get("tuple") or e[k]["array"] for k in "qr"), strict=True):
+        last = first[0] + len(numbers(nodes[0])), first[1] + len(numbers(nodes[1]))
+        parts = (q, y, first[0], last[0]), (r or {}, received, first[1], last[1])
+        rows.append(sum(f.get(i, 0) * x.get(i, 0) for f, x, i0, i1 in parts for i in range(i0, i1)))
+        first = last
+    need(not u and min(rows) >= 0 and max(rows) > 0, "no weights exist")
 
 
 # -- no cone
@@ -777,7 +787,7 @@ def any_size(c: Json, limit: int) -> None:
     `local` is the network of one node of each type with W = diag(weight K), K = link.  Several types have one r > 0 in
     common.  If D is not 0, t is a multiple of r: then every such loop contracts.  REFUTED: `local` is.
     """
-    local, link = c["data"]["local"]["certificate"], c["data"]["link"]["array"]
+    local, (link,) = c["data"]["local"]["certificate"], c["data"]["link"].values()
     need(local["claim"] == "network" and local["status"] == c["status"], "the self-loops decide")
     verify(local, limit)
     weight, (m, n) = numbers(c["data"]["weight"])[0], (len(link), len(link[0]))
@@ -830,6 +840,7 @@ def verify(c: Json, limit: int) -> str:
     e: Json = c["proof"] | d
     need(status in ("PROVED", "REFUTED"), f"the file itself says {status}")
     expect("omitted" not in c["proof"], f"it leaves out its proof: {c['proof'].get('omitted')}")
+    expect(not any(name.endswith("exact") for name in c["proof"]), "what is claimed stands in the data")
     if (claim, status) in ALONE:
         ALONE[claim, status](c, limit)
         return ""

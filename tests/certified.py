@@ -86,6 +86,10 @@ def node(a, d=0):
     return kp.ConeStateSpace([[a]], [[1]], [[1]], [[d]])
 
 
+LAG = node(-1)
+SLOW = kp.ConeStateSpace([["1/3"]], [[1]], [[1]], 0, True)
+
+
 def bracket(systems, coupling):
     return kp.feedback_interconnect(systems, coupling).abscissa_certificate()
 
@@ -131,6 +135,19 @@ CERTIFICATES = {
     "not dissipative": lambda: scalar_supply(0.4),
     "not dissipative, boundary": lambda: scalar_supply(0.5),
     "not dissipative for any r": lambda: kp.dissipativity([[1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[-1]),
+    # the doubles next to these supplies are on the other side of what is needed
+    "dissipative, just": lambda: LAG.dissipativity(q=["-1/3"], r=["0.3333333333333333334"]),
+    "not dissipative, just": lambda: LAG.dissipativity(q=["-1/10"], r=["1/10"]),
+    "not dissipative, discrete, just": lambda: SLOW.dissipativity(q=["-1/3"], r=["0.4999999999999999999"]),
+    "network, given supplies, just": lambda: network(
+        [LAG] * 2, [[0, "1/3"], ["1/3", 0]], supply_rates=[(["-1/10"], ["3/10"])] * 2
+    ),
+    "network, node not dissipative, just": lambda: network(
+        [LAG] * 2, [[0, 0], [0, 0]], supply_rates=[(["-1/3"], ["1/3"])] * 2
+    ),
+    "network, not to be weighted, just": lambda: network(
+        [LAG] * 2, [[0, "1/3"], ["1/3", 0]], supply_rates=[(["-1/10"], ["0.3000000000000000001"])] * 2
+    ),
     "network": lambda: network(mass_springs(), kp.examples.ring(4)),
     "network, algebraic loops": lambda: network(mixed_nodes(), LINKS),
     "network, given supplies": lambda: supplied(([-1], [0.6]), ([-1.5], [0.9])),
@@ -202,6 +219,8 @@ CERTIFICATES = {
     "any number of nodes, of two types": lambda: kp.scale_free_certificate([node(-2), node(-3)]),
     "any number of nodes, algebraic loops": lambda: kp.scale_free_certificate(node(-2, 0.5)),
     "any number of nodes, link": lambda: kp.scale_free_certificate(node(-2), weight=1.5, link=[[0.5]]),
+    "any number of nodes, rounded product": lambda: kp.scale_free_certificate(node(-2), weight=0.7, link=[[0.3]]),
+    "any number of nodes, exact link": lambda: kp.scale_free_certificate(node(-2), weight=1, link=[["1/3"]]),
     "any number of nodes, paper": lambda: kp.scale_free_certificate(kp.examples.mass_spring_node(), weight=21),
     "any number of nodes, not stable": lambda: kp.scale_free_certificate(node(-2), weight=3),
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
@@ -238,5 +257,4 @@ CERTIFICATES = {
 # for which no proof that stands alone is written, with the reason
 FOR_THE_PACKAGE = {
     "no cone, too many states": lambda: kp.find_cone(sp.linalg.block_diag(*[[[0, 1], [-1, 0]]] * 16)).certificate,
-    "any number of nodes, rounded": lambda: kp.scale_free_certificate(node(-2), weight=0.7, link=[[0.3]]),
 }

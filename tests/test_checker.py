@@ -109,6 +109,25 @@ def slanted():
     return out
 
 
+A_THIRD, MINUS_THIRD = ("0x1.5555555555555p-2", "1/3"), ("-0x1.5555555555555p-2", "-1/3")
+ABOVE = ("0x1.5555555555555p-2", "0.3333333333333333334")
+
+
+def typed(claim, status="PROVED", *, q, r, **more):
+    """x' = -x + u, y = x with a supply of doubles and of what they round; any r above -q is enough."""
+    out = scalar(claim, status, A=-1, v=r[1], q=q[0], r=r[0], **more)
+    out["data"] |= {"q_exact": {"fractions": [q[1]]}, "r_exact": {"fractions": [r[1]]}}
+    return out
+
+
+def two_inputs(r):
+    """x' = -100 x + u_1 + u_2, y = x, whose gain is far below these."""
+    out, plane = scalar("disturbance gain", A=-100, v="1/4"), {"cone": [[2, HALF["cone"][0][1]]]}
+    out["data"] |= {"U": plane, "B": {"matrix": [[1, 1]]}, "D": {"matrix": [[0, 0]]}}
+    out["data"] |= {"r": {"array": ["0x1.5555555555555p-2"] * 2}, "r_exact": {"fractions": r}}
+    return out
+
+
 BY_HAND = {
     "stable": (scalar("stable", decay=2), "PROVED"),
     "at a rate it does not have": (scalar("stable", decay="2.0000001"), "WRONG"),
@@ -120,6 +139,23 @@ BY_HAND = {
     "v on the boundary": (slanted(), "WRONG"),
     "supply used up": (scalar("dissipative"), "PROVED"),
     "too little supply": (scalar("dissipative", r="0.999"), "WRONG"),
+    "just enough supply": (typed("dissipative", r=ABOVE, q=MINUS_THIRD), "PROVED"),
+    "too little by less than a rounding": (typed("dissipative", r=A_THIRD, q=MINUS_THIRD), "WRONG"),
+    "supply that is not its own rounding": (typed("dissipative", r=("1/2", "1/3"), q=MINUS_THIRD), "WRONG"),
+    "too much by less than a rounding": (
+        typed("dissipative", "REFUTED", r=ABOVE, q=MINUS_THIRD, **direction(1, 1)),
+        "WRONG",
+    ),
+    "just no supply": (typed("dissipative", "REFUTED", r=A_THIRD, q=MINUS_THIRD, **direction(1, 1)), "REFUTED"),
+    "exact supply beside the data": (
+        scalar("dissipative", q="-0x1.5555555555555p-2", r="0x1.5555555555555p-2", r_exact={"fractions": ["1/3"]}),
+        "UNREADABLE",
+    ),
+    "no supply for a proof": (scalar("dissipative", r=None), "UNREADABLE"),
+    "disturbance gain": (scalar("disturbance gain"), "PROVED"),
+    "disturbance gain of another supply": (scalar("disturbance gain", q=-2, r=2, v=2), "WRONG"),
+    "disturbance gains, the same": (two_inputs(["1/3", "1/3"]), "PROVED"),
+    "disturbance gains, not quite the same": (two_inputs(["1/3", "0.33333333333333333"]), "WRONG"),
     "feedthrough needs supply": (scalar("dissipative", D=1), "WRONG"),
     "feedthrough has supply": (scalar("dissipative", D=1, r=2), "PROVED"),
     "zero is no witness": (scalar("stable", "REFUTED", A=1, **direction(0, 0)), "WRONG"),
