@@ -134,7 +134,7 @@ __all__ = [
     "state_positivity",
 ]
 
-# Rooms that are imported when one of their names is first used: `import control_kpos` is to cost little
+# Folders that are imported when one of their names is first used: `import control_kpos` is to cost little
 # more than `import control`.
 _ON_DEMAND = {
     name: room

@@ -1,4 +1,4 @@
-"""The bracket of large networks, whose eigenvectors live on few nodes: `networks/localised.py` at a small size."""
+"""The bracket of large networks, whose eigenvectors live on few nodes (`leading_nodes`), at a small size."""
 
 import numpy as np
 import pytest

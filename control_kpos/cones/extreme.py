@@ -1,4 +1,4 @@
-"""What generators say about their cone without its facets.
+"""Pointed, solid, extreme: read off the generators of a cone, without its facets.
 
     pointed:  some w has w'x_i > 0 for all i, or else some p >= 0, p != 0, has sum_i p_i x_i = 0;
     solid:    the x_i span R^n;

@@ -1,4 +1,4 @@
-"""How much of its effect a gain may lose before the proof no longer holds.
+"""How much of its effect an actuator may lose before the proof no longer holds.
 
 All inequalities of a certificate are linear in the fraction s of the gain that acts, A + s B F, so the
 fractions covered by one and the same Lyapunov vector form an interval that ends at 1, in closed form.

@@ -1,4 +1,4 @@
-"""How much work a design may be: a number of operations each, or the seconds that the user gives."""
+"""When a design ends: after a fixed number of operations, or after the seconds that the user gives."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def within(time_limit: float | None, design: Callable[[], DesignResult], what: s
         try:
             result = design()
         except OutOfBudgetError:
-            message = f"{reason()} ended the design, or leaves no room for its next step."
+            message = f"{reason()} ended the design, or does not allow its next step."
             return DesignResult(status=Status.UNDECIDED, message=message)
         if result.status is Status.UNDECIDED and not affords() and reason() not in result.message:
             return replace(result, message=f"{result.message.rstrip('.')}; {reason()} ended the design.")

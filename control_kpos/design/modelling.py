@@ -1,7 +1,8 @@
-"""Constraints and objectives of the user's own on the gain, through cvxpy.
+"""Constraints and objectives that the user writes in cvxpy.
 
-They are linear (or convex) in F, so F itself must be the variable: for a fixed vector v inside X* all
-conditions are linear in F, and v is improved in turns as in `alternation`.
+They are linear (or convex) in F, so F itself must be the variable.  For a fixed vector v inside X* the conditions
+h_i'(A + B F) x_k >= 0 and v'(A + B F) x_k < 0 are linear in F; F and v are improved in turns, as in
+`polyhedral.program`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Modes that no feedback can move, and whether that matters."""
+"""Modes that no feedback can move: eigenvalues s with rank [A - s I, B] < n (Hautus), for messages only."""
 
 from __future__ import annotations
 

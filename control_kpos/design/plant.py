@@ -1,4 +1,4 @@
-"""What a design is about: exact matrices of the plants, the cone, and the demands on the gain."""
+"""Plant: the exact matrices of all vertices, the cone, and the demands on the gain, as a design reads them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a design hands back: a certified gain, a proof that there is none, or an honest "not found"."""
+"""DesignResult: a certified gain, a proof that there is none, or UNDECIDED with what stands in the way."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Which solver answers a linear program: HiGHS directly, any solver cvxpy knows, or a callable.
 
-The default calls HiGHS without a modelling layer.  Answers are checked for shape and finiteness here and for
-truth by the theorem modules.
+The default calls HiGHS without a modelling layer.  Here answers are checked for shape and finiteness only; the
+theorem modules prove them.
 """
 
 from __future__ import annotations

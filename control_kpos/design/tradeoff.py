@@ -1,4 +1,4 @@
-"""How much gain a decay rate costs."""
+"""The smallest gain for each decay rate: the trade-off curve of a plant."""
 
 from __future__ import annotations
 

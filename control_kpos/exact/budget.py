@@ -1,8 +1,8 @@
-"""The effort of a search: operations counted, and one clock asked if a time limit was given.
+"""The effort of a search: operations are counted, and the clock is read only if a time limit was given.
 
-Without a time limit an answer is the same on every machine: searches count their operations and end when a
-stated number of them is spent.  With a limit the clock is asked too, and the answer says that the limit ended
-it.  A search opens a `budget`; what may take long, many calls further down, calls `spend` before it begins.
+Without a time limit an answer is the same on every machine: a search counts its operations and ends when a
+stated number of them is spent.  With a limit the clock is read too, and the answer says if the limit ended the
+search.  A search opens a `budget`; a step that may take long, many calls further down, calls `spend` first.
 The budget is kept by context, so that exact arithmetic needs no argument for it.
 
 One operation is about a nanosecond of one core: a multiplication of doubles, a tenth of one of small integers.
@@ -31,7 +31,7 @@ class OutOfBudgetError(Exception):
 
 @dataclass
 class Budget:
-    """What is left of the effort.
+    """What a search may still spend.
 
     Attributes
     ----------
@@ -75,14 +75,14 @@ _BUDGET: ContextVar[Budget | None] = ContextVar("budget of the search that is ru
 
 @contextmanager
 def budget(operations: float = float("inf"), *, time_limit: float | None = None) -> Iterator[Budget]:
-    """Open a budget for what runs inside; what is left of the one around it stays a bound.
+    """Open a budget for the code inside; it can never spend more than the budget around it has left.
 
     Parameters
     ----------
     operations : float
         Effort that ends the search.
     time_limit : float, optional
-        Seconds.  None: no clock is asked.
+        Seconds.  None: the clock is not read.
 
     Examples
     --------
@@ -134,13 +134,13 @@ def spend(operations: float = 0.0) -> None:
     ...     spend(101)
     Traceback (most recent call last):
         ...
-    control_kpos.exact.budget.OutOfBudgetError: the effort set for this search leaves no room for the next step
+    control_kpos.exact.budget.OutOfBudgetError: the effort set for this search does not allow the next step
     """
     current = _BUDGET.get()
     if current is None:
         return
     if not current.left() > operations:
-        raise OutOfBudgetError(f"{current.reason()} leaves no room for the next step")
+        raise OutOfBudgetError(f"{current.reason()} does not allow the next step")
     current.count(operations)
 
 

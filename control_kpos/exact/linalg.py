@@ -39,7 +39,7 @@ _PRODUCT, _RESIDUE, _LIFTING = 150.0, 10.0, 50.0
 
 
 class WrongAnswerError(ArithmeticError):
-    """The library and our own integers disagree; the answer was thrown away."""
+    """An answer of FLINT that our own integers do not confirm; it is not used."""
 
     def __init__(self, what: str) -> None:
         super().__init__(f"FLINT returned a wrong {what}; please report this.")

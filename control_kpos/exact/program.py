@@ -32,7 +32,7 @@ Solver = Callable[..., Solution]
 
 # Entries up to which dense matrices are faster.
 SMALL = 30_000
-# What a row's own slack earns, relative to its scale: the first 1e-7 as much as the next 1e-5 and the next 1e-3,
+# Reward of a row's own slack variable, relative to its scale: for the first 1e-7 as much as for the next 1e-5 and 1e-3,
 # a concave utility, so that no row takes all and rows that must be 0 do no harm.
 _TIERS = (1e-7, 1e-5, 1e-3)
 
@@ -114,7 +114,7 @@ class Program:
         ----------
         right : array_like, shape (k,) or scalar
         margin : array_like, shape (k,)
-            How much of s each row owes; 0: none.
+            The factor of s in each row; 0: none.
         name : str
         **parts
             As in `below`.
@@ -127,7 +127,7 @@ class Program:
     def spread(self, right: ArrayLike, scale: Floats, **parts: Any) -> None:
         """Add rows sum A_b x_b >= right + s_r scale_r, with a slack s_r of its own, at most 1e-3, for every row.
 
-        The slacks earn what makes as many rows as possible positive before any is large.
+        Their reward makes as many rows positive as possible before it makes any of them large.
 
         Parameters
         ----------

@@ -7,10 +7,10 @@ z_1, .., z_n be distinct numbers.  All roots of p lie in the union of the discs 
 
 and a disc that meets no other holds exactly one root.
 
-FLINT proposes the z_i; numbers of either sign of trust will do.  They are rounded to a grid, symmetric to the real
-axis, and the radii are computed here in integers and rounded up.  A root is real if its disc is symmetric, because its
-conjugate is a root in the same disc.  A root that lies exactly on a line, where no disc decides, is found by algebra:
-p(s) and p(-s) share all roots on the imaginary axis.
+FLINT proposes the z_i; the theorem holds for any distinct numbers, so they need not be trusted.  They are
+rounded to a grid, symmetric to the real axis, and the radii are computed here in integers and rounded up.  A root is
+real if its disc is symmetric, because its conjugate is a root in the same disc.  A root that lies exactly on a line,
+where no disc decides, is found by algebra: p(s) and p(-s) have all roots on the imaginary axis in common.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a search for a cone answers."""
+"""FoundCone: the answer of a search for a cone."""
 
 from __future__ import annotations
 

@@ -179,7 +179,7 @@ class ConeCertificate(Certificate):
         return self.matrices, self.contains, self.within
 
     def evidence(self) -> dict[str, Any]:
-        """The multipliers, and the shares of what the cone contains, without their rounding errors."""
+        """The multipliers, and the weights of vectors that the cone contains, without their rounding errors."""
         if self.witness is not None:
             return self.witness.evidence(self.matrices, discrete=self.discrete)
         if self.rays is None or self.multipliers is None:

@@ -1,4 +1,4 @@
-"""find_cone: the one entrance to all searches for a cone."""
+"""find_cone: a cone X with e^{At} X inside X (A X inside X), for one matrix, a system, or a family."""
 
 from __future__ import annotations
 

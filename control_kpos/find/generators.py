@@ -1,7 +1,7 @@
 """Extreme generators: how to find them, and cones whose generators are proven extreme.
 
-In dimensions where facets are out of reach, g with g'x_i < 0 < g'x_j for all other generators x_j shows that x_i
-is extreme.
+A generator x_i is extreme if some g has g'x_i < 0 < g'x_j for all other generators x_j.  That needs no facets, which
+in high dimensions are too many to list.
 """
 
 from __future__ import annotations

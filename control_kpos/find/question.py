@@ -1,7 +1,7 @@
-"""What is asked of a cone, and the generators that may answer it.
+"""What a cone must do (A R = R P, hold given vectors, lie in given half-spaces), and candidates for its generators.
 
-Candidates come from eigenvectors, linear programs and random starts: nobody trusts them.  `prove` puts one to the
-proof, with the multipliers it brings or with those of linear programs.
+Candidates come from eigenvectors, linear programs and random starts, and are not trusted.  `prove` tries to prove a
+candidate, with the multipliers P that come with it or with those of linear programs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Is there a cone?  Untrusted candidates in order of cost, the first proof wins; a proven obstruction is a "no"."""
+"""The search for a cone: untrusted candidates in order of cost until one is proven, or a proof that there is none."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class _Family:
         if self.search.is_near:
             return (
                 f"Rays were found that all matrices keep up to {max(-self.search.best, 0.0):.1g}, but the numbers "
-                "leave no room for a proof. If such a cone is meant to exist, give exact data (fractions), else a "
+                "leave no margin for a proof. If such a cone is meant to exist, give exact data (fractions), else a "
                 "smaller family."
             )
         return (

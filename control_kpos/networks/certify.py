@@ -2,7 +2,7 @@
 
 One solve gives v = -A_cl^{-T} c, r = B'v - D'q, q = -W'r and sigma = 1, which satisfy Theorem 4 with
 equality everywhere but in the decrease v'A x - q'C x = -c'x < 0.  A few units in the last place of that
-slack are handed to r and q, so that every inequality can be proven in floating point on the given data.
+decrease are moved to r and q, so that every inequality can be proven in floating point on the given data.
 For positive nodes and W Y in U the theorem is necessary too: if v is not in int X*, a state x in X with
 A_cl x in X exists and is found at a shift just above the abscissa.
 """

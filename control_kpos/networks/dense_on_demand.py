@@ -1,4 +1,4 @@
-"""A network as the StateSpace python-control expects, with dense matrices only on demand."""
+"""A network as the StateSpace that python-control expects, with dense matrices only on demand."""
 
 from __future__ import annotations
 

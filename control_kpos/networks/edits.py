@@ -6,8 +6,8 @@ Let v, r, q prove a network by Theorem 4 with sigma = 1.  Weaker links and a nod
     v_i = -A_i^{-T} (C_i'h + e c),    h' = sum_j r_j'W_ji,    c in int X_i*,    e > 0 small,
 
 (I - A_i for -A_i in discrete time), and all other nodes keep their v.  What the sources k of the new node have to
-cover grows by r_i'W_ik, r_i' = v_i'B_i; nobody else notices.  No equation is solved for the whole network, but all
-conditions of Theorem 4 are proven on it, so an inherited certificate is one like any other.
+cover grows by r_i'W_ik, r_i' = v_i'B_i; no other condition changes.  No equation is solved for the whole network, but
+all conditions of Theorem 4 are proven on it, so an inherited certificate is one like any other.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What breaks a network: a link, a node, a growing direction, an algebraic loop, or supply rates."""
+"""Witnesses against a network: a link, a node, a growing direction, an algebraic loop, or its supply rates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The proof of differential positivity: inequalities over interval matrices.
+"""Certificates of differential positivity (Forni and Sepulchre, 2016): inequalities over interval matrices.
 
 h'J x >= 0 holds for all J with |J - C| <= R, entry by entry, if and only if h'C x - |h|'R |x| >= 0.
 """

@@ -1,4 +1,4 @@
-"""What a search hands back, whatever it searched for: a verdict, its certificate, and what to do next.
+"""Answer: what every search returns, a verdict with its certificate and what to do next.
 
 Candidates are untrusted: a linear program, an eigenvector, a random start.  `first_proven` takes them in order
 of cost, and the first one that the kernel proves ends the search.

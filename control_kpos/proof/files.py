@@ -46,8 +46,8 @@ _FREE_WORK = 4 * 10**6
 _WORK_PER_BYTE = 20
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
-# Rooms imported on demand; they register their claims when they are.
-_ROOMS_WITH_CLAIMS = tuple(f"control_kpos.{room}" for room in ("networks", "design", "find", "nonlinear"))
+# Folders imported on demand; they register their claims when they are.
+_FOLDERS_WITH_CLAIMS = tuple(f"control_kpos.{name}" for name in ("networks", "design", "find", "nonlinear"))
 
 _restorers: dict[str, Callable[[dict[str, Any]], Any]] = {}
 
@@ -266,8 +266,8 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
     if "digest" in content and content["digest"] != digest(data):
         raise CertificateFileError("the data do not have the digest that the file states.")
     if claim not in _restorers:
-        for room in _ROOMS_WITH_CLAIMS:
-            importlib.import_module(room)
+        for folder in _FOLDERS_WITH_CLAIMS:
+            importlib.import_module(folder)
     if claim not in _restorers:
         raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
     if type(data.get("discrete", False)) is not bool:

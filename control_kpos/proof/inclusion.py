@@ -123,7 +123,7 @@ class Inclusion:
     M : Matrix, shape (target.dim, source.dim)
     source : Cone
     flow : bool
-        True: e^{Mt} is to keep the source, which is the target.
+        True: the claim is that e^{Mt} keeps the source for t >= 0; the target is then the same cone.
     generators : Matrix or None
         Of the source, where its extreme ones are not known; None: `source.exact_rays`.
     """
@@ -164,9 +164,9 @@ class Inclusion:
         return PlaneViolation(MEANING[self.name], -1, ray, h, x, self._product(h, x), exact)
 
     def restated(self, w: PositivityViolation) -> PositivityViolation:
-        """The violation with the normal, generator and value that belong to its numbers.
+        """The violation with normal, generator and value computed anew from the numbers of facet and generator.
 
-        Another machine, on which a file was written, may have found other last digits.
+        The machine that wrote a file may have rounded the last digits differently.
 
         Raises
         ------
@@ -234,7 +234,7 @@ class Inclusion:
 @register_record
 @dataclass(frozen=True, eq=False)
 class GeneratorProof:
-    """What proves positivity without facets.
+    """Positivity without facets: A R = R P and B U = R N with nonnegative weights.
 
     Attributes
     ----------
@@ -271,7 +271,7 @@ class GeneratorProof:
         out.append(basis.images(_STATE, A.plain(), rays, self.multipliers, diagonal=discrete))
         if B is not None and U is not None:
             if self.shares is None:
-                raise DataError("the shares of the inputs are missing.")
+                raise DataError("the weights of the inputs are missing.")
             out.append(basis.images(_INPUT, B.plain(), portable(U.exact_rays), self.shares))
         return out
 

@@ -1,6 +1,6 @@
 """Proofs of inclusion without facets: M x_i = sum_k W_ki y_k with W >= 0, in rational numbers.
 
-Facets prove M X inside Y to who has them.  A reader of a file who has generators only can multiply: for every
+A file lists the generators of cones, not their facets.  Its reader proves M X inside Y by multiplication: for every
 generator x_i of X some column of W gives M x_i as a nonnegative combination of generators of Y.  For invariance
 in continuous time W_ii is free.  Products are taken block by block; a simplicial cone needs one
 scalar product per weight, other cones one exact feasibility problem per column.

@@ -1,8 +1,8 @@
 """Operations on systems with cones: python-control's, and cones for the result where they follow.
 
 Every method calls the one it overrides, so that values, names, state order and refusals are
-python-control's own.  If the result is a plain StateSpace, `connections` says whether it has cones.  If the
-operands are positive, the result is rounded towards these cones, so that it is positive in doubles too.
+python-control's own.  If the result is a plain StateSpace, `cones_of_connections` finds its cones, if any follow.  If
+the operands are positive, the result is rounded towards these cones, so that it is positive in doubles too.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Intake of a system: matrices as python-control reads them, exact data kept, cones of the right size."""
+"""Arguments of a system: matrices as python-control reads them, exact data kept, cones of the right size."""
 
 from __future__ import annotations
 

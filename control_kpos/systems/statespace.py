@@ -2,9 +2,8 @@
 
     x' = A x + B u  (or x[k+1] = A x[k] + B u[k]),   y = C x + D u,   x in X,  u in U,  y in Y.
 
-Verdicts are those of Theorems 1 to 3, in `positivity`, `stability` and `dissipativity`.  Operations are
-python-control's; their results keep cones wherever positivity of the operands implies positivity of the
-result; see `operations` and `connections`.
+Verdicts are those of Theorems 1 to 3, in `theorems`.  Operations are python-control's; their results keep cones
+wherever positivity of the operands implies positivity of the result; see `operations` and `cones_of_connections`.
 """
 
 from __future__ import annotations
@@ -218,7 +217,7 @@ class ConeStateSpace(ConeOperations):
         Returns
         -------
         PositivityCertificate
-            See `control_kpos.positivity.cone_positivity`.
+            See `control_kpos.cone_positivity`.
 
         Examples
         --------
@@ -239,7 +238,7 @@ class ConeStateSpace(ConeOperations):
         Returns
         -------
         LyapunovCertificate
-            See `control_kpos.stability.linear_lyapunov`.
+            See `control_kpos.linear_lyapunov`.
 
         Examples
         --------
@@ -262,7 +261,7 @@ class ConeStateSpace(ConeOperations):
         Returns
         -------
         DissipativityCertificate
-            See `control_kpos.dissipativity.dissipativity`.
+            See `control_kpos.dissipativity`.
         """
         return dissipativity_of(positivity_of(self._question(ports=True)), q=q, r=r)
 

@@ -3,8 +3,8 @@
     x' = A x + B u  (or x[k+1] = A x[k] + B u[k]),   y = C x + D u,   x in X,  u in U,  y in Y.
 
 What is typed is what is proven: "1/3" stays 1/3.  A `ConeStateSpace` shows python-control the doubles closest to
-its data and keeps the data beside them, in its attribute `exact`; whoever proves something about a system reads it
-here, and never from its A, B, C, D.
+its data and keeps the data beside them, in its attribute `exact`.  Proofs about a system use `exact`, never its
+attributes A, B, C, D.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class System:
         Parameters
         ----------
         data : System, StateSpace, tuple of matrices, or matrix
-            A `ConeStateSpace` or network gives its exact data; another `control.StateSpace` its doubles; (A, B) and
-            (A, B, C, D) hold matrices of numbers, fractions or text; a matrix alone is A.
+            A `ConeStateSpace` or a network is read with its exact data, any other `control.StateSpace` with its
+            doubles.  (A, B) and (A, B, C, D) hold matrices of numbers, fractions or text; a matrix alone is A.
         name : str
             What the user calls it, for messages.
         X, U, Y : Cone, or array_like of its generators, optional
@@ -80,7 +80,7 @@ class System:
         Raises
         ------
         DataError, ShapeError
-            What is no system; numbers that are not finite and real; matrices that do not fit together.
+            `data` is no system, has numbers that are not finite and real, or matrices that do not fit together.
         ConeMismatchError
             A cone of another dimension.
 

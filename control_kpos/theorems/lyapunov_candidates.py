@@ -1,8 +1,9 @@
 """Candidates for Lyapunov vectors, dominant directions and directions of growth.
 
-Nothing here is trusted: what these computations propose counts only after the kernel has proven the
-inequalities.  Units are removed first: states are scaled by powers of two until the generators of the
-cone have entries of similar size, and A by a power of two, both without rounding.
+Candidates solve v'x_i > 0, v'A x_i < 0 (or A x in X) of Theorem 2 up to rounding.  Nothing here is trusted: a
+proposal counts only after the kernel has proven the inequalities.  Units are removed first: states are scaled by
+powers of two until the generators of the cone have entries of similar size, and A by a power of two, both without
+rounding.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """Stability of Metzler matrices decided exactly, at any size: on which side of zero the Perron root lies.
 
 A matrix of integers whose entries off the diagonal are not negative falls into irreducible parts.  A part with
-x >= 0, N x >= 0 decides alone: what it sends to others only adds to N x.  If every part has v > 0 with v'N < 0,
-these join with weights, as every part pays for what it does to others.  Parts are decided by bordered refinement
+x >= 0, N x >= 0 decides alone: its entries in the rows of other parts only add to N x.  If every part has v > 0 with
+v'N < 0, weights join these vectors: the decrease of each part is made larger than the increase that it causes in the
+others.  Parts are decided by bordered refinement
 (`refinement`), and what floating point cannot see (blocks coupled by less than its precision) by exact solution of
 
     [[N, d], [c', 0]] (x, t) = (0, 1),        d, c > 0.

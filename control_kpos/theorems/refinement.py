@@ -298,7 +298,7 @@ def balancing_units(N: SparseIntegers) -> NDArray[np.int64]:
 
 
 def refine(frame: Frame, solver: Borders) -> Iterator[Step]:
-    """x and t with more and more bits; ends where floating point gains none, or the budget is spent."""
+    """x and t with more and more bits, until floating point adds none or the budget is spent."""
     n = len(frame.units)
     start = solver.solve(np.append(np.zeros(n), n))
     if not (np.isfinite(start).all() and np.abs(start).max() < 2.0**20):

@@ -1,6 +1,7 @@
 """Candidates for storage functions and supply rates, and the rational alternative.
 
-Nothing here is trusted: `control_kpos.dissipativity` proves what is proposed, or throws it away.
+Candidates solve (v'A - q'C) x_i <= 0, (v'B - r' - q'D) u_j <= 0 of Theorem 3 up to rounding.  Nothing here is trusted:
+`dissipativity` proves what is proposed, or drops it.
 """
 
 from __future__ import annotations

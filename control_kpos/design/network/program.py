@@ -6,8 +6,8 @@ With xi_j > 0 and z_jk = xi_jk F_j t_k, invariance of every node and a decay rat
     h_i'(A_j t_k xi_jk + B_j z_jk) >= 0  (i != k),
     sum_k h_i'(A_j t_k xi_jk + B_j z_jk) + sum_l h_i'B_j W_jl C_l x_l < -rate d_i xi_ji,   x_l = sum_k xi_lk t_k:
 
-linear, with a handful of entries per row, and necessary and sufficient.  With one F for all nodes the xi are
-shared, which is sufficient only.
+linear, with a handful of entries per row, and necessary and sufficient.  With one F for all nodes, one xi
+serves all of them, which is sufficient only.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Why a network has no local gains: a node that cannot be helped, or a proof about the network as a whole.
+"""Why a network has no local gains: a node that no gain helps, or a proof about the whole network.
 
 The network is one system on the product of the cones, with B W C as coupling and a block diagonal F.  That product is
 simplicial, so the linear program is necessary as well as sufficient, and `obstruction` proves in rational arithmetic

@@ -1,6 +1,6 @@
 """Proof that no gain of the given shape keeps a polyhedral cone invariant.
 
-h_i'(A + B L R) x_k >= 0 is linear in L.  If multipliers y >= 0 over the pairs (i, k) have
+h_i'(A + B L R) x_k >= 0 is linear in L.  If weights y >= 0 over the pairs (i, k) have
 sum y_ik (h_i'B_j)(R x_k)_l = 0 for every free entry (j, l) and sum y_ik h_i'A x_k < 0, no L satisfies all of them.
 """
 

@@ -1,7 +1,7 @@
-"""From the alternation on any polyhedral cone to a certified gain; see `alternation`.
+"""From the alternation on any polyhedral cone (`program`) to a certified gain.
 
-Finds gains of any linear shape: all of F, a pattern of F, or u = K y.  It gives up with UNDECIDED, and refutes
-only if invariance alone is already impossible, which is linear in the gain and decided exactly.
+Finds gains of any linear shape: all of F, a pattern of F, or u = K y.  The answer is UNDECIDED if none is found, and
+REFUTED only if no gain makes the cone invariant: h_i'(A + B F) x_k >= 0 is linear in the gain and decided exactly.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Proofs that no gain exists, by Farkas' lemma.
 
-If rows G x >= 0, S x < 0, x_1..x_n > 0 have no solution, there are multipliers a, b, c >= 0, b and c not both
+If rows G x >= 0, S x < 0, x_1..x_n > 0 have no solution, there are weights a, b, c >= 0, b and c not both
 zero, with a'G - b'S + (c, 0)' = 0: multiplying a supposed solution by this identity gives 0 > 0.  They
 are found in rational arithmetic and checked by the kernel against rows rebuilt from the data.
 """

@@ -1,9 +1,9 @@
-"""Multipliers from floating point made exact, where there is room: no elimination of large integers.
+"""A Farkas combination from floating point made exact, without elimination of large integers.
 
-Wanted are exact numbers l >= 0 with G'l = 0 for rows G over (xi, z), some of them for xi > 0 themselves.  A linear
-program gives l up to rounding.  All but a few are taken as they are; for each generator, as many as z_k has
-entries are recomputed by a small exact system, and the multipliers of xi > 0 take up what is left over.  If the
-program leaves them room, they stay nonnegative.
+Wanted are exact weights l >= 0 with G'l = 0 for rows G over (xi, z), some of them the rows xi > 0 themselves.  A linear
+program gives l up to rounding.  Most weights are kept as they are.  For each generator, as many weights as z_k has
+entries are recomputed from a small exact system, and the weights of xi > 0 absorb the remainder.  If the program made
+those large enough, they stay nonnegative.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from ...exact.programs import balance
 
 Rationals = NDArray[np.object_]
 
-# Room asked for, tried in turn; what counts as zero; weight of rows that are not in use.
+# Least weights of xi > 0 asked for, tried in turn; what counts as zero; weight of rows that are not in use.
 _ROOMS, _TINY, _FAINT = (1e-2, 1e-1, 1e-3, 1e-5), 1e-10, 1e-6
 
 
@@ -103,7 +103,7 @@ def _balanced(rows: Rationals) -> tuple[list[Fraction], Rationals]:
 def _proposal(
     values: NDArray[np.float64], n: int, strict: NDArray[np.bool_], most: float
 ) -> NDArray[np.float64] | None:
-    """Multipliers in doubles with as much room as possible where xi > 0 takes up the rest."""
+    """Weights in doubles, those of xi > 0 as large as possible, since they absorb the remainder."""
     count = len(values)
     program = Program(multipliers=Block(count, low=0.0), room=Block(n, low=0.0, high=most, cost=-1.0))
     program.below(0.0, multipliers=np.hstack([np.zeros((n, count - n)), -np.eye(n)]), room=np.eye(n))

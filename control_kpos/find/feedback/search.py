@@ -1,11 +1,11 @@
 """Cone and feedback together: place isolated real poles, take their cone, polish the gain.
 
 If (A, B) is controllable, poles can be placed at real distinct numbers, and the simplicial cone of that
-spectrum is invariant; so a cone and a gain always exist.  Existence is cheap, robustness is not: the
-perturbed loops keep a cone only if the dominant pole stays real and well separated.  From pole patterns with an
+spectrum is invariant; so a cone and a gain always exist.  They may be fragile: perturbed
+loops keep a cone only if the dominant pole stays real and well separated.  From pole patterns with an
 isolated dominant pole, from gentle to aggressive, cone and gain are therefore moved together (`joint`) until all
 vertices are served.  At the cone the smallest gain is then found by the linear program of
-`control_kpos.design`, for all vertices at once.
+`design.simplicial`, for all vertices at once.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 Continuous time: if and only if the spectral abscissa is an eigenvalue and every eigenvalue of that real
 part is that number.  Discrete time: only if the spectral radius r is an eigenvalue and every
-eigenvalue z of that modulus is r times a root of unity (Barker and Turner; Tam).  Where floating
-point leaves no doubt the explicit construction is the proof of existence; here are the proofs of
-non-existence, by exact root counts of the characteristic polynomial.
+eigenvalue z of that modulus is r times a root of unity (Barker and Turner; Tam).  If there
+is a cone, its explicit construction proves that.  If there is none, exact root counts of the characteristic
+polynomial prove it, here.
 """
 
 from __future__ import annotations

@@ -10,7 +10,8 @@ invariant relative to the rate Q_xx at which x stays.  An all-real spectrum then
 generators.
 
 A part rho_j e of A x_j is kept aside and spread over generators that have e inside: over all of them, or, for very
-many generators, over a few that span the space, which keeps P sparse.  That slack is what the proof lives on.
+many generators, over a few that span the space, which keeps P sparse.  This makes entries of P positive, so
+that rounding errors do not matter.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Circulant matrices on the corners of a polygon: which modes share one, its rates and its corners.
+"""Circulant matrices on the corners of a polygon: which modes fit one polygon, its rates and its corners.
 
 A circulant Q = sum_k c_k S^k on m corners, S the cyclic shift, has the eigenvalues sum_k c_k z^(jk),
 z = exp(2 pi i/m), j = 0..m-1; harmonic 0 is its column sum t.  Given the eigenvalues, c is a discrete Fourier

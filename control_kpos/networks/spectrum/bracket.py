@@ -47,7 +47,7 @@ from .strong_parts import strong_parts
 
 # States and inputs up to which refined Perron vectors are tried before shifts that fall to the abscissa.
 _REFINED_FIRST = 6000
-# Widths by which the lower side gives way where rounding leaves its proof no room.
+# Widths by which the lower side is lowered where rounding blocks its proof.
 _RETREATS = (0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 
 
@@ -135,7 +135,7 @@ class AbscissaCertificate(Certificate):
             return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
         return (
             f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
-            "certificate says what breaks it; otherwise rounding leaves too little room, and a larger width may "
+            "certificate says what breaks it; otherwise the bracket is too narrow for rounding, and a larger width may "
             "help."
         )
 

@@ -2,9 +2,9 @@
 
 In a network of different nodes the rightmost eigenvectors are localised.  Two solves with the whole network
 show where; the abscissa theta of a neighbourhood of these nodes is a lower bound (a principal part of a positive
-network has no larger abscissa) that approaches the truth as the neighbourhood grows; and one more solve with the
-whole network, at a shift a hair above theta, shows that no other place has a larger one.  Whatever comes
-out of it is only a proposal for `bracket`, which proves both sides.
+network has no larger abscissa) that approaches the abscissa as the neighbourhood grows.  One more solve with the
+whole network, at a shift a little above theta, shows that no other place has a larger one.  The result
+is only a proposal for `bracket`, which proves both sides.
 """
 
 from __future__ import annotations
