@@ -309,7 +309,7 @@ def stable(s: System, e: Json) -> str:
 
 
 def dissipative(s: System, e: Json) -> None:
-    """Exponentially dissipative with storage v'x and supply r'u + q'y: Theorem 3 (`cone_id`).
+    """Exponentially dissipative with storage v'x and supply r'u + q'y: Theorem 3 (`cone_d`).
 
     positive,  v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + decay_rate v'x <= 0,  v'B u <= r'u + q'D u.
     """

@@ -25,8 +25,8 @@ class Reporter:
     Parameters
     ----------
     target : callable or bool, optional
-        A callable is told every line.  Otherwise one line that is overwritten, on standard error: always for True,
-        never for False, and by default only where somebody watches, in a terminal or a notebook.
+        A callable is called with every line.  Otherwise one line on standard error is overwritten: always for True,
+        never for False, and by default only in a terminal or a notebook.
 
     Examples
     --------

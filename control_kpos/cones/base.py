@@ -102,7 +102,7 @@ class Cone(ABC):
     @property
     @abstractmethod
     def dual(self) -> Cone:
-        """The dual cone {h : h'x >= 0 for all x in X}; shares the work of conversion."""
+        """The dual cone {h : h'x >= 0 for all x in X}; one conversion serves both."""
 
     @property
     @abstractmethod
@@ -309,7 +309,7 @@ class Cone(ABC):
 
     @cached_property
     def _invariants(self) -> tuple[int, int, int]:
-        """Numbers that equal sets share, whatever class represents them."""
+        """Numbers that agree for equal sets, whatever class represents them."""
         return self.dim, self.n_rays, self.n_facets
 
     def _require_same_dimension(self, other: Cone) -> None:

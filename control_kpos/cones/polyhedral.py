@@ -53,7 +53,7 @@ class _Conversion:
 
     @property
     def is_open(self) -> bool:
-        """Whether the facets are not known, and may be out of reach; of cones that hardly have many they are found."""
+        """Whether the facets are unknown and may be too many; facets of cones that have few are listed here."""
         if "faces" in vars(self):
             return False
         if self._refusal or may_have_many_facets(*self.generators.shape):

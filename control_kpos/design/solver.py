@@ -33,7 +33,7 @@ class Programs:
         None: HiGHS.  A name: that solver through cvxpy.  A callable: f(c, A_ub, b_ub, A_eq, b_eq, bounds)
         that returns x or a `Solution`.
     report : callable, optional
-        Told what is being done, line by line.
+        Called with what is being done, line by line.
 
     Raises
     ------

@@ -92,7 +92,7 @@ def state_feedback(
         a fixed number of operations, about a minute's, so that the answer is the same on every machine.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
-        terminal or a notebook; False: never; True: also where nobody seems to watch.
+        terminal or a notebook; False: never; True: even if the output is not a terminal.
 
     Returns
     -------

@@ -34,7 +34,7 @@ class Tradeoff:
     rates : ndarray, shape (k,)
         Empty if none were given, and the limit was reached before the largest one was known.
     gains : ndarray, shape (k,)
-        Smallest max |F x_k| by the linear programs; NaN where the rate is out of reach.
+        Smallest max |F x_k| by the linear programs; NaN where no gain reaches the rate.
     largest_rate : float
         Supremum of the decay rates; inf if nothing limits it.
     designs : tuple of DesignResult

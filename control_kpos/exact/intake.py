@@ -316,7 +316,7 @@ def places(value: Any, name: str) -> list[str | int]:
 
 
 def file_path(value: Any, name: str = "path") -> Path:
-    """A path; never a number, which would be an open file of somebody else.
+    """A path; never a number, which would be a file that the caller has open for something else.
 
     >>> file_path("stable.json").suffix
     '.json'

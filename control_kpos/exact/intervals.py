@@ -342,7 +342,7 @@ def jacobian_pieces(
 ) -> Iterator[tuple[Array, Array]]:
     """Enclosures on at most `most` boxes that cover `whole`, cut in two where `decided` says no, until it is late.
 
-    `late` is told how many boxes wait.
+    `late` is called with the number of boxes that wait.
     """
     waiting, produced = [(whole, 0)], 0
     while waiting:

@@ -162,7 +162,7 @@ class ConeCertificate(Certificate):
             if isinstance(restored.witness, PortObstruction) and not restored.witness.concerns(
                 restored.contains, restored.within
             ):
-                raise DataError("the obstruction is about ports that nobody asked for.")
+                raise DataError("the obstruction is about ports that the question does not have.")
             return restored
         rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
         matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")

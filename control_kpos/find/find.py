@@ -60,7 +60,7 @@ def find_cone(
         are counted instead, and the answer is the same on every machine; they last for about half a minute.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
-        terminal or a notebook; False: never; True: also where nobody seems to watch.
+        terminal or a notebook; False: never; True: even if the output is not a terminal.
 
     Returns
     -------

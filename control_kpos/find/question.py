@@ -55,7 +55,7 @@ class Question:
     seed, restarts : int
         Random starts.
     report : callable
-        Told about long work.
+        Called with reports of long work.
     """
 
     matrices: Matrix

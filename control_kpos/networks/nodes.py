@@ -33,7 +33,7 @@ class NodeStack:
     dt : float, bool or None
         Timebase as in python-control: 0 continuous, a positive number or True discrete.
     names : tuple of str
-        Node names; empty if nobody gave any.
+        Node names; empty if none were given.
     labels : tuple of (states, inputs, outputs)
         Signal names per node, each a tuple of str; empty for the defaults x[i], u[i], y[i].
     """
@@ -88,7 +88,7 @@ def stack(
     ----------
     A : array_like, shape (N, n, n)
     B : array_like, shape (N, n, m) or (n, m)
-        Two-dimensional B, C or D is shared by all nodes.
+        Two-dimensional B, C or D is the same for all nodes.
     C : array_like, shape (N, q, n) or (q, n)
     D : array_like, shape (N, q, m) or (q, m), optional
         Zero if not given.
@@ -96,7 +96,7 @@ def stack(
         0 for continuous time, a positive number or True for discrete time; the default is
         python-control's, 0.
     X, U, Y : Cone, or array_like of its generators, optional
-        Shared by all nodes; the nonnegative orthants if not given.
+        The same for all nodes; the nonnegative orthants if not given.
     names : sequence of str, optional
         One name per node.
 

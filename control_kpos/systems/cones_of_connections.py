@@ -9,8 +9,8 @@ connection is positive too, whatever the matrices of the systems are, or None wh
                        spectral radius of D2 D1 below 1
     M s,  s M          M Y, and {u : M u in U}             (X, U, M Y), (X, {u : M u in U}, Y)
 
-States are ordered as python-control orders them.  Matrices are multiplied out in fractions only if somebody asks
-for them: where a system was given in numbers that doubles cannot hold.  Otherwise python-control's own doubles are
+States are ordered as python-control orders them.  Matrices are multiplied out in fractions only on
+demand, and only if a system was given in numbers that doubles cannot hold.  Otherwise python-control's own doubles are
 the result.
 """
 

@@ -104,7 +104,7 @@ class ConeOperations(StateSpace):
                 tracked = not done and small
             return self._with_cones(result, found, tracked)
         except (TooLargeError, UndecidedError):
-            return result  # cones that nobody can compute are no reason to refuse the operation
+            return result  # an operation is not refused because its cones are too large to compute
 
     def _scaled(self, result: Any, factor: Any, rule: Callable[[Connection, Matrix], Connection | None]) -> Any:
         """Cones of s * factor or factor * s for a number or an array."""

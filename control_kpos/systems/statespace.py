@@ -386,7 +386,7 @@ def _fractions(m: Matrix) -> str:
 
 
 def _default_print_options() -> bool:
-    """True if numpy would cut doubles at 8 digits only because nobody has asked for anything else.
+    """True if numpy would print 8 digits of doubles only because its default was not changed.
 
     Read back with fewer digits a system is another system, and may have another verdict.
     """

@@ -131,7 +131,7 @@ class System:
 
 
 def _matrices(data: Any, name: str) -> tuple[Matrix, Matrix, Matrix, Matrix]:
-    """A, B, C, D of whatever has them, of shapes that fit together."""
+    """A, B, C, D of a system, a tuple of matrices or a matrix, with shapes that fit together."""
     if isinstance(data, TransferFunction):
         raise DataError(f"{name} is a transfer function, which has no state; convert it with control.ss first.")
     if isinstance(data, StateSpace):

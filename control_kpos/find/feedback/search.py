@@ -141,7 +141,7 @@ def design_cone_and_feedback(
         Of the random starts of the robust search.
     progress : callable or bool, optional
         Called with a line about long work.  By default work of more than two seconds shows one line, overwritten, in a
-        terminal or a notebook; False: never; True: also where nobody seems to watch.
+        terminal or a notebook; False: never; True: even if the output is not a terminal.
 
     Returns
     -------

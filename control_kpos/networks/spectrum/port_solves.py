@@ -1,4 +1,4 @@
-"""Linear solves with mu I - A_cl, reduced to the ports; untrusted, and checked by whoever calls.
+"""Linear solves with mu I - A_cl, reduced to the ports; untrusted, the caller checks them.
 
 With K_j = (mu I - A_j)^{-1} and the transfer matrix G = D + C K B of all nodes (block-diagonal),
 
@@ -78,7 +78,7 @@ class Loop:
     def solve(
         self, b: Floats, transposed: bool, tolerance: float = 1e-9, guess: Floats | None = None, near: bool = False
     ) -> Floats:
-        """Solve r = T r + b, or r = T'r + b; whatever comes out is checked by the caller."""
+        """Solve r = T r + b, or r = T'r + b; the caller checks the result."""
         T = self.TT if transposed else self.T
         if not T.nnz or not np.any(b):
             return b.copy()
