@@ -118,8 +118,8 @@ def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
 def storages(model: NetworkModel, q: Any, r: Any) -> tuple[Floats | None, NodeNotDissipative | None]:
     """v_j for every node, or the first node that has none.
 
-    For -q in Y* the least storage is v = (mu - A)^{-T} C'(-q); a share of (mu - A)^{-T} c that the slack of
-    the inputs leaves room for makes it strict.  Other supply rates go through the linear program of
+    For -q in Y* the least storage is v = (mu - A)^{-T} C'(-q); a multiple of (mu - A)^{-T} c, half of
+    what the inequalities of the inputs allow, makes it strict.  Other supply rates go through the linear program of
     Theorem 3, node by node.
     """
     least = 1.0 if model.discrete else 0.0
@@ -133,12 +133,12 @@ def storages(model: NetworkModel, q: Any, r: Any) -> tuple[Floats | None, NodeNo
             low = np.einsum("jkn,jk->jn", K, -np.einsum("jqn,jq->jn", s.C.values, q_g))
             extra = np.einsum("jkn,k->jn", K, c)
             U, X = s.U.rays, s.X.rays
-            room = (r_g + np.einsum("jqm,jq->jm", s.D.values, q_g) - np.einsum("jn,jnm->jm", low, s.B.values)) @ U.T
+            spare = (r_g + np.einsum("jqm,jq->jm", s.D.values, q_g) - np.einsum("jn,jnm->jm", low, s.B.values)) @ U.T
             used = np.einsum("jn,jnm->jm", extra, s.B.values) @ U.T
-            ratio = np.where(used > 0, room / used, np.where(room >= 0, np.inf, -1.0))
-            share = 0.5 * np.minimum(ratio.min(axis=1, initial=np.inf), 2.0 * (1.0 + np.abs(low).max(axis=1)))
-            v = low + share[:, None] * extra
-            good = (share > 0) & (v @ X.T > 0).all(axis=1) & (-q_g @ s.Y.rays.T >= 0).all(axis=1)
+            ratio = np.where(used > 0, spare / used, np.where(spare >= 0, np.inf, -1.0))
+            part = 0.5 * np.minimum(ratio.min(axis=1, initial=np.inf), 2.0 * (1.0 + np.abs(low).max(axis=1)))
+            v = low + part[:, None] * extra
+            good = (part > 0) & (v @ X.T > 0).all(axis=1) & (-q_g @ s.Y.rays.T >= 0).all(axis=1)
         for place in np.flatnonzero(~good).tolist():
             node = int(model.members[g][place])
             found = dissipativity_of(node_positivity(model, node), q=given_q[place], r=given_r[place])

@@ -25,7 +25,7 @@ from ..result import DesignResult, Nearest
 from ..simplicial.search import (
     GAIN_SLACK,
     LARGEST_RATE,
-    RATE_SHARES,
+    RATE_PARTS,
     SMALLEST_GAIN,
     UNLIMITED,
     exact_design,
@@ -145,7 +145,7 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floa
     if best.rate >= ceiling * (1 - 1e-6):
         return undecided(UNLIMITED, objective=LARGEST_RATE, limit=np.inf)
     limit, v = best.rate, best.v
-    result = first_proven(RATE_SHARES, lambda share: _any_rate(plant, program, lp, limit * share, (v,)))
+    result = first_proven(RATE_PARTS, lambda part: _any_rate(plant, program, lp, limit * part, (v,)))
     if result is None:
         return undecided(f"gains with a decay rate up to {limit:.6g} were found, but none was proven.", plant)
     return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=limit)

@@ -34,8 +34,8 @@ LARGEST_RATE = "largest decay rate"
 FIRST_GAIN = "nothing; max |F x_k| at the generators of X"
 # The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
 GAIN_SLACK = 0.05
-# Of the decay rate that the slack allows, the part that is used; and of the largest rate, the parts asked for.
-_RATE_SHARE, RATE_SHARES = 0.8, (0.999, 0.99, 0.9)
+# Of the decay rate that this excess allows, the part that is used; and of the largest rate, the parts asked for.
+_RATE_PART, RATE_PARTS = 0.8, (0.999, 0.99, 0.9)
 UNLIMITED = "nothing limits the decay rate; give gain_bound, or the rate you need."
 _UNPROVEN = (
     "the linear program has no solution that could be proven, and exact arithmetic would take too long, or longer than "
@@ -104,7 +104,7 @@ def _smallest(
     allowed = infimum * (1 + GAIN_SLACK)
     fast, reachable = program.largest_rate(x, allowed, tolerance=0.05)
     reachable = min(reachable, rate + plant.scale)
-    target = rate + _RATE_SHARE * max(reachable - rate, 0.0)
+    target = rate + _RATE_PART * max(reachable - rate, 0.0)
 
     def points() -> Iterator[Any]:
         """The first meets the target with room to spare; the others are fallbacks, each closer to the boundary."""
@@ -159,12 +159,12 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
     if limit <= 0:
         return exact_design(plant, 0.0, lp)
 
-    def design(share: float) -> DesignResult:
-        again = program.start(limit * share)
+    def design(part: float) -> DesignResult:
+        again = program.start(limit * part)
         point = x if isinstance(again, Failure) else again
-        return _smallest(plant, program, limit * share, point, LARGEST_RATE, lp)
+        return _smallest(plant, program, limit * part, point, LARGEST_RATE, lp)
 
-    found = first_proven((share for share in RATE_SHARES if affords()), design)
+    found = first_proven((part for part in RATE_PARTS if affords()), design)
     return undecided(_UNPROVEN) if found is None else replace(found, limit=limit)
 
 
