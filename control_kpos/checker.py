@@ -389,6 +389,8 @@ def weighted(e: Json) -> None:
     for kind, name in enumerate("vrq"):
         exact = numbers(e["exact"]["tuple"][kind]) if e.get("exact") else numbers(e[name])
         need([float(x) for x in exact] == [float(x) for x in numbers(e[name])], f"{name} is its exact vector rounded")
+        expect(all(own[kind] >= 0 for own in owned), "a size is negative")
+        expect(sum(own[kind] for own in owned) == len(exact), "the sizes are not those of the nodes")
         each = [x for x, own in zip(sigma, owned, strict=True) for _ in range(int(own[kind]))]
         need([a * b for a, b in zip(each, exact, strict=True)] == numbers(e[name.upper()]), "V, R, Q are sigma v, r, q")
 

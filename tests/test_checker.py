@@ -67,6 +67,13 @@ def flow(x, u, y, shows="growth", **more):
     return direction(x, u, shows=shows, y={"array": [y]}, **more)
 
 
+def sized(*sizes):
+    """A network that says how many states, inputs and outputs its nodes have."""
+    out = scalar("network", W=1)
+    out["data"]["sizes"] = {"array": list(sizes)}
+    return out
+
+
 def weights(p, t):
     return {"p": {"array": [p]}, "t": {"array": [t]}}
 
@@ -170,6 +177,10 @@ BY_HAND = {
     "grows in discrete time": (scalar("stable", "REFUTED", A=1, discrete=True, **direction(1, 0, 1)), "REFUTED"),
     "shrinks in discrete time": (scalar("stable", "REFUTED", A="1/2", discrete=True, **direction(1, 0, 0)), "WRONG"),
     "balanced nodes": (scalar("network", W=1), "PROVED"),
+    "nodes of their sizes": (sized(1, 1, 1), "PROVED"),
+    "nodes without end": (sized(10**18, 1, 1), "UNREADABLE"),
+    "nodes of sizes that cancel": (sized(1, 1, 2, -1, 0, -1), "UNREADABLE"),
+    "nodes of part of a state": (sized("3/2", 1, 1), "UNREADABLE"),
     "nodes out of balance": (scalar("network", W=2), "WRONG"),
     "contracting loop": (scalar("network", D="1/2", r="1.5", W="1/2", **weights(1, "1/2")), "PROVED"),
     "loop of gain one": (scalar("network", D=1, r=2, W="1/2", **weights("1/2", 1)), "WRONG"),

@@ -10,6 +10,7 @@ import time
 import numpy as np
 import pytest
 from injected_faults import CLAIMS, ERRORS, OUTCOMES, ROUTINES, VALUES, faulty, used_routines
+from strategies import without_facets
 
 import control_kpos as kp
 from control_kpos.exact import programs as linear_programs
@@ -57,6 +58,46 @@ def test_no_fault_makes_a_false_verdict(routine, fault, calls):
 @pytest.mark.parametrize("outcome", OUTCOMES)
 def test_linear_programs_that_give_up_prove_nothing(outcome, calls):
     test_no_fault_makes_a_false_verdict("HiGHS", outcome, calls)
+
+
+def many_generators():
+    """A cone with too many generators to ask for facets first, the last one redundant."""
+    rows = np.random.default_rng(0).standard_normal((40, 6))
+    rows[:, 0] = np.abs(rows).sum(axis=1)
+    return without_facets(np.vstack([rows, rows[:1] + rows[1:2]]))
+
+
+PLANT = kp.ConeStateSpace(*kp.examples.mass_spring(), X=kp.examples.paper_cone())
+WIDE = kp.ConeStateSpace(
+    [[1, 0.1, 0], [0, -1, 0.2], [0, 0, 0.5]],
+    [[1, 0], [0, 0], [0, 1]],
+    [[0, 0, 1]],
+    0,
+    X=[[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]],
+)
+# Questions that do not hang on the decompositions that they use.
+DECOMPOSED = {
+    "redundant generators": lambda: kp.PolyhedralCone(many_generators().rays).n_rays,
+    "from generators": lambda: kp.state_positivity(-np.eye(6), many_generators()).status,
+    "growing, from generators": lambda: kp.linear_lyapunov(np.eye(6), many_generators()).status,
+    "feedback": lambda: kp.state_feedback(PLANT).status,
+    "feedback, four generators": lambda: kp.state_feedback(WIDE).status,
+}
+
+
+@pytest.mark.parametrize("routine", ["svd", "pinv", "eigvals", "eig"])
+@pytest.mark.parametrize("question", DECOMPOSED)
+def test_decompositions_that_do_not_converge_show_to_nobody(question, routine, monkeypatch):
+    truth = DECOMPOSED[question]()
+
+    def fail(*_, **__):
+        raise np.linalg.LinAlgError("injected")
+
+    monkeypatch.setattr(np.linalg, routine, fail)
+    try:
+        assert DECOMPOSED[question]() in (truth, kp.Status.UNDECIDED)
+    except kp.TooLargeError:  # then facets are asked for, which these cones refuse
+        assert "generators" in question
 
 
 @pytest.mark.parametrize("fault", [RuntimeError, MemoryError, KeyError, SystemExit])

@@ -161,7 +161,10 @@ class _Search:
         """Generators of one height in coordinates that spread them out, and the map to these coordinates."""
         heights = np.ones(len(self.unit)) if pointing is None else self.unit @ pointing
         section = self.unit / np.where(heights > 0, heights, 1.0)[:, None]
-        _, size, directions = np.linalg.svd(section, full_matrices=False)
+        try:
+            _, size, directions = np.linalg.svd(section, full_matrices=False)
+        except np.linalg.LinAlgError:  # then the coordinates stay as they are
+            return section, np.eye(section.shape[1])
         back = directions.T / np.maximum(size, size[0] * 2.0**-40)
         return section @ back, back
 

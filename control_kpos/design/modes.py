@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from ..exact.budget import affords
 from .plant import Plant
@@ -23,13 +26,12 @@ def controllability_notes(plant: Plant) -> list[str]:
         return []
     scale = max(np.abs(A).max(), np.abs(B).max(initial=0.0), np.finfo(float).tiny)
     notes = []
-    for mode in np.unique(np.round(np.linalg.eigvals(A) / scale, 9)) * scale:
+    for mode in np.unique(np.round(_eigenvalues(A) / scale, 9)) * scale:
         if mode.imag < 0:
             continue
         if not affords(effort):
             break
-        singular = np.linalg.svd(np.hstack([A - mode * np.eye(plant.n), B]), compute_uv=False)
-        if singular[-1] > _RANK * singular[0]:
+        if not _loses_rank(np.hstack([A - mode * np.eye(plant.n), B])):
             continue
         bad = abs(mode) >= 1 if plant.discrete else mode.real >= 0
         name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
@@ -41,3 +43,20 @@ def controllability_notes(plant: Plant) -> list[str]:
         )
         notes.append(f"The mode {name} is not controllable: {consequence}.")
     return notes
+
+
+def _eigenvalues(A: NDArray[np.float64]) -> NDArray[Any]:
+    """The eigenvalues; none if they do not converge."""
+    try:
+        return np.asarray(np.linalg.eigvals(A))
+    except np.linalg.LinAlgError:
+        return np.empty(0)
+
+
+def _loses_rank(M: NDArray[Any]) -> bool:
+    """The smallest singular value is rounding; False if they do not converge."""
+    try:
+        sizes = np.linalg.svd(M, compute_uv=False)
+    except np.linalg.LinAlgError:
+        return False
+    return not sizes[-1] > _RANK * sizes[0]

@@ -65,12 +65,15 @@ class Frame:
 
     @classmethod
     def of(cls, rays: Array, pointing: Array) -> Frame | None:
-        """None if some generator has no positive height, or the generators span too little."""
+        """None if some generator has no positive height, or the generators span too little as far as can be seen."""
         heights = rays @ pointing
         if not (heights > 0).all():
             return None
         R = (rays / heights[:, None]).T
-        u, s, _ = np.linalg.svd(R, full_matrices=False)
+        try:
+            u, s, _ = np.linalg.svd(R, full_matrices=False)
+        except np.linalg.LinAlgError:
+            return None
         if len(s) < len(R) or not s[-1] > 1e-14 * s[0]:
             return None
         to = (u / s).T
@@ -158,7 +161,8 @@ def prove(
     frame = Frame.of(values, w)
     if frame is None:
         return None
-    inverse = (np.linalg.pinv(frame.R) @ frame.to) / frame.heights[:, None]
+    # frame.R has orthonormal rows, so its transpose is its right inverse
+    inverse = (frame.R.T @ frame.to) / frame.heights[:, None]
     about_cone = GeneratorProof(w, inverse)
     search = _Search(rays, frame, Generators(rays, inverse))
     found: dict[str, Matrix] = {}

@@ -190,7 +190,10 @@ class GainProgram:
             return
         M = self.drifts[0] + self.plant.pairs[0][1] @ gain @ self.read
         with np.errstate(all="ignore"):
-            values = np.linalg.eigvals(M) if np.isfinite(M).all() else np.empty(0)
+            try:
+                values = np.linalg.eigvals(M) if np.isfinite(M).all() else np.empty(0)
+            except np.linalg.LinAlgError:
+                return
             if not values.size:
                 return
             rightmost = values.real.max()
