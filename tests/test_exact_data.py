@@ -314,6 +314,20 @@ def test_out_weights_are_decided_by_the_fraction():
     assert kp.scale_free_certificate(slow, weight=1 / 3).status is kp.Status.PROVED
 
 
+@pytest.mark.parametrize("weight", [1, 3])
+def test_self_loops_of_another_weight_prove_nothing(weight):
+    lag = kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)
+    certificate = kp.scale_free_certificate(lag, weight=weight)
+    assert certificate.check()
+    for other in (weight + Fraction(1, 10**20), Fraction(1, 2)):
+        changed = dataclasses.replace(certificate, weight=other)
+        try:
+            proven = changed.check()
+        except kp.DataError:
+            proven = False
+        assert not proven
+
+
 def test_links_of_weight_one_are_exact(tmp_path):
     certificate = kp.scale_free_certificate(LAG, weight=1, link=[["1/3"]])
     assert certificate.link.fractions()[0, 0] == THIRD

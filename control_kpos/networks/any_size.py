@@ -14,7 +14,7 @@ largest eigenvalue of the weights that counts, so a bound on sum_k w_jk does as 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -72,16 +72,30 @@ class OutWeightCertificate(Certificate):
 
     def conditions(self) -> Sequence[Condition]:
         model = self.local.model
-        loops = _self_loops(exact_matrix(self.link, "link"), Fraction(self.weight), model.n_nodes)
-        if (loops.fractions() != model.coupling.dense().fractions()).any():
-            raise DataError("the local certificate is not about self-loops of this weight.")
         r = flat(self.local.r, model, 1) if self.local.r is not None else np.zeros(0)
         if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
             raise DataError("the node types must have one r > 0 in common.")
-        return ()
+        if self._proves_loops:
+            return ()
+        if not np.array_equal(self._loops.dense().values, model.coupling.dense().values):
+            raise DataError("the local certificate is not about self-loops of this weight.")
+        # in files of version 0.1 the self-loops are rounded: their v, r, q have to do for the exact ones
+        return replace(self.local, model=model.with_coupling(self._loops)).conditions()
 
     def refutation(self) -> Sequence[Condition] | None:
-        return self.local._own_conditions if self.local.status is Status.REFUTED else None
+        refuted = self.local.status is Status.REFUTED and self._proves_loops
+        return self.local._own_conditions if refuted else None
+
+    @property
+    def _loops(self) -> Matrix:
+        """The self-loops that this is about."""
+        return _self_loops(exact_matrix(self.link, "link"), Fraction(self.weight), self.local.model.n_nodes)
+
+    @property
+    def _proves_loops(self) -> bool:
+        """True if the local certificate is about these self-loops."""
+        loops, coupling = self._loops.dense(), self.local.model.coupling.dense()
+        return loops.shape == coupling.shape and not (loops.fractions() != coupling.fractions()).any()
 
     def evidence(self) -> dict[str, Any]:
         """Nothing: `local` comes with a proof of its own.
