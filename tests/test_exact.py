@@ -170,6 +170,40 @@ def test_radius_of_sparse_rows_is_respected():
         assert signs[0, 0] == -1 and signs[1, 79] == 1 and np.count_nonzero(signs) == 2
 
 
+@pytest.mark.parametrize(("a", "b"), [("2/3", "1/7"), ("1/10", "1/5"), ("1/9", "1/5")])
+@pytest.mark.parametrize("shift", [-1, 0, 1])
+def test_fractions_between_sparse_rows_are_not_rounded(a, b, shift):
+    # every column adds up to shift times 10^-30, which rounding hides
+    n, entries = 80, [Fraction(a), Fraction(b), -Fraction(a) - Fraction(b) + shift * Fraction(1, 10**30)]
+    M = np.full((n, n), Fraction(0), dtype=object)
+    for k, value in enumerate(entries):
+        M[(np.arange(n) + k) % n, np.arange(n)] = value
+    ones, eye = np.ones((1, n)), sp.eye_array(n, format="csr")
+    for left, middle, right in ((ones, M, eye), (eye, M.T, ones), (sp.csr_array(ones), M, eye)):
+        signs = BilinearForms(Matrix(left), Matrix.from_fractions(middle), Matrix(right)).signs()
+        assert (signs == shift).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_sparse_forms_have_the_signs_of_dense_ones(seed):
+    rng = np.random.default_rng(seed)
+    k, a, b, p = (int(size) for size in rng.integers(1, 100, 4))
+
+    def rounded(rows, columns):
+        kept = rng.random((rows, columns)) < rng.choice([0.02, 0.2])
+        return rng.integers(-2, 3, (rows, columns)) * rng.choice([1.0, 0.1, 0.3, 1e10], (rows, columns)) * kept
+
+    data = [rounded(k, a), rounded(a, b), rounded(p, b)]
+    integers = [integers_of_doubles(rows)[0] for rows in data]
+    expected = np.sign(integers[0] @ integers[1] @ integers[2].T)
+    for sparse in np.ndindex(2, 2, 2):
+        left, middle, right = (Matrix(sp.csr_array(m) if s else m) for m, s in zip(data, sparse, strict=True))
+        signs = BilinearForms(left, middle, right).signs()
+        signs = signs.toarray() if sp.issparse(signs) else signs
+        assert (signs == expected).all()
+
+
 def test_relative_sizes_are_free_of_scales_and_zero_for_zero():
     left = Matrix(np.array([[2.0, 0.0], [0.0, 0.0], [-1.0, 1.0]]))
     right = Matrix(np.array([[3.0, 0.0], [1.0, 1.0]]))

@@ -96,6 +96,22 @@ class Matrix:
         return cls(values, np.where(exact, 0.0, rounding_radius(values)), nums, den)
 
     @classmethod
+    def over_power_of_two(cls, integers: Integers, bits: int) -> Matrix:
+        """integers / 2^bits, any shape."""
+        size = 1 << bits
+        try:
+            values = np.array([x / size for x in integers.ravel().tolist()]).reshape(integers.shape)
+        except OverflowError:
+            raise DataError("a number does not fit into a double; rescale the data.") from None
+        mantissa, exponent = np.frexp(values)
+        whole, shift = np.ldexp(mantissa, 53).astype(np.int64).astype(object), exponent.astype(np.int64) + (bits - 53)
+        left, right = (np.maximum(s, 0).astype(object) for s in (shift, -shift))
+        exact = ((whole << left) == (integers << right)).astype(bool)
+        if exact.all():
+            return cls(values)
+        return cls(values, np.where(exact, 0.0, rounding_radius(values)), integers, size)
+
+    @classmethod
     def identity(cls, n: int, *, sparse: bool = False) -> Matrix:
         """The n x n identity."""
         return cls(sp.eye_array(n, format="csr") if sparse else np.eye(n))
@@ -133,7 +149,8 @@ class Matrix:
             return cls(values)
         exact = [part.as_integers() for part in parts]
         common = lcm(*(Fraction(factor).denominator for _, factor in exact))
-        numerators = beside([ints * int(factor * common) for ints, factor in exact])
+        scaled = [(ints, int(factor * common)) for ints, factor in exact]
+        numerators = beside([ints if scale == 1 else ints * scale for ints, scale in scaled])
         return cls(values, beside([part._error() for part in parts]), numerators, common)
 
     @classmethod
@@ -272,6 +289,11 @@ def _rows_below(parts: Sequence[Matrix]) -> Matrix:
     parts = [part for part in parts if part.shape[0]] or parts[:1]
     values = np.concatenate([dense(part.values) for part in parts])
     return Matrix(values, np.concatenate([part._error() for part in parts]), integer_rows=_RowsBelow(parts))
+
+
+def bit_length(integers: Integers) -> int:
+    """Binary digits of the longest."""
+    return max(int(integers.max(initial=0)), -int(integers.min(initial=0))).bit_length()
 
 
 def nearest_double(x: Fraction) -> float:

@@ -31,6 +31,7 @@ from .matrix import (
     integers_of_doubles,
 )
 from .rounding import RADIUS_ROOM, ROOM, SMALLEST_NORMAL, chain_constants, room
+from .sparse_integers import SparseIntegers
 
 UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
@@ -215,19 +216,10 @@ class BilinearForms:
     def _decide_by_integers(self, out: NDArray[np.int8], open_: NDArray[np.bool_]) -> None:
         if self.is_sparse:
             rows = np.repeat(np.arange(self.pattern.shape[0]), np.diff(self.pattern.indptr))
-            index = np.flatnonzero(open_)
-            for k in np.unique(rows[index]):
-                at = (
-                    index[rows[index] == k]
-                    if len(index) < 64
-                    else index[np.searchsorted(rows[index], k) : np.searchsorted(rows[index], k, "right")]
-                )
-                out[at] = self._sparse_row(int(k), self.pattern.indices[at])
+            out[open_] = self._sparse_pairs(rows[open_], self.pattern.indices[open_])
             return
         if any(m.is_sparse for m in self._operands):
-            for k in np.flatnonzero(open_.any(axis=1)):
-                at = np.flatnonzero(open_[k])
-                out[k, at] = self._sparse_row(int(k), at)
+            out[open_] = self._sparse_pairs(*np.nonzero(open_))
             return
         index = np.nonzero(open_)
         width = self.right.shape[-1]
@@ -265,18 +257,26 @@ class BilinearForms:
             parts.append(np.sign((row * _stack_rows(self.right, at, i[s : s + step])).sum(axis=1)))
         return np.concatenate(parts).astype(np.int8)
 
-    def _sparse_row(self, k: int, columns: NDArray[np.intp]) -> NDArray[np.int8]:
-        """Exact signs of z_ki for one k and the given i, when some operand is sparse."""
-        vector = self.left.rows_as_integers(np.array([k]))[0]
+    def _sparse_pairs(self, k: NDArray[np.intp], i: NDArray[np.intp]) -> NDArray[np.int8]:
+        """Exact signs at the positions (k, i), k in ascending order, when some operand is sparse."""
+        rows, k = np.unique(k, return_inverse=True)
+        columns, i = np.unique(i, return_inverse=True)
         right = _csr_integers(self.right, columns)
-        if self.middle is not None:
-            needed = np.unique(right[1])
-            middle = sp.csr_array(self.middle.values)[:, needed].T.tocsr()
-            data = integers_of_doubles(middle.data)[0]
-            vector_b = np.zeros(self.middle.shape[1], dtype=object)
-            vector_b[needed] = _multiply((data, middle.indices, middle.indptr), vector)
-            vector = vector_b
-        return np.sign(_multiply(right, vector)).astype(np.int8)
+        middle = None if self.middle is None else _columns_as_integers(self.middle, np.unique(right.indices))
+        step = max(1, _CHUNK // self._row_work(middle))
+        parts = []
+        for start in range(0, len(rows), step):
+            left = _csr_integers(self.left, rows[start : start + step])
+            at = slice(*np.searchsorted(k, (start, start + step)))
+            forms = (left if middle is None else left @ middle).paired(right, k[at] - start, i[at])
+            parts.append(np.sign(forms).astype(np.int8))
+        return np.concatenate(parts)
+
+    def _row_work(self, middle: SparseIntegers | None) -> int:
+        """Most multiplications that a row of `left` takes."""
+        if middle is None:
+            return _row_length(self.left)
+        return _row_length(self.left) * int(np.diff(middle.indptr).max(initial=1)) + 1
 
 
 def _dense_if_small(m: Matrix) -> Matrix:
@@ -382,7 +382,8 @@ def _aligned(m: Matrix, batch: tuple[NDArray[np.intp], ...]) -> tuple[NDArray[np
     return tuple(np.zeros_like(b) if size == 1 else b for b, size in zip(own, sizes, strict=True))
 
 
-def _csr_integers(m: Matrix, rows: NDArray[np.intp]) -> tuple[Integers, NDArray[Any], NDArray[Any]]:
+def _csr_integers(m: Matrix, rows: NDArray[np.intp]) -> SparseIntegers:
+    """Rows as integers, each up to a positive factor."""
     if m.is_sparse and m.integer_rows is None and m.numerators is None:
         part = sp.csr_array(m.values)[rows]
         counts = np.diff(part.indptr)
@@ -390,17 +391,17 @@ def _csr_integers(m: Matrix, rows: NDArray[np.intp]) -> tuple[Integers, NDArray[
         slot = np.arange(part.nnz) - np.repeat(part.indptr[:-1], counts)
         owner = np.repeat(np.arange(len(rows)), counts)
         padded[owner, slot] = part.data
-        return integers_of_doubles(padded, by_row=True)[0][owner, slot], part.indices, part.indptr
-    ints = m.rows_as_integers(rows)
-    owner, column = np.nonzero(ints)
-    return ints[owner, column], column, np.searchsorted(owner, np.arange(len(rows) + 1))
+        ints = integers_of_doubles(padded, by_row=True)[0][owner, slot]
+        return SparseIntegers.of(owner, part.indices, ints, part.shape)
+    return SparseIntegers.dense(m.rows_as_integers(rows))
 
 
-def _multiply(matrix: tuple[Integers, NDArray[Any], NDArray[Any]], vector: Integers) -> Integers:
-    """Product of a CSR matrix of integers and a vector of integers."""
-    data, indices, indptr = matrix
-    out = np.zeros(len(indptr) - 1, dtype=object)
-    filled = np.flatnonzero(np.diff(indptr))
-    if filled.size:
-        out[filled] = np.add.reduceat(data * vector[indices], indptr[:-1][filled])
-    return out
+def _columns_as_integers(m: Matrix, columns: NDArray[np.intp]) -> SparseIntegers:
+    """The matrix as integers with one factor; zero outside these columns."""
+    if m.numerators is not None:
+        at = np.nonzero(m.numerators[:, columns])
+        data = m.numerators[at[0], columns[at[1]]]
+    else:
+        part = sp.csr_array(m.values)[:, columns].tocoo()
+        at, data = part.coords, integers_of_doubles(part.data)[0]
+    return SparseIntegers.of(at[0], columns[at[1]], data, (m.shape[0], m.shape[1]))

@@ -82,11 +82,18 @@ class SparseIntegers:
 
     def apply(self, x: Integers) -> Integers:
         """The product with a vector."""
-        out = np.zeros(self.height, dtype=object)
-        filled = np.flatnonzero(np.diff(self.indptr))
-        if filled.size:
-            out[filled] = np.add.reduceat(self.data * x[self.indices], self.indptr[filled])
-        return out
+        return _row_sums(self.data * x[self.indices], self.indptr)
+
+    def paired(self, other: SparseIntegers, rows: Index, others: Index) -> Integers:
+        """Products of rows of this matrix with rows of another, pair by pair."""
+        theirs = other.take(others)
+        places = self.rows * self.width + self.indices
+        wanted = rows[theirs.rows] * self.width + theirs.indices
+        at = np.minimum(np.searchsorted(places, wanted), max(len(places) - 1, 0))
+        values = np.zeros(len(wanted), dtype=object)
+        met = np.flatnonzero(places[at] == wanted) if len(places) else at[:0]
+        values[met] = self.data[at[met]] * theirs.data[met]
+        return _row_sums(values, theirs.indptr)
 
     def __matmul__(self, other: SparseIntegers) -> SparseIntegers:
         count = np.diff(other.indptr)[self.indices]
@@ -128,6 +135,15 @@ class SparseIntegers:
         """Ones where the entries are."""
         shape = (self.height, self.width)
         return sp.csr_array((np.ones(len(self.data)), self.indices, self.indptr), shape=shape)
+
+
+def _row_sums(data: Integers, indptr: Index) -> Integers:
+    """Sums of the entries of every row."""
+    out = np.zeros(len(indptr) - 1, dtype=object)
+    filled = np.flatnonzero(np.diff(indptr))
+    if filled.size:
+        out[filled] = np.add.reduceat(data, indptr[filled])
+    return out
 
 
 def mantissas(values: Integers) -> tuple[Floats, NDArray[np.int64]]:

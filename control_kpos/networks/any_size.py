@@ -204,18 +204,18 @@ class OutWeightCertificate(Certificate):
         empty = NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array((0, 0))), local.dt)
         return empty.with_coupling(read_coupling(coupling, empty)), kinds
 
-    def _spread(self, kinds: Index) -> list[Any]:
-        """v, r and q of every node, doubles or fractions."""
+    def _spread(self, kinds: Index) -> list[Matrix]:
+        """v, r and q of every node."""
         local = self.local
         vectors = [flat(x, local.model, kind) for kind, x in enumerate((local.v, local.r, local.q))]
         exact = exact_vectors(vectors, local.exact)
-        return [self._repeat(x, kind, kinds) for kind, x in enumerate(exact)]
+        return [on.exact(x)[self._places(kind, kinds)] for kind, x in enumerate(exact)]
 
-    def _repeat(self, vector: Any, kind: int, kinds: Index) -> Any:
-        own = np.split(np.asarray(vector), self.local.model.offsets[kind][1:-1])
-        return (
-            np.concatenate([own[t] for t in kinds]) if len({len(o) for o in own}) > 1 else np.stack(own)[kinds].ravel()
-        )
+    def _places(self, kind: int, kinds: Index) -> Index:
+        """Where the entries of every node are in a vector of `local`."""
+        first = self.local.model.offsets[kind]
+        size = np.diff(first)[kinds]
+        return np.arange(size.sum()) + np.repeat(first[:-1][kinds] - np.cumsum(size) + size, size)
 
     def _carry(self, model: NetworkModel, kinds: Index) -> NetworkCertificate | None:
         """The local data at every node, if they prove this network."""
@@ -223,11 +223,9 @@ class OutWeightCertificate(Certificate):
             return None
         loop = self.local.loop_weights if model.has_feedthrough else None
         if loop is not None:
-            p, t = (self._repeat(part, kind, kinds) for kind, part in zip((2, 1), loop, strict=True))
+            p, t = (np.asarray(part)[self._places(kind, kinds)] for kind, part in zip((2, 1), loop, strict=True))
             loop = (tuple(p), tuple(t)) if isinstance(loop[0], tuple) else (p, t)
-        vectors, exact = self._spread(kinds), None
-        if self.local.exact is not None:
-            vectors, exact = with_exact(vectors)
+        vectors, exact = with_exact(self._spread(kinds))
         v, r, q = (per_node(x, model, kind) for kind, x in enumerate(vectors))
         sigma, rate = np.ones(model.n_nodes), self.local.decay_rate
         draft = NetworkCertificate.settle(

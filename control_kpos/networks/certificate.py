@@ -211,7 +211,7 @@ def dissipation(
 ) -> list[Condition]:
     """(II): storage, decrease and supply of every node."""
     out = []
-    parts = zip(model.split(v, 0), model.split(r, 1), model.split(q, 2), strict=True)
+    parts = zip(*(model.split(on.exact(part), kind) for kind, part in enumerate((v, r, q))), strict=True)
     for g, (v_g, r_g, q_g) in enumerate(parts):
         out.append(on.storage(model, g, v_g))
         out.append(on.decrease(model, g, v_g, q_g, rate, discrete=discrete))

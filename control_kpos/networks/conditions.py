@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from ..cones import Cone, Orthant
 from ..errors import UndecidedError
 from ..exact.condition import Condition
+from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
@@ -80,8 +81,22 @@ def titled(name: str, model: NetworkModel, g: int) -> str:
 
 
 def exact(vectors: Any) -> Matrix:
-    """An array of doubles or fractions as exact data."""
+    """An array of doubles or fractions, or a vector of fractions, as exact data."""
+    if isinstance(vectors, FractionVector):
+        return vectors.matrix
+    if isinstance(vectors, Matrix):
+        return vectors
     return Matrix.from_fractions(vectors) if vectors.dtype == object else Matrix(vectors)
+
+
+def beside(*vectors: Any) -> Matrix:
+    """Vectors of every node, (N, size) each, beside each other as one row of every node, (N, 1, sum of sizes)."""
+    return Matrix.join([exact(part) for part in vectors], -1)[:, None, :]
+
+
+def after(*vectors: Any) -> Matrix:
+    """Vectors after each other as one row."""
+    return Matrix.join([exact(part) for part in vectors], -1)[None, :]
 
 
 def rays(cone: Cone) -> Matrix:
@@ -150,7 +165,7 @@ def coupling(model: NetworkModel) -> list[Condition]:
 def storage(model: NetworkModel, g: int, v: Floats) -> Condition:
     """v_j'x > 0 on the generators of X_j; v of shape (N, n)."""
     s = model.stacks[g]
-    return Condition(titled(STORAGE, model, g), stacked(exact(v[:, None, :]), None, rays(s.X)), ">")
+    return Condition(titled(STORAGE, model, g), stacked(beside(v), None, rays(s.X)), ">")
 
 
 def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bool) -> BilinearForms:
@@ -163,11 +178,10 @@ def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bo
     if rate:
         left.append(v)
         middle.append(Matrix(rate * np.eye(n)[None]))
-    if np.any(q):
+    if not exact(q).is_zero:
         left.append(-q)
         middle.append(s.C)
-    row = exact(np.concatenate(left, axis=1)[:, None, :])
-    return stacked(row, Matrix.join(middle, -2), rays(s.X))
+    return stacked(beside(*left), Matrix.join(middle, -2), rays(s.X))
 
 
 def decrease(model: NetworkModel, g: int, v: Floats, q: Floats, rate: float, *, discrete: bool) -> Condition:
@@ -185,16 +199,14 @@ def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: s
     if not s.D.is_zero:
         left.append(-q)
         middle.append(s.D)
-    row = exact(np.concatenate(left, axis=1)[:, None, :])
-    return Condition(titled(name, model, g), stacked(row, Matrix.join(middle, -2), rays(s.U)), "<=")
+    return Condition(titled(name, model, g), stacked(beside(*left), Matrix.join(middle, -2), rays(s.U)), "<=")
 
 
 def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
     """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
     s = model.stacks[g]
-    row = exact(np.concatenate([p, t], axis=1)[:, None, :])
     middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[1])[None])], -2)
-    return Condition(titled(LOOP_DIRECT, model, g), stacked(row, middle, rays(s.U)), "<=")
+    return Condition(titled(LOOP_DIRECT, model, g), stacked(beside(p, t), middle, rays(s.U)), "<=")
 
 
 def output_generators(model: NetworkModel) -> Matrix:
@@ -231,20 +243,23 @@ def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind
 
 def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> BilinearForms:
     """sigma_k q_k'y + sum_j sigma_j r_j'W_jk y for every generator y of every Y_k: forms (1, sum p_k)."""
-    left = np.concatenate([q, r])[None, :]
+    left = after(q, r)
     generators = output_generators(model)
     Q = model.totals[2]
-    if left.dtype == object and sigma is not None:  # fractions are multiplied without rounding
-        left, sigma = left * np.array(list(map(Fraction, sigma.tolist())))[_nodes(model)], None
-    if sigma is None or (sigma == 1).all():
+    if sigma is not None and (sigma == 1).all():
+        sigma = None
+    if not left.is_double and sigma is not None:  # fractions are multiplied without rounding
+        weights = np.array(list(map(Fraction, sigma.tolist())))[_nodes(model)]
+        left, sigma = Matrix.from_fractions(left.fractions() * weights), None
+    if sigma is None:
         if model.coupling.is_double:
             middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
         else:
             middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
-        return BilinearForms(exact(left), middle, generators)
+        return BilinearForms(left, middle, generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
     weights = sigma[_nodes(model)][None, :]
-    diagonal = Matrix(sp.csr_array(sp.diags_array(left[0])))
+    diagonal = Matrix(sp.csr_array(sp.diags_array(left.values[0])))
     if all(isinstance(s.Y, Orthant) for s in model.stacks) and model.coupling.is_double:
         right = Matrix(sp.csr_array(sp.hstack([sp.eye_array(Q, format="csr"), model.WT], format="csr")))
     else:
@@ -271,13 +286,13 @@ def _dense(m: Matrix) -> Matrix:
 def supply_by_node(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> BilinearForms:
     """q_j'y_j + r_j'(W y)_j for every node j: forms (N, 1)."""
     Q, M = model.totals[2], model.totals[1]
-    rates, places = np.concatenate([q, r]), (_nodes(model), np.arange(Q + M))
-    if rates.dtype == object:
-        table = np.zeros((model.n_nodes, Q + M), dtype=object)
-        table[places] = rates
-        left = Matrix.from_fractions(table)
+    rates, places = after(q, r), (_nodes(model), np.arange(Q + M))
+    if rates.is_double:
+        left = Matrix(sp.csr_array((rates.values[0], places), shape=(model.n_nodes, Q + M)))
     else:
-        left = Matrix(sp.csr_array((rates, places), shape=(model.n_nodes, Q + M)))
+        table = np.zeros((model.n_nodes, Q + M), dtype=object)
+        table[places] = rates.fractions()[0]
+        left = Matrix.from_fractions(table)
     if model.coupling.is_double:
         middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
     else:
@@ -297,50 +312,44 @@ def balance(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> 
 
 def loop_gain(model: NetworkModel, p: Any, t: Any) -> Iterator[Condition]:
     """p and t, arrays or tuples of Fraction, prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
-    p, t = np.asarray(p), np.asarray(t)
+    p, t = (exact(FractionVector.of(part) if isinstance(part, tuple) else part) for part in (p, t))
     for g, (p_g, t_g) in enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True)):
         s = model.stacks[g]
-        yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(exact(p_g[:, None, :]), None, rays(s.Y)), ">")
+        yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(beside(p_g), None, rays(s.Y)), ">")
         yield loop_direct(model, g, p_g, t_g)
     yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
 
 
 def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) -> Iterator[Condition]:
     """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y."""
-    xs, us, ys = model.split(x, 0), model.split(u, 1), model.split(y, 2)
+    xs, us, ys = (model.split(exact(part), kind) for kind, part in enumerate((x, u, y)))
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
-        yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, exact(x_g[:, None, :])), ">=")
+        yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, beside(x_g)), ">=")
         row = [x_g, u_g]
         middle = [s.A, s.B]
         if rate:
             row.append(x_g)
             middle.append(Matrix(-rate * np.eye(s.sizes[0])[None]))
-        right = exact(np.concatenate(row, axis=1)[:, None, :])
-        yield Condition(
-            titled("h'(A x + B u - rate x) >= 0", model, g),
-            stacked(facets(s.X), Matrix.join(middle, -1), right),
-            ">=",
-        )
+        forms = stacked(facets(s.X), Matrix.join(middle, -1), beside(*row))
+        yield Condition(titled("h'(A x + B u - rate x) >= 0", model, g), forms, ">=")
         if s.sizes[2]:
-            right = exact(np.concatenate([x_g, u_g, y_g], axis=1)[:, None, :])
             middle = Matrix.join([s.C, s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
-            yield Condition(titled("h'(C x + D u - y) >= 0", model, g), stacked(facets(s.Y), middle, right), ">=")
+            forms = stacked(facets(s.Y), middle, beside(x_g, u_g, y_g))
+            yield Condition(titled("h'(C x + D u - y) >= 0", model, g), forms, ">=")
     yield received(model, u, y)
 
 
 def emitted(model: NetworkModel, y: Any) -> list[Condition]:
     """y in Y: h'y >= 0 for every facet h of every Y_j."""
-    parts = enumerate(zip(model.stacks, model.split(y, 2), strict=True))
-    forms = [(g, BilinearForms(facets(s.Y), None, exact(y_g[:, None, :]))) for g, (s, y_g) in parts]
+    parts = enumerate(zip(model.stacks, model.split(exact(y), 2), strict=True))
+    forms = [(g, BilinearForms(facets(s.Y), None, beside(y_g))) for g, (s, y_g) in parts]
     return [Condition(titled("h'y >= 0", model, g), form, ">=") for g, form in forms]
 
 
 def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
     """h'(W y - u) >= 0 for every facet h of every U_j."""
-    right = exact(np.concatenate([y, u])[None, :])
     if model.coupling.is_double:
         middle = Matrix(sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr")))
     else:
         middle = Matrix.join([_dense(model.coupling), Matrix(-np.eye(model.totals[1]))], -1)
-    left = input_facets(model)
-    return Condition("h'(W y - u) >= 0", BilinearForms(right, middle.T, left), ">=")
+    return Condition("h'(W y - u) >= 0", BilinearForms(after(y, u), middle.T, input_facets(model)), ">=")

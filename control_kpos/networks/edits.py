@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from ..exact.condition import all_hold
+from ..exact.fraction_vector import FractionVector
 from ..exact.intake import exact_matrix, found, items, whole_number
 from ..exact.matrix import Matrix
 from ..proof.certificate import Status
@@ -203,7 +204,9 @@ def _restricted(certificate: NetworkCertificate, model: NetworkModel, origin: In
 
 
 def _chosen(values: Any, keep: Any) -> Any:
-    """Entries of an array or of a tuple of fractions."""
+    """Entries of an array, or of a tuple or vector of fractions."""
+    if isinstance(values, FractionVector):
+        return FractionVector(values.matrix[keep])
     if isinstance(values, tuple):
         return tuple(value for value, kept in zip(values, keep, strict=True) if kept)
     return values[keep]

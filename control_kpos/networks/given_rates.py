@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ShapeError
+from ..exact.fraction_vector import FractionVector
 from ..exact.intake import exact_matrix, items
 from ..exact.matrix import Matrix
 from ..exact.programs import solve
@@ -102,7 +103,7 @@ def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
     rate = max(provable_rate(model, v, q_, discrete=model.discrete), 0.0)
     common = {"model": model, "loop_weights": loop, **rates}
     weighted = {**common, "v": per_node(v, model, 0), "decay_rate": rate}
-    weighted["exact"] = None if exact is None else (tuple(map(Fraction, v.tolist())), *exact)
+    weighted["exact"] = None if exact is None else (FractionVector(Matrix(v)), *exact)
     gains = balance_matrix(model, q_, r_)
     found = NetworkCertificate.settle(**common)
     for sigma, y in itertools.chain(weights(gains), obstructions(model, gains), exact_weights(model, q, r)):

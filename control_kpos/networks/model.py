@@ -102,9 +102,9 @@ class NetworkModel:
         """True if one stack holds all nodes in their order."""
         return len(self.stacks) == 1 and bool((self.members[0] == np.arange(self.n_nodes)).all())
 
-    def split(self, vector: NDArray[Number], kind: int) -> list[NDArray[Number]]:
-        """A vector of states (kind 0), inputs (1) or outputs (2) as arrays (N, size), one per stack."""
-        if self.is_ordered:
+    def split(self, vector: Any, kind: int) -> list[Any]:
+        """A vector of states (kind 0), inputs (1) or outputs (2), ndarray or Matrix, as (N, size), one per stack."""
+        if self.is_ordered and isinstance(vector, np.ndarray):
             return [vector.reshape(self.n_nodes, -1)]
         return [vector[p[kind]] for p in self.places]
 

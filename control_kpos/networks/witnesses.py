@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import DataError
 from ..exact.condition import Condition
+from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
@@ -22,7 +23,7 @@ from . import conditions as on
 from .blocks import Floats, take_blocks
 from .model import NetworkModel
 
-Exact: TypeAlias = "tuple[tuple[Fraction, ...], ...] | None"
+Exact: TypeAlias = "tuple[Sequence[Fraction], ...] | None"
 LoopWeights: TypeAlias = "tuple[Any, Any] | None"
 
 
@@ -36,21 +37,17 @@ def exact_vectors(rounded: Sequence[Any], exact: Exact) -> list[Any]:
     """
     if exact is None:
         return list(rounded)
-    out = []
-    for values, fractions in zip(rounded, exact, strict=True):
-        if [float(value) for value in fractions] != np.asarray(values).tolist():
-            raise DataError("an exact vector does not round to the doubles beside it.")
-        out.append(np.array(fractions, dtype=object))
+    out = [FractionVector.of(fractions) for fractions in exact]
+    if not all(np.array_equal(part.matrix.values, values) for part, values in zip(out, rounded, strict=True)):
+        raise DataError("an exact vector does not round to the doubles beside it.")
     return out
 
 
 def with_exact(vectors: Sequence[Any]) -> tuple[list[Floats], Exact]:
     """The inverse: doubles, and the fractions if they differ from them."""
-    exact = [[x if isinstance(x, Fraction) else Fraction(x) for x in part] for part in vectors]
-    rounded = [np.array([x.numerator / x.denominator for x in part]) for part in exact]
-    pairs = zip(np.concatenate(rounded).tolist(), (x for part in exact for x in part), strict=True)
-    same = all(a.as_integer_ratio() == b.as_integer_ratio() for a, b in pairs)
-    return rounded, None if same else tuple(map(tuple, exact))
+    parts = [on.exact(part) for part in vectors]
+    same = all(part.is_double for part in parts)
+    return [part.values for part in parts], None if same else tuple(map(FractionVector, parts))
 
 
 @register_record
@@ -245,11 +242,10 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
             return None
         all_y, all_u = w.vectors
         out = positive_parts(model) + on.emitted(model, all_y)
-        for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
+        for g, (y, u) in enumerate(zip(model.split(on.exact(all_y), 2), model.split(on.exact(all_u), 1), strict=True)):
             s = model.stacks[g]
-            row = on.exact(np.concatenate([u, y], axis=1)[:, None, :])
             middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
-            forms = BilinearForms(on.facets(s.Y), middle, row)
+            forms = BilinearForms(on.facets(s.Y), middle, on.beside(u, y))
             out.append(Condition(on.titled("h'(D u - y) >= 0", model, g), forms, ">="))
         return [*out, on.received(model, all_u, all_y)]
     return None

@@ -6,9 +6,9 @@ too many, nonnegative combinations of generators do.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.enclosure import Generators
+from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.encoding import register_record
@@ -38,7 +39,7 @@ class InstabilityDirection:
     """
 
     x: NDArray[np.float64]
-    exact: tuple[Fraction, ...] | None = None
+    exact: Sequence[Fraction] | None = None
 
     def __str__(self) -> str:
         shown = ", ".join(f"{v:.4g}" for v in self.x[:6]) + (", ..." if len(self.x) > 6 else "")
@@ -62,18 +63,17 @@ class InstabilityCombination(InstabilityDirection):
 # -- inequalities
 
 
-def exact_row(v: NDArray[np.float64], exact: tuple[Fraction, ...] | None = None) -> Matrix:
+def exact_row(v: NDArray[np.float64], exact: Sequence[Fraction] | None = None) -> Matrix:
     """A vector as a 1 x n exact matrix; DataError if the doubles are not the rounding of `exact`."""
     v = np.asarray(v, dtype=float)
     if v.ndim != 1 or not np.isfinite(v).all():
         raise DataError("a vector of finite numbers is needed.")
     if exact is None:
         return Matrix(v[None, :])
-    if len(exact) != len(v) or any(float(b) != a for a, b in zip(v.tolist(), exact, strict=True)):
+    row = FractionVector.of(exact).matrix[None, :]
+    if not np.array_equal(row.values[0], v):
         raise DataError("the exact vector does not round to the doubles beside it.")
-    out = np.empty((1, len(v)), dtype=object)
-    out[0] = exact
-    return Matrix.from_fractions(out)
+    return row
 
 
 def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
@@ -132,9 +132,6 @@ def growing_combination(
     return InstabilityCombination(x.x, x.exact, weights)
 
 
-def direction(x: NDArray[Any]) -> InstabilityDirection:
-    """A direction from doubles, or from fractions."""
-    if x.dtype != object:
-        return InstabilityDirection(x)
-    exact = tuple(Fraction(t) for t in x)
-    return InstabilityDirection(np.array([float(t) for t in exact]), exact)
+def direction(x: Matrix) -> InstabilityDirection:
+    """A direction along a vector."""
+    return InstabilityDirection(x.values, None if x.is_double else FractionVector(x))

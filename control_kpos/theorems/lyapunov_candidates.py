@@ -173,10 +173,10 @@ class ScaledProblem:
         for _, v, _ in reversed(self._noda):
             yield self._unscaled_left(v)
 
-    def right_perron_vectors(self) -> Iterator[NDArray[Any]]:
-        """Vectors in X, at first close to the dominant eigenvector; doubles or Fractions."""
+    def right_perron_vectors(self) -> Iterator[Matrix]:
+        """Vectors in X, at first close to the dominant eigenvector."""
         for _, _, x in reversed(self._noda):
-            yield self._unscaled_right(x)
+            yield Matrix(self._unscaled_right(x))
         if not self._noda:
             return
         shift, _, x = self._noda[-1]
@@ -185,16 +185,16 @@ class ScaledProblem:
         except SingularMatrixError:
             pass
         else:
-            yield self._unscaled_right(x)
+            yield Matrix(self._unscaled_right(x))
         if self.n <= _FACE_ROWS and not has_open_facets(self.X):
             yield from self._on_face(x)
 
-    def growing_directions(self) -> Iterator[NDArray[Any]]:
-        """Candidates x in X with S x in X, doubles or Fractions, when S is not stable."""
+    def growing_directions(self) -> Iterator[Matrix]:
+        """Candidates x in X with S x in X when S is not stable."""
         if self._noda and self._noda[-1][0] >= -1e-6:
             yield from self.right_perron_vectors()
 
-    def _on_face(self, x: Vector) -> Iterator[NDArray[Any]]:
+    def _on_face(self, x: Vector) -> Iterator[Matrix]:
         """x as an exact nonnegative combination of the generators of its smallest face."""
         scaled_facets, scaled_rays = dense(self.facets) * self.units, dense(self.rays) / self.units
         height = scaled_facets @ x / np.abs(scaled_facets).max(axis=1)
@@ -211,7 +211,7 @@ class ScaledProblem:
         shares = np.array([Fraction(float(w)) for w in weights], dtype=object)
         shares = np.array([w / int(s) for w, s in zip(shares, size, strict=True)], dtype=object)
         units = np.array([Fraction(float(u)) for u in self.units[np.abs(rows).argmax(axis=1)]], dtype=object)
-        yield (exact * (shares * units)[:, None]).sum(axis=0)
+        yield Matrix.from_fractions((exact * (shares * units)[:, None]).sum(axis=0))
 
 
 def _dense_if_small(m: Any) -> Any:

@@ -45,7 +45,7 @@ _MOST = 6e10
 _STALLS = 3
 # Larger parts are given to a Krylov method first: on expanders, factors fill in and Krylov methods converge at once.
 _FACTORED_FIRST = 6000
-_KRYLOV_TRIAL, _KRYLOV_STEPS = (50, 2.0**-10), 250
+_KRYLOV_TRIAL, _KRYLOV_STEPS = (16, 2.0**-5), 250
 _KRYLOV_ERROR = 2.0**-26
 # Matrices this dense, or smaller than the second number, are factored as dense ones.
 _DENSE, _SMALL = 0.1, 48

@@ -25,8 +25,9 @@ from numpy.typing import ArrayLike, NDArray
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold
+from ..exact.fraction_vector import FractionVector
 from ..exact.intake import choice
-from ..exact.matrix import Matrix
+from ..exact.matrix import Matrix, bit_length
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
@@ -94,10 +95,10 @@ class LyapunovCertificate(ClaimOnPositivity):
 
     v: NDArray[np.float64] | None = None
     decay_rate: float = float("nan")
-    v_exact: tuple[Fraction, ...] | None = None
+    v_exact: Sequence[Fraction] | None = None
     slow_direction: NDArray[np.float64] | None = None
     decay_rate_bound: float = float("inf")
-    slow_direction_exact: tuple[Fraction, ...] | None = None
+    slow_direction_exact: Sequence[Fraction] | None = None
 
     @property
     def A(self) -> Matrix:
@@ -280,14 +281,14 @@ def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -
     decided = decide_stability(A, X, discrete)
     if decided is None:
         return LyapunovCertificate.settle(positivity=positivity)
-    stable, vector = decided
-    exact = _halved(vector)
-    rounded = np.array([float(value) for value in exact])
+    stable, integers = decided
+    # over a power of two, so that the doubles neither overflow nor vanish
+    exact = Matrix.over_power_of_two(integers, bit_length(integers))
     if not stable:
-        witness = _growing(positivity, rounded) or _growing(positivity, exact)
+        witness = _growing(positivity, Matrix(exact.values)) or _growing(positivity, exact)
         return LyapunovCertificate.settle(positivity=positivity, witness=witness)
     found = _fastest(positivity, ScaledProblem(A, X, discrete)) if fastest else None
-    return found or _proved(positivity, rounded, tuple(exact))
+    return found or _proved(positivity, exact)
 
 
 def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, fastest: bool) -> LyapunovCertificate | None:
@@ -298,7 +299,7 @@ def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, faste
     except SingularMatrixError:
         v = None
     if v is not None and _is_lyapunov(exact_row(v), A, X, discrete):
-        return (_fastest(positivity, problem) if fastest else None) or _proved(positivity, v)
+        return (_fastest(positivity, problem) if fastest else None) or _proved(positivity, Matrix(v))
     for x in problem.growing_directions() if not X.is_simplicial else ():
         witness = _growing(positivity, x)
         if witness is not None:
@@ -306,13 +307,7 @@ def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, faste
     return None
 
 
-def _halved(x: NDArray[np.object_]) -> NDArray[np.object_]:
-    """Integers divided by a power of two, so that their doubles neither overflow nor vanish."""
-    size = 1 << max(abs(value).bit_length() for value in x.tolist())
-    return np.array([Fraction(value, size) for value in x.tolist()], dtype=object)
-
-
-def _growing(positivity: PositivityCertificate, x: NDArray[Any]) -> InstabilityDirection | None:
+def _growing(positivity: PositivityCertificate, x: Matrix) -> InstabilityDirection | None:
     """The proven direction of growth along x, or None."""
     A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
     witness: InstabilityDirection | None = direction(x)
@@ -329,13 +324,10 @@ def _growth_conditions(positivity: PositivityCertificate, w: InstabilityDirectio
     return None if proof is None else combination_conditions(A, X, discrete, w, proof)
 
 
-def _proved(
-    positivity: PositivityCertificate, v: NDArray[np.float64], v_exact: tuple[Fraction, ...] | None = None, **more: Any
-) -> LyapunovCertificate:
-    if v_exact is not None and all(Fraction(a) == b for a, b in zip(v.tolist(), v_exact, strict=True)):
-        v_exact = None
-    rate = proven_rate(exact_row(v, v_exact), positivity.A, positivity.X.exact_rays, positivity.discrete)
-    return LyapunovCertificate.settle(positivity=positivity, v=v, v_exact=v_exact, decay_rate=rate, **more)
+def _proved(positivity: PositivityCertificate, v: Matrix, **more: Any) -> LyapunovCertificate:
+    exact = None if v.is_double else FractionVector(v)
+    rate = proven_rate(v[None, :], positivity.A, positivity.X.exact_rays, positivity.discrete)
+    return LyapunovCertificate.settle(positivity=positivity, v=v.values, v_exact=exact, decay_rate=rate, **more)
 
 
 def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> LyapunovCertificate | None:
@@ -353,15 +345,17 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
         return None
     for candidate in problem.right_perron_vectors() if positivity.generator_proof is None else ():
         x = direction(candidate)
-        bound = _proven_bound(A, X, discrete, exact_row(x.x, x.exact))
+        bound = _proven_bound(A, X, discrete, candidate[None, :])
         if bound is not None and (slow is None or bound < slow[0]):
             slow = bound, x
         if slow is not None and slow[0] <= best[0] + 1e-9 * abs(best[0]):
             break
     if slow is None:
-        return _proved(positivity, best[1])
+        return _proved(positivity, Matrix(best[1]))
     bound, x = slow
-    return _proved(positivity, best[1], decay_rate_bound=bound, slow_direction=x.x, slow_direction_exact=x.exact)
+    return _proved(
+        positivity, Matrix(best[1]), decay_rate_bound=bound, slow_direction=x.x, slow_direction_exact=x.exact
+    )
 
 
 # -- inequalities

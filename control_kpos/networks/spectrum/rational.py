@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import TooLargeError
-from ...exact.matrix import Integers
+from ...exact.matrix import Integers, Matrix, bit_length
 from .. import conditions as on
 from ..certificate import NetworkCertificate, per_node
 from ..model import NetworkModel
@@ -118,7 +118,7 @@ def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:
     model, (W, factor) = network.model, network.W
     _, v, r = found
     q = W.T.apply(r) * -factor.numerator
-    vectors, exact = with_exact(_over_power_of_two(v * factor.denominator, r * factor.denominator, q))
+    vectors, exact = with_exact(_over_power_of_two([v * factor.denominator, r * factor.denominator, q]))
     v_, r_, q_ = (per_node(part, model, kind) for kind, part in enumerate(vectors))
     return {"v": v_, "r": r_, "q": q_, "exact": exact}
 
@@ -147,7 +147,7 @@ def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
         cost = (e_g[:, None, :] @ D)[:, 0] @ rows
         share = min([share, *(Fraction(a) / b for a, b in zip(spare.ravel(), cost.ravel(), strict=True) if b > 0)])
     p = p + inner * share
-    size = 1 << max(abs(value).bit_length() for value in t.tolist())
+    size = 1 << bit_length(t)
     return tuple(Fraction(value) / size for value in p), tuple(Fraction(value, size) for value in t.tolist())
 
 
@@ -155,16 +155,13 @@ def _row_sum(rows: Any) -> Integers:
     return rows.rows_as_integers(np.arange(rows.shape[0])).sum(axis=0)
 
 
-def _together(*vectors: Integers) -> list[Integers]:
+def _together(*vectors: Integers) -> list[Matrix]:
     """Integers without a common factor, so that they are doubles if they can be."""
-    joint = np.concatenate(vectors)
-    joint = joint // (gcd(*joint.tolist()) or 1)
-    cut = np.cumsum([len(vector) for vector in vectors])[:-1]
-    return _over_power_of_two(*np.split(joint, cut), spared=_LONGEST)
+    content = gcd(*np.concatenate(vectors).tolist())
+    return _over_power_of_two([x // content if content > 1 else x for x in vectors], spared=_LONGEST)
 
 
-def _over_power_of_two(*vectors: Integers, spared: int = 0) -> list[Integers]:
-    """Integers as fractions of size 2^spared at most, times a common power of two."""
-    longest = max(abs(value).bit_length() for vector in vectors for value in vector.tolist())
-    size = 1 << max(0, longest - spared)
-    return [np.array([Fraction(value, size) for value in vector.tolist()], dtype=object) for vector in vectors]
+def _over_power_of_two(vectors: list[Integers], spared: int = 0) -> list[Matrix]:
+    """Integers over a common power of two, of size 2^spared at most."""
+    bits = max(0, *(bit_length(x) - spared for x in vectors))
+    return [Matrix.over_power_of_two(x, bits) for x in vectors]
