@@ -1,5 +1,6 @@
 """The trusted kernel against rational arithmetic."""
 
+import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -8,6 +9,8 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import control_kpos as kp
+from control_kpos.exact.fraction_vector import FractionVector
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix, integers_of_doubles
 from control_kpos.exact.signs import (
@@ -129,6 +132,34 @@ def test_matrices_side_by_side_keep_their_exact_entries(axis):
     assert (joined.fractions() == expected).all()
     far = np.array([abs(a - Fraction(b)) for a, b in zip(expected.ravel(), joined.values.ravel(), strict=True)])
     assert (far <= [Fraction(r) for r in joined.radius.ravel()]).all()
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.integers(-(2**1200), 2**1200), max_size=6), st.one_of(st.just(1), st.integers(1, 2**300)))
+def test_integers_over_a_denominator_are_what_their_fractions_are(integers, denominator):
+    denominator <<= 200
+    made = Matrix.over(np.array(integers, dtype=object), denominator)
+    fractions = [Fraction(x, denominator) for x in integers]
+    expected = Matrix.from_fractions(np.array(fractions, dtype=object))
+    assert made.fractions().tolist() == fractions and made.is_double == expected.is_double
+    np.testing.assert_array_equal(made.values, expected.values)
+    if not made.is_double:
+        np.testing.assert_array_equal(made.radius, expected.radius)
+    vector = FractionVector(made)
+    assert vector == tuple(fractions) and tuple(fractions) == vector == pickle.loads(pickle.dumps(vector))
+    assert FractionVector.of(tuple(fractions)) == vector and len(vector) == len(fractions)
+
+
+@pytest.mark.parametrize(("value", "bits"), [(2**1100, 0), (3, 1074), (1, 1074), (1, 1200), (2**53 + 1, 0)])
+def test_numbers_at_the_ends_of_doubles_over_a_denominator(value, bits):
+    integers = np.array([value], dtype=object)
+    if value == 2**1100:
+        with pytest.raises(kp.DataError, match="does not fit into a double"):
+            Matrix.over(integers, 1)
+        return
+    made, exact = Matrix.over(integers, 2**bits), Fraction(value, 2**bits)
+    assert made.fractions().tolist() == [exact] and made.is_double == (Fraction(made.values[0]) == exact)
+    assert made.is_double or abs(Fraction(made.values[0]) - exact) <= Fraction(made.radius[0])
 
 
 def test_radius_of_inexact_rows_is_respected():

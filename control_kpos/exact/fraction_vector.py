@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .matrix import Integers, Matrix
+from .matrix import Matrix
 
 
 class FractionVector(Sequence[Fraction]):
@@ -22,7 +22,7 @@ class FractionVector(Sequence[Fraction]):
 
     Examples
     --------
-    >>> x = FractionVector.over_power_of_two(np.array([1, 3], dtype=object), 1)
+    >>> x = FractionVector(Matrix.over(np.array([1, 3], dtype=object), 2))
     >>> x == (Fraction(1, 2), Fraction(3, 2)), x.matrix.values
     (True, array([0.5, 1.5]))
     """
@@ -38,11 +38,6 @@ class FractionVector(Sequence[Fraction]):
         column = np.empty(len(values), dtype=object)
         column[:] = values
         return cls(Matrix.from_fractions(column))
-
-    @classmethod
-    def over_power_of_two(cls, integers: Integers, bits: int) -> FractionVector:
-        """integers / 2^bits."""
-        return cls(Matrix.over_power_of_two(integers, bits))
 
     @cached_property
     def _fractions(self) -> tuple[Fraction, ...]:

@@ -96,20 +96,21 @@ class Matrix:
         return cls(values, np.where(exact, 0.0, rounding_radius(values)), nums, den)
 
     @classmethod
-    def over_power_of_two(cls, integers: Integers, bits: int) -> Matrix:
-        """integers / 2^bits, any shape."""
-        size = 1 << bits
+    def over(cls, integers: Integers, denominator: int) -> Matrix:
+        """integers / denominator, any shape; nothing is reduced."""
+        flat = integers.ravel().tolist()
         try:
-            values = np.array([x / size for x in integers.ravel().tolist()]).reshape(integers.shape)
+            values = np.array([x / denominator for x in flat], dtype=float)
         except OverflowError:
-            raise DataError("a number does not fit into a double; rescale the data.") from None
+            values = np.array([nearest_double(Fraction(x, denominator)) for x in flat])  # names the number
+        values = values.reshape(integers.shape)
         mantissa, exponent = np.frexp(values)
-        whole, shift = np.ldexp(mantissa, 53).astype(np.int64).astype(object), exponent.astype(np.int64) + (bits - 53)
+        whole, shift = np.ldexp(mantissa, 53).astype(np.int64).astype(object), exponent.astype(np.int64) - 53
         left, right = (np.maximum(s, 0).astype(object) for s in (shift, -shift))
-        exact = ((whole << left) == (integers << right)).astype(bool)
+        exact = ((whole * denominator << left) == (integers << right)).astype(bool)
         if exact.all():
             return cls(values)
-        return cls(values, np.where(exact, 0.0, rounding_radius(values)), integers, size)
+        return cls(values, np.where(exact, 0.0, rounding_radius(values)), integers, denominator)
 
     @classmethod
     def identity(cls, n: int, *, sparse: bool = False) -> Matrix:

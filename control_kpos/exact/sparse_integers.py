@@ -114,6 +114,11 @@ class SparseIntegers:
         """All entries times an integer."""
         return self if factor == 1 else SparseIntegers(self.data * factor, self.indices, self.indptr, self.width)
 
+    def without_zeros(self) -> SparseIntegers:
+        """The same without entries that are zero."""
+        kept = self.data != 0
+        return SparseIntegers.of(self.rows[kept], self.indices[kept], self.data[kept], (self.height, self.width))
+
     def in_units(self, exponents: NDArray[np.int64]) -> SparseIntegers:
         """Columns times 2**exponents, and every row times a power of two that makes them integers."""
         if not exponents.any():

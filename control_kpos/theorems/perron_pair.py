@@ -32,7 +32,7 @@ from ..exact.sparse_integers import Floats, SparseIntegers
 from .refinement import Borders, Factors, Frame, balancing_units, frames, rational_multiple, refine
 
 # Bits at which a root that may be zero is first looked at as zero.
-_FIRST_ATTEMPT = 80
+_FIRST_ATTEMPT = 110
 # A t below minus this is not rounding: x is looked for first.
 _NO_ROUNDING = 2.0**-45
 # Weights of parts may differ by this many bits: doubles hold no more.
@@ -210,11 +210,7 @@ def _decide_part(N: SparseIntegers, cones: Cones, part: Index) -> Decision | Non
         return solved or _by_program(N, rays)
     if N.height == 1:
         return Decision(bool(N.data.size and N.data[0] < 0), np.array([1], dtype=object))
-    found = _near_margin(N) or _away_from_margin(N)
-    if found is not None or N.height > _EXACT_ROWS:
-        return found
-    one = np.eye(N.height, dtype=int).astype(object)
-    return _by_solution(N, one, one) or _by_program(N, one)
+    return _near_margin(N) or _away_from_margin(N) or _by_solution(N)
 
 
 def _near_margin(N: SparseIntegers) -> Decision | None:
@@ -293,10 +289,12 @@ def _of_doubles(m: Floats, e: NDArray[np.int64]) -> Integers:
     return np.ldexp(m, 53).astype(np.int64).astype(object) << (e - e.min()).astype(object)
 
 
-def _by_solution(N: SparseIntegers, facets: Integers, rays: Integers) -> Decision | None:
-    """Both bordered equations solved without rounding."""
+def _by_solution(N: SparseIntegers, facets: Integers | None = None, rays: Integers | None = None) -> Decision | None:
+    """Both bordered equations solved without rounding; on the orthant if no facets and generators are given."""
     if N.height > _EXACT_ROWS:
         return None
+    if facets is None or rays is None:
+        facets = rays = np.eye(N.height, dtype=int).astype(object)
     c, d, S = facets.sum(axis=0), rays.sum(axis=0), N.toarray()
     x, t = _bordered(S, d, c)
     if x is None:

@@ -283,7 +283,7 @@ def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -
         return LyapunovCertificate.settle(positivity=positivity)
     stable, integers = decided
     # over a power of two, so that the doubles neither overflow nor vanish
-    exact = Matrix.over_power_of_two(integers, bit_length(integers))
+    exact = Matrix.over(integers, 1 << bit_length(integers))
     if not stable:
         witness = _growing(positivity, Matrix(exact.values)) or _growing(positivity, exact)
         return LyapunovCertificate.settle(positivity=positivity, witness=witness)

@@ -15,19 +15,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import lcm
 from typing import TypeAlias
 
 import numpy as np
 
-from ...exact.matrix import Integers, Matrix
+from ...exact.matrix import Integers
 from ...exact.sparse_integers import SparseIntegers
-from ...theorems.generator_coordinates import Coordinates, Pencil, block_diagonal, sparse_integers
+from ...theorems.generator_coordinates import Coordinates, Pencil, sparse_integers
 from ...theorems.perron_pair import Cones, Decision
+from ..exact_loop import blocks, scales
 from ..model import NetworkModel
 
-# Which signals the rows and columns of A, B, C and D belong to.
-_KINDS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
 Outcome: TypeAlias = "tuple[bool, Integers, Integers]"
 
 
@@ -59,11 +57,7 @@ class NetworkPencil:
     @cached_property
     def _scales(self) -> tuple[int, int]:
         """What the rows of states and those of inputs are multiplied by to be integers."""
-        stacks = self.model.stacks
-        state, output = (
-            lcm(*(_integers(getattr(s, name))[1].denominator for s in stacks for name in names))
-            for names in ("AB", "CD")
-        )
+        state, output = scales(self.model)
         return state, output * self.W[1].denominator
 
     @cached_property
@@ -72,7 +66,7 @@ class NetworkPencil:
         (n, m, _), at, (W, factor) = self.model.totals, self.coordinates, self.W
         size, (state, port) = n + m, self._scales
         output = port // factor.denominator
-        own, sent = self._blocks("A", state) + self._blocks("B", state), self._sent(output)
+        own, sent = self._beside("AB", state), self._beside("CD", output)
         states = SparseIntegers(own.data, own.indices, np.append(own.indptr, np.full(m, own.indptr[-1])), size)
         heard = W.times(factor.numerator) @ sent
         inputs = SparseIntegers(
@@ -85,24 +79,15 @@ class NetworkPencil:
         direct[:n] = 0
         return Pencil(N + SparseIntegers.diagonal(direct), E, at.cones)
 
-    def _sent(self, scale: int) -> SparseIntegers:
-        """[C, D] times the scale."""
-        return self._blocks("C", scale) + self._blocks("D", scale)
+    def _beside(self, names: str, scale: int) -> SparseIntegers:
+        """[A, B] or [C, D] times the scale."""
+        left, right = (blocks(self.model, name, scale, beside=True) for name in names)
+        return left + right
 
     def signals(self, x: Integers, u: Integers) -> tuple[Integers, Integers, Integers]:
         """x, u and y = C x + D u, all times one number."""
         scale = self._scales[1] // self.W[1].denominator
-        return x * scale, u * scale, self._sent(scale).apply(np.concatenate([x, u]))
-
-    def _blocks(self, name: str, scale: int) -> SparseIntegers:
-        """A, B, C or D of all nodes times the scale, with the columns of states and inputs beside each other."""
-        model, (i, j) = self.model, _KINDS[name]
-        n, m, _ = model.totals
-        blocks = []
-        for s, places in zip(model.stacks, model.places, strict=True):
-            ints, factor = _integers(getattr(s, name))
-            blocks.append((places[i], places[j] + j * n, ints * int(factor * scale)))
-        return block_diagonal(blocks, (model.totals[i], n + m))
+        return x * scale, u * scale, self._beside("CD", scale).apply(np.concatenate([x, u]))
 
     def decide(self, shift: float) -> Outcome | None:
         """Whether the algebraic loop contracts and the spectral abscissa is below the shift.
@@ -136,11 +121,3 @@ class NetworkPencil:
         else:
             vector = self.coordinates.out.apply(vector)
         return found.stable, vector[:n], vector[n:]
-
-
-def _integers(stack: Matrix) -> tuple[Integers, Fraction]:
-    """A stack as integers times a factor; one matrix of it if all are one."""
-    if stack.is_double and len(stack.values) > 1 and not stack.values.strides[0]:
-        stack = Matrix(stack.values[:1])
-    numerators, factor = stack.as_integers()
-    return np.asarray(numerators, dtype=object), Fraction(factor)

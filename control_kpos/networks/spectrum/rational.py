@@ -164,4 +164,4 @@ def _together(*vectors: Integers) -> list[Matrix]:
 def _over_power_of_two(vectors: list[Integers], spared: int = 0) -> list[Matrix]:
     """Integers over a common power of two, of size 2^spared at most."""
     bits = max(0, *(bit_length(x) - spared for x in vectors))
-    return [Matrix.over_power_of_two(x, bits) for x in vectors]
+    return [Matrix.over(x, 1 << bits) for x in vectors]
