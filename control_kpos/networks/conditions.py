@@ -241,7 +241,7 @@ def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind
     return Matrix.from_fractions(out)
 
 
-def balance_forms(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> BilinearForms:
+def balance_forms(model: NetworkModel, q: Any, r: Any, sigma: Floats | None) -> BilinearForms:
     """sigma_k q_k'y + sum_j sigma_j r_j'W_jk y for every generator y of every Y_k: forms (1, sum p_k)."""
     left = after(q, r)
     generators = output_generators(model)
@@ -305,7 +305,7 @@ def _nodes(model: NetworkModel) -> Index:
     return np.concatenate([model.owners(2), model.owners(1)])
 
 
-def balance(model: NetworkModel, q: Floats, r: Floats, sigma: Floats | None) -> Condition:
+def balance(model: NetworkModel, q: Any, r: Any, sigma: Floats | None) -> Condition:
     """(III'), one inequality per node and generator of its output cone."""
     return Condition(BALANCE, balance_forms(model, q, r, sigma), "<=")
 

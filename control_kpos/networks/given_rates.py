@@ -11,7 +11,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import ShapeError
-from ..exact.fraction_vector import FractionVector
 from ..exact.intake import exact_matrix, items
 from ..exact.matrix import Matrix
 from ..exact.programs import solve
@@ -95,7 +94,8 @@ def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
     if model.has_feedthrough and loop is None:
         return certify(model)
     v, witness = storages(model, q, r)
-    (r_, q_), exact = with_exact((r, q))
+    (r_, q_), vectors = with_exact((r, q))
+    exact = None if vectors is None else tuple(map(tuple, vectors))
     rates: dict[str, Any] = {"q": per_node(q_, model, 2), "r": per_node(r_, model, 1)}
     rates["exact"] = None if exact is None else ((), *exact)
     if witness is not None or v is None:
@@ -103,7 +103,7 @@ def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
     rate = max(provable_rate(model, v, q_, discrete=model.discrete), 0.0)
     common = {"model": model, "loop_weights": loop, **rates}
     weighted = {**common, "v": per_node(v, model, 0), "decay_rate": rate}
-    weighted["exact"] = None if exact is None else (FractionVector(Matrix(v)), *exact)
+    weighted["exact"] = None if exact is None else (tuple(map(Fraction, v.tolist())), *exact)
     gains = balance_matrix(model, q_, r_)
     found = NetworkCertificate.settle(**common)
     for sigma, y in itertools.chain(weights(gains), obstructions(model, gains), exact_weights(model, q, r)):
