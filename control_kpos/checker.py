@@ -542,7 +542,7 @@ def shifted(p: list[Any], b: Fraction) -> Polynomial:
     for last in range(len(p), 1, -1):
         for k in range(1, last):
             out[k] += b * out[k - 1]
-    while len(out) > 1 and out[-1] == 0:
+    while out[-1] == 0:  # p is not zero
         out.pop()
     return primitive(out)
 
@@ -598,7 +598,7 @@ def root_beside(p: Polynomial, b: Fraction, discrete: bool) -> None:
     """Some root is b + i w, w != 0;  discrete time: some root of modulus b > 0 is no root of unity times b."""
     if discrete:
         p = shifted([a * b ** (len(p) - 1 - k) for k, a in enumerate(p)], Fraction(0))  # roots z / b
-        p = common(p, p[::-1])  # of these, the ones on the unit circle, and pairs z, 1 / z
+        p = common(p, list(reversed(p)))  # of these, the ones on the unit circle, and pairs z, 1 / z
         for order in range(1, 2 * len(p) ** 2):  # the order of a root of unity of degree n is at most 2 n^2
             while len(unity := common(p, [1] + [0] * (order - 1) + [-1])) > 1:
                 p = divided(p, unity)[0]
@@ -615,9 +615,9 @@ def root_beside(p: Polynomial, b: Fraction, discrete: bool) -> None:
 def resolvent(A: Matrix, s: Fraction) -> list[list[int]]:
     """A positive multiple of (s I - A)^-1 = integral of e^((A - s I) t), if no real eigenvalue of A is >= s."""
     p, adjugate = leverrier(integers(A, s, -1)[0])  # the roots of p are s - eigenvalue
-    mirrored = [a * (-1) ** (len(p) - 1 - k) for k, a in enumerate(p)]
+    mirrored = [-a if k % 2 else a for k, a in enumerate(p)]
     need(p[-1] != 0 and real_roots_beyond(mirrored, Fraction(0)) == 0, "s is beyond the real eigenvalues")
-    return adjugate if mirrored[-1] * (-1) ** (len(p) - 1) > 0 else [[-a for a in row] for row in adjugate]
+    return adjugate  # det(s I - A) > 0: it has no zero from s to infinity
 
 
 def no_cone(c: Json, limit: int) -> None:

@@ -1,6 +1,7 @@
 """Certificate files with one thing changed, and source code with one operator changed."""
 
 import ast
+import contextlib
 import copy
 import functools
 import hashlib
@@ -138,6 +139,30 @@ def source_mutants(source, functions=None, constants=False):
             undo = change()
             yield f"line {node.lineno}: {name}: {before} -> {ast.unparse(parent)[:100]}", copy.deepcopy(tree)
             undo()
+
+
+def changed_functions(source):
+    """Pairs of (where, definition of a function) with one operator changed, in place until the next is asked for."""
+    for top in ast.parse(source).body:
+        for parent in ast.walk(top):
+            for _, change in changes(parent):
+                before = ast.unparse(parent)
+                undo = change()
+                yield f"{top.name}: {before} -> {ast.unparse(parent)}", top
+                undo()
+
+
+@contextlib.contextmanager
+def installed(top, names):
+    """The code of a changed function in a module that is there already, for a while."""
+    changed = dict(names)
+    exec(compile(ast.fix_missing_locations(ast.Module([top], [])), "changed", "exec"), changed)
+    function, own = names[top.name], names[top.name].__code__
+    function.__code__ = changed[top.name].__code__
+    try:
+        yield
+    finally:
+        function.__code__ = own
 
 
 def places(tree, name=""):

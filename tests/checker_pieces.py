@@ -1,0 +1,347 @@
+"""More files by hand, in one to three dimensions: cones, bounds on Jacobians, no cone, no feedback, any size."""
+
+from fractions import Fraction
+
+from checker_cases import HALF, direction, family, flow, scalar, weights
+
+PLANE = {"cone": [[1, {"rays": [[1, 0], [0, 1]], "w": [1, 1], "Z": [[1, 0], [0, 1]]}]]}
+WEDGE = {"cone": [[1, {"rays": [[1, 1], [1, -1]], "w": [1, 0], "Z": [["1/2", "1/2"], ["1/2", "-1/2"]]}]]}
+TOP = {"cone": [[1, {"rays": [[1, 1], [1, -1], [1, 0]], "w": [1, 0], "Z": [["1/2", "1/2"], ["1/2", "-1/2"], [0, 0]]}]]}
+WHOLE_LINE = {"cone": [[1, {"rays": [[1], [-1]], "w": [0], "Z": [[1], [0]]}]]}
+
+
+def changed(content, **data):
+    """The file with other data."""
+    return {**content, "data": {**content["data"], **data}}
+
+
+def plane(A, X=PLANE, claim="stable", **data):
+    """A system of two states without ports; the weights are given unless X is the orthant."""
+    alone = dict.fromkeys("BCDUY") | {"discrete": False, "A": {"matrix": A}, "X": X, "decay_rate": {"double": 0}}
+    return {"claim": claim, "status": "PROVED", "data": alone | data, "proof": {}}
+
+
+def slow(z, bound, decay=2, **more):
+    out = scalar("stable", decay=decay, **more)
+    return changed(out, slow_direction={"array": [z]}, decay_rate_bound={"double": bound})
+
+
+def slow_in(X, z, P, **proof):
+    more = {"slow_direction": {"array": z}, "decay_rate_bound": {"double": 2}, "v": {"array": [1, 0]}}
+    out = plane([[-2, 0], [0, -2]], X, **more)
+    return {**out, "proof": {"P": {"matrix": P}, **proof}}
+
+
+def exactly(v, exact):
+    return changed(scalar("stable"), v={"array": [v]}, v_exact={"fractions": [exact]})
+
+
+def bounded(A, radius, **more):
+    """A family of one Jacobian with bounds on its entries."""
+    return changed(family([A], **more), radii={"tuple": [{"array": [[radius]]}]})
+
+
+def bounded_plane(radius):
+    """Two states that move each other, with a bound on the effect of the first on the second."""
+    out = plane([[-1, 1], [1, -1]], claim="differentially-positive")
+    family = {"tuple": [out["data"]["A"]]}, {"tuple": [{"array": [[0, 0], [radius, 0]]}]}
+    return {**changed(out, A=family[0], radii=family[1], v=None), "proof": {"P": [None]}}
+
+
+def leaves(A, radius, member=0):
+    return bounded(
+        A, radius, discrete=True, status="REFUTED", member=member, matrix="A", normal={"matrix": [[1]]}, ray=0
+    )
+
+
+def bracket(lower, upper, rate=None, **more):
+    rate = lower if rate is None else rate
+    out = scalar("network abscissa", W=1, **{**flow(1, 1, 1), "rate": rate}, **more)
+    return changed(out, lower={"double": lower}, upper={"double": upper})
+
+
+def static_node(sigma):
+    """A node without states beside one with a state; sigma is the weight of the first."""
+    two = {"cone": [[2, HALF["cone"][0][1]]]}
+    out = scalar("network", W=0)
+    out["data"] |= {"U": two, "Y": two, "B": {"matrix": [[1, 0]]}, "C": {"matrix": [[1], [0]]}, "D": None, "W": None}
+    out["data"] |= {"sizes": {"array": [[1, 1, 1], [0, 1, 1]]}, "sigma": {"array": [1, sigma]}}
+    out["data"] |= {"v": {"array": [1]}, "q": {"array": [-1, -1]}, "r": {"array": [1, 1]}}
+    proof = {
+        "V": {"array": [1]},
+        "R": {"array": [1, sigma]},
+        "Q": {"tuple": [{"array": [-1]}, {"array": [f"-{sigma}"]}]},
+    }
+    return {**out, "proof": {**out["proof"], **proof}}
+
+
+def two_outputs(q, y):
+    out = scalar("network", "REFUTED")
+    two = {"cone": [[2, HALF["cone"][0][1]]]}
+    out["data"] |= {"Y": two, "C": {"matrix": [[0], [0]]}, "D": {"matrix": [[0], [0]]}, "W": {"matrix": [[0, 0]]}}
+    out["data"] |= {"q": {"array": [q]}, "r": {"array": [[1]]}}
+    return {**out, "proof": {"shows": "weights", "rate": 0, "y": {"array": y}}}
+
+
+# -- no cone
+
+
+def none(matrices, discrete, proof=None, contains=None, within=None, **fields):
+    data = {"witness": {"fields": fields}, "matrices": {"matrix": matrices}, "discrete": discrete}
+    data |= {"contains": contains and {"matrix": contains}, "within": within and {"matrix": within}}
+    return {"claim": "invariant-cone", "status": "REFUTED", "data": data, "proof": proof or {}}
+
+
+def ahead(A, z, bound, discrete=False):
+    return none([A], discrete, {"z": z}, matrix=0, kind="ahead", bound={"fraction": bound})
+
+
+def beside(A, bound, discrete=False):
+    return none([A], discrete, matrix=0, kind="beside", bound={"fraction": bound})
+
+
+def cycle(A, shifts, z, bound, discrete=True):
+    steps = {"cycle": {"tuple": [0] * len(shifts)}, "shifts": {"fractions": shifts}}
+    return none([A], discrete, {"z": z}, **steps, bound={"fraction": bound})
+
+
+def port(A, b, c, power=1, shift=0, discrete=False):
+    fields = {"normal": {"matrix": [c]}, "vector": {"matrix": [b]}, "power": power, "shift": {"fraction": shift}}
+    return none([A], discrete, contains=[b], within=[c], **fields)
+
+
+QUARTER = [[0, 1], [-1, 0]]
+THIRD = [[0, 1], [-1, -1]]
+ANGLE = [[3, -4], [4, 3]]  # 5 times a rotation by an angle that is no part of a turn
+MINUS_TWO = [[-2, 0], [0, -2]]
+CUBIC = [[0, 1, 0], [0, 0, 1], [-12, -4, -3]]  # roots 2i, -2i, -3
+TURNED = [[0, 1, 0], [0, 0, 1], [-1, -1, -1]]  # roots i, -i, -1
+DOUBLE = [["1/2", 0, 0, 0], [0, "1/2", 0, 0], [0, 0, 1, 0], [0, 0, 0, -2]]
+PAIR = [[1, 0, 0], [0, 3, -4], [0, 4, 3]]
+PAIRED = [[1, 0, 0, 0], [0, 2, 0, 0], [0, 0, 3, -4], [0, 0, 4, 3]]
+APART = [[-1, 0], [0, -2]]
+NEAR = ["1/10", "19/10"]  # a point near the root 2i of CUBIC; 3 |p| / |p'| there is between these two:
+REACH = ["0.4302027", "0.4302028"]
+
+
+def power(k):
+    """A^k of ANGLE, with its eigenvalue divided by the largest entry."""
+    re, im = 1, 0
+    for _ in range(k):
+        re, im = 3 * re - 4 * im, 4 * re + 3 * im
+    unit = max(abs(re), abs(im))
+    return cycle(ANGLE, [k], [str(Fraction(re, unit)), str(Fraction(im, unit)), 0], "1/2")
+
+
+NO_CONE = {
+    "root ahead": (ahead(QUARTER, [0, 1, 0], "-1/2"), "REFUTED"),
+    "root not ahead": (ahead(QUARTER, [0, 1, 0], 0), "WRONG"),
+    "no root there": (ahead(QUARTER, [0, 2, 0], "-1/2"), "WRONG"),
+    "disc ahead": (ahead(QUARTER, ["1/10", 1, "1/5"], "-1/5"), "REFUTED"),
+    "disc not ahead": (ahead(QUARTER, ["1/10", 1, "1/5"], "-1/20"), "WRONG"),
+    "disc touches the bound": (ahead(QUARTER, ["1/10", 1, "1/5"], "-1/10"), "WRONG"),
+    "disc large enough": (ahead(CUBIC, [*NEAR, REACH[1]], -2), "REFUTED"),
+    "disc too small": (ahead(CUBIC, [*NEAR, REACH[0]], -2), "WRONG"),
+    "disc on the other side": (ahead(CUBIC, [NEAR[0], "-19/10", REACH[1]], -2), "REFUTED"),
+    "disc exactly large enough": (ahead(MINUS_TWO, [-3, 0, 1], 1, True), "REFUTED"),
+    "disc half as large": (ahead(MINUS_TWO, [-3, 0, "1/2"], 1, True), "WRONG"),
+    "disc of negative radius": (ahead(MINUS_TWO, [-3, 0, -1], 1, True), "WRONG"),
+    "disc touches the circle": (ahead(MINUS_TWO, [-3, 0, 1], 2, True), "WRONG"),
+    "imaginary root, discrete": (ahead([[0, 2], [-2, 0]], [0, 2, 0], 1, True), "REFUTED"),
+    "bound zero, discrete": (ahead(QUARTER, [0, 1, 0], 0, True), "WRONG"),
+    "real root above the bound": (ahead([[1, 0], [0, -2]], [-2, 0, 0], "1/2", True), "WRONG"),
+    "real root at the bound": (ahead([[1, 0], [0, -2]], [-2, 0, 0], 1, True), "REFUTED"),
+    "real root above a double one": (ahead(DOUBLE, [-2, 0, 0], "1/2", True), "WRONG"),
+    "double real root at the bound": (ahead(DOUBLE, [-2, 0, 0], 1, True), "REFUTED"),
+    "real root behind a pair": (ahead(PAIR, [3, 4, 0], 0), "WRONG"),
+    "real root behind a pair, not above": (ahead(PAIR, [3, 4, 0], 1), "REFUTED"),
+    "real roots behind a pair": (ahead(PAIRED, [3, 4, 0], "1/2"), "WRONG"),
+    "root beside": (beside(QUARTER, 0), "REFUTED"),
+    "root beside, three states": (beside(TURNED, 0), "REFUTED"),
+    "no root beside": (beside(QUARTER, 1), "WRONG"),
+    "only a real root": (beside(APART, -1), "WRONG"),
+    "root on the circle": (beside(ANGLE, 5, True), "REFUTED"),
+    "root outside the circle": (beside(ANGLE, 4, True), "WRONG"),
+    "quarter of a turn": (beside(QUARTER, 1, True), "WRONG"),
+    "third of a turn": (beside(THIRD, 1, True), "WRONG"),
+    "half a turn": (beside([[-1]], 1, True), "WRONG"),
+    "cycle": (cycle(QUARTER, [1], [0, 1, 0], "1/2"), "REFUTED"),
+    "cycle of two": (cycle(ANGLE, [1, 1], ["-7/24", 1, 0], "1/2"), "REFUTED"),
+    "cycle of resolvents": (cycle(QUARTER, [1], [1, 1, 0], "1/2", False), "REFUTED"),
+    "power 100": (power(100), "REFUTED"),
+    "power 101": (power(101), "UNREADABLE"),
+    "half a power": (cycle(QUARTER, ["3/2"], [0, 1, 0], "1/2"), "UNREADABLE"),
+    "power 0": (cycle(QUARTER, [0], [0, 1, 0], 1), "UNREADABLE"),
+    "port": (port(APART, [1, 1], [-1, 2], shift="-1/2"), "REFUTED"),
+    "port touches": (port(APART, [1, 1], [-1, 2]), "REFUTED"),
+    "port inside": (port(APART, [1, 1], [-1, 2], shift=1), "WRONG"),
+    "port, second power": (port(APART, [1, 1], [-1, 2], 2), "REFUTED"),
+    "port touches at the second power": (port(APART, [1, 4], [-1, 1], 2), "WRONG"),
+    "port touches at power zero": (port(APART, [2, 1], [-1, 2], 0), "WRONG"),
+    "port that sees nothing": (port(APART, [0, 1], [1, 0]), "WRONG"),
+    "port, shift among the eigenvalues": (port(APART, [1, 1], [-1, 2], shift="-3/2"), "WRONG"),
+    "port, shift before the eigenvalues": (port(APART, [1, 1], [-1, 1], shift=-3), "WRONG"),
+    "port, shift an eigenvalue": (port(APART, [1, 1], [-1, 2], shift=-1), "WRONG"),
+    "port of one state": (port([[-1]], [1], [-1]), "REFUTED"),
+    "port of three states": (port(CUBIC, [1, 0, 0], [-1, 0, 0]), "REFUTED"),
+    "port, discrete": (port([[2, 0], [0, 1]], [1, 1], [-1, 2], 2, discrete=True), "REFUTED"),
+    "port touches, discrete": (port([[2, 0], [0, 1]], [1, 1], [-1, 2], 1, discrete=True), "WRONG"),
+    "port, power 4999": (port([[1]], [1], [-1], 4999, discrete=True), "REFUTED"),
+    "port, power 5000": (port([[1]], [1], [-1], 5000, discrete=True), "UNREADABLE"),
+}
+
+# -- no feedback, in discrete time unless said
+
+
+def hopeless(A, B=0, l=1, d=0, rate=0, gain=None, free=((1,),), discrete=True):
+    data = {"A": {"tuple": [{"matrix": [[A]]}]}, "B": {"tuple": [{"matrix": [[B]]}]}, "X": HALF, "discrete": discrete}
+    data |= {
+        "rate": {"double": rate},
+        "gain_bound": gain and {"array": [gain]},
+        "free": {"array": [list(row) for row in free]},
+    }
+    data |= {"coupling": None, "ports": None}
+    proof = {"L": [{"matrix": [[l]]}], "G": {"matrix": []}, "d": {"matrix": [[d]]}}
+    return {"claim": "feedback exists", "status": "REFUTED", "data": data, "proof": proof}
+
+
+def rigid(A, B, R=1, pattern=1, discrete=True):
+    """Vertices of one state each, and an output."""
+    data = {k: {"tuple": [{"matrix": [[x]]} for x in rows]} for k, rows in (("A", A), ("B", B))}
+    data |= {"R": {"matrix": [[R]]}, "pattern": {"array": [[pattern]]}, "X": HALF, "discrete": discrete}
+    proof = {"L": [{"matrix": [[1]]} for _ in A]}
+    return {"claim": "invariant gain exists", "status": "REFUTED", "data": data, "proof": proof}
+
+
+NO_FEEDBACK = {
+    "no input": (hopeless(-1), "REFUTED"),
+    "no input, on the boundary": (hopeless(0), "WRONG"),
+    "not in continuous time": (hopeless(-1, discrete=False), "WRONG"),
+    "functional outside": (hopeless(1, l=-1), "WRONG"),
+    "does not shrink": (hopeless(2, l=0, d=1), "REFUTED"),
+    "does not shrink by a little": (hopeless(1, l=0, d=1), "REFUTED"),
+    "shrinks": (hopeless("1/2", l=0, d=1), "WRONG"),
+    "shrinks, but not at the rate": (hopeless("1/2", l=0, d=1, rate="1/2"), "REFUTED"),
+    "weak input": (hopeless(-1, B=1, gain="1/2"), "REFUTED"),
+    "input as strong as needed": (hopeless(-1, B=1, gain=1), "WRONG"),
+    "input strong enough": (hopeless(-1, B=1, gain=2), "WRONG"),
+    "input without bound": (hopeless(-1, B=1), "WRONG"),
+    "input not to be used": (hopeless(-1, B=1, free=((0,),)), "REFUTED"),
+    "negative gain": (hopeless(-1, B=1, gain=-1), "WRONG"),
+    "pattern of another size": (hopeless(-1, free=((1,), (1,))), "WRONG"),
+    "nothing to gain": (rigid([-1], [0]), "REFUTED"),
+    "nothing to gain on the boundary": (rigid([0], [0]), "WRONG"),
+    "a gain that helps": (rigid([-1], [1]), "WRONG"),
+    "a gain that helps, negative": (rigid([-1], [1], R=-1), "WRONG"),
+    "a gain that may not": (rigid([-1], [1], pattern=0), "REFUTED"),
+    "a gain that helps one": (rigid([-1, -1], [1, -1]), "REFUTED"),
+    "a gain that helps both": (rigid([-1, -1], [1, 1]), "WRONG"),
+}
+
+# -- any size
+
+
+def any_number(local, weight, link=((1,),), status="PROVED"):
+    data = {
+        "local": {"certificate": local},
+        "weight": {"double": weight},
+        "link": {"array": [list(row) for row in link]},
+    }
+    return {"claim": "out-weight", "status": status, "data": data, "proof": {}}
+
+
+def looped(**more):
+    return scalar("network", W=more.pop("W", 1), **more)
+
+
+def types(r, B=1):
+    """Two nodes side by side, the second with R = r."""
+    two, one = {"cone": [[2, HALF["cone"][0][1]]]}, [[1, 0], [0, 1]]
+    out = scalar("network", W=0)
+    out["data"] |= dict.fromkeys("XUY", two) | {"A": {"matrix": [[-3, 0], [0, -3]]}, "C": {"matrix": one}}
+    out["data"] |= {"B": {"matrix": [[B, 0], [0, B]]}, "D": None, "W": {"matrix": [[0, 0], [0, 0]]}}
+    out["data"] |= {"r": {"array": r}}
+    return {**out, "proof": out["proof"] | {"V": {"array": [1, 1]}, "R": {"array": r}, "Q": {"array": [-1, -1]}}}
+
+
+def two_inputs(link=((0,), (1,)), W=((0,), (1,))):
+    out = scalar("network", W=0)
+    out["data"] |= {"U": {"cone": [[2, HALF["cone"][0][1]]]}, "B": {"matrix": [[1, 1]]}, "D": None}
+    out["data"] |= {"W": {"matrix": W}, "r": {"array": [1, 1]}}
+    return any_number({**out, "proof": out["proof"] | {"R": {"array": [1, 1]}}}, 1, link)
+
+
+GROWS = scalar("network", "REFUTED", A=-1, W=1, **flow(1, 1, 1))
+ANY_SIZE = {
+    "any size": (any_number(looped(), 1), "PROVED"),
+    "any size, refuted": (any_number(GROWS, 1, status="REFUTED"), "REFUTED"),
+    "any size although one is not": (any_number(GROWS, 1), "WRONG"),
+    "any size of another claim": (any_number(changed(scalar("stable"), W={"matrix": [[1]]}), 1), "WRONG"),
+    "another weight": (any_number(looped(), 2), "WRONG"),
+    "no weight": (any_number(looped(W=0), 0), "PROVED"),
+    "negative weight and link": (any_number(looped(), -1, ((-1,),)), "WRONG"),
+    "two inputs": (two_inputs(), "PROVED"),
+    "two inputs, the other": (two_inputs(W=((1,), (0,))), "WRONG"),
+    "two types": (any_number(types([1, 1]), 0), "PROVED"),
+    "two types, different": (any_number(types([1, 2]), 0), "WRONG"),
+    "two types that take nothing": (any_number(types([0, 0], B=0), 0), "WRONG"),
+    "loop weight zero": (any_number(looped(**weights(1, 0)), 1), "PROVED"),
+    "loop weight negative": (any_number(looped(**weights(1, -1)), 1), "WRONG"),
+}
+
+REST = {
+    "number of rows": (changed(scalar("dissipative"), D={"matrix": []}), "UNREADABLE"),
+    "zero outside": (changed(scalar("stable"), A={"sparse": [[0, 0, -2], [1, 0, 0]], "shape": [1, 1]}), "UNREADABLE"),
+    "row that is no number": (changed(scalar("stable"), A={"sparse": [[False, 0, -2]], "shape": [1, 1]}), "UNREADABLE"),
+    "sparse": (changed(scalar("stable"), A={"sparse": [[0, 0, -2]], "shape": [1, 1]}), "PROVED"),
+    "not pointed": ({**plane([[-2]], WHOLE_LINE, "positive"), "proof": {"P": {"matrix": [[-2, 0], [0, -2]]}}}, "WRONG"),
+    "member -1": (leaves(-1, 0, -1), "UNREADABLE"),
+    "member true": (leaves(-1, 0, False), "UNREADABLE"),
+    "exact vector": (exactly("0x1.5555555555555p-2", "1/3"), "PROVED"),
+    "exact vector of another": (exactly("0x1.5555555555556p-2", "1/3"), "WRONG"),
+    "output costs too much": (scalar("dissipative", A=-1), "WRONG"),
+    "slow direction": (slow(1, 2), "PROVED"),
+    "slow direction, not so slow": (slow(1, "1.999"), "WRONG"),
+    "slow direction outside": (slow(-1, 2), "WRONG"),
+    "slow direction outside, turned": (slow(-1, 1, decay=0), "WRONG"),
+    "slow direction zero": (slow(0, 2), "WRONG"),
+    "slow direction, discrete": (slow(1, "1/2", decay=0, A="1/2", discrete=True), "PROVED"),
+    "slow direction, discrete, not so slow": (slow(1, "2/5", decay=0, A="1/2", discrete=True), "WRONG"),
+    "slow direction in a wedge": (slow_in(WEDGE, [1, 0], [[-2, 0], [0, -2]]), "PROVED"),
+    "slow direction on its boundary": (slow_in(WEDGE, [1, 1], [[-2, 0], [0, -2]]), "PROVED"),
+    "slow direction, three generators": (
+        slow_in(TOP, [1, 0], [[-2, 0, 0], [0, -2, 0], [0, 0, -2]]),
+        "PROVED (decay_rate_bound is not covered: its weights are not in the file)",
+    ),
+    "slow direction with weights": (
+        slow_in(
+            TOP, [1, 0], [[-2, 0, 0], [0, -2, 0], [0, 0, -2]], ws={"matrix": [[0], [0], [1]]}, wb={"matrix": [[0]] * 3}
+        ),
+        "PROVED",
+    ),
+    "gain": (scalar("disturbance gain"), "PROVED"),
+    "gain of less output": (scalar("disturbance gain", q="-1/2"), "WRONG"),
+    "bounds": (bounded("-2", 1), "PROVED (given the bounds on the Jacobians)"),
+    "bounds as large as the decay": (bounded(-1, 1), "WRONG"),
+    "bounds, no vector": (bounded(-1, 2, v=None), "PROVED (given the bounds on the Jacobians)"),
+    "bounds, discrete": (bounded("1/2", "1/4", discrete=True), "PROVED (given the bounds on the Jacobians)"),
+    "bounds too large, discrete": (bounded("1/2", "1/2", discrete=True), "WRONG"),
+    "bounds beyond the cone, discrete": (bounded("1/2", 1, discrete=True, v=None), "WRONG"),
+    "bounds at the cone": (bounded_plane(1), "PROVED (given the bounds on the Jacobians)"),
+    "bounds beyond the cone": (bounded_plane(2), "WRONG"),
+    "leaves within bounds": (leaves(-1, "1/2"), "REFUTED (given the bounds on the Jacobians)"),
+    "may stay within bounds": (leaves(-1, 1), "WRONG"),
+    "node without states": (static_node(1), "PROVED"),
+    "node without weight": (static_node(0), "WRONG"),
+    "second output in excess": (two_outputs([-5, 1], [0, 1]), "REFUTED"),
+    "second output in need": (two_outputs([1, -5], [0, 1]), "WRONG"),
+    "input of the loop too large": (scalar("network", "REFUTED", D=2, W="1/4", **flow(0, "1/2", 1, "loop")), "WRONG"),
+    "bracket": (bracket(-1, -1), "PROVED"),
+    "bracket too low": (bracket(-1, "-1.001"), "WRONG"),
+    "bracket too high": (bracket("-0.999", 0), "WRONG"),
+    "bracket of another motion": (bracket(-2, -1, -1), "WRONG"),
+    "bracket without storage": (bracket(-1, -100, v=0, q=0, r=0), "WRONG"),
+    "motion without a direction": (scalar("network", "REFUTED", A=-1, **direction(0, 0)), "WRONG"),
+}
+
+CASES = NO_CONE | NO_FEEDBACK | ANY_SIZE | REST
