@@ -70,6 +70,13 @@ def test_package_and_checker_agree(name, tmp_path, capsys):
     assert "independent checker confirms" in " ".join(capsys.readouterr().out.split())
 
 
+def test_what_the_checker_takes_for_given_is_said(tmp_path, capsys):
+    certified.CERTIFICATES["Jacobians within bounds"]().save(tmp_path / "file.json")
+    command_line(["check", str(tmp_path / "file.json")])
+    said = " ".join(capsys.readouterr().out.split())
+    assert "confirms it in rational arithmetic (given the bounds on the Jacobians)." in said
+
+
 @pytest.mark.parametrize("name", certified.FOR_THE_PACKAGE)
 def test_files_without_a_proof_say_so(name, tmp_path, capsys):
     certified.FOR_THE_PACKAGE[name]().save(tmp_path / "file.json")

@@ -39,9 +39,10 @@ def verdict(path: str | PathLike[str]) -> Verdict:
     """
     content = read_content(path, as_text=True)
     try:
-        checker.verify(content, _LONGEST)
+        note = checker.verify(content, _LONGEST)
     except checker.Wrong as reason:
         return Verdict("WRONG", f"The independent checker disagrees: not proven: {reason}.")
     except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError, MemoryError) as reason:
         return Verdict("", f"Not checked independently of control_kpos: {reason}.")
-    return Verdict(str(content["status"]), "The independent checker confirms it in rational arithmetic.")
+    confirmed = "The independent checker confirms it in rational arithmetic"
+    return Verdict(str(content["status"]), f"{confirmed} ({note})." if note else f"{confirmed}.")
