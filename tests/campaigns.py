@@ -143,7 +143,7 @@ def truth(content, path):
     read = {
         key: decoder.value(data[key]) for key in ("A", "B", "C", "D", "W", "X", "U", "Y", "discrete") if key in data
     }
-    if isinstance(read.get("A"), tuple):
+    if isinstance(read.get("A"), tuple) and "v" in data:
         return truth_of_family(read, content)
     if claim == "positive":
         return kp.cone_positivity(**read).status.name
