@@ -38,9 +38,9 @@ _TIERS = (1e-7, 1e-5, 1e-3)
 
 
 class Block(NamedTuple):
-    """`count` variables with bounds and cost, arrays or one number for all of them."""
+    """`size` variables with bounds and cost, arrays or one number for all of them."""
 
-    count: int
+    size: int
     low: ArrayLike = -np.inf
     high: ArrayLike = np.inf
     cost: ArrayLike = 0.0
@@ -82,8 +82,8 @@ class Program:
             By name.
         """
         for name, block in blocks.items():
-            self._places[name] = slice(self._size, self._size + block.count)
-            self._size += block.count
+            self._places[name] = slice(self._size, self._size + block.size)
+            self._size += block.size
             self._blocks.append(block)
 
     def below(self, right: ArrayLike, **parts: Any) -> None:
@@ -155,7 +155,7 @@ class Program:
         Solution
             With answer[name] for the variables of a block.  Not checked.
         """
-        low, high, cost = (np.concatenate([_filled(b[k], b.count) for b in self._blocks]) for k in (1, 2, 3))
+        low, high, cost = (np.concatenate([_filled(b[k], b.size) for b in self._blocks]) for k in (1, 2, 3))
         below, equal = self._assembled(self._below), self._assembled(self._equal)
         return replace(lp(cost, *below, *equal, bounds=(low, high), **options), places=self._places)
 
