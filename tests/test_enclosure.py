@@ -285,7 +285,7 @@ def test_one_generator_of_support_does_not_excuse_the_others():
     for value in (-0.5, np.nan, np.inf):
         P = csr_array(np.array([[-1.0, 0.5], [value, -2.0]]))
         bounds = Generators(rays, Y).sparse_combination(
-            "A R = R P", (Matrix([[-1.0]]), rays), Matrix(P), diagonal=False
+            "A R = R P", (Matrix(np.array([[-1.0]])), rays), Matrix(P), diagonal=False
         )
         assert not bounds.verdict()
 

@@ -69,7 +69,7 @@ class Coordinates:
             own, open_ = _rows(cone.exact_rays), has_open_facets(cone)
             if not open_ and cone.exact_facets.integer_rows is not None and n > _EXACT_FACETS:
                 raise TooLargeError(f"the exact facets of a cone in dimension {n} are out of reach.")
-            if cone.is_simplicial:
+            if cone.is_simplicial and not open_:
                 blocks.append((places, opposite_facets(cone, own)[0], own.T))
                 continue
             group[places] = places[:, :1]
