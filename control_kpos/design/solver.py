@@ -98,7 +98,7 @@ def installed(solver: str) -> str:
 
 
 def _through_cvxpy(name: str, c: Any, A_ub: Any, b_ub: Any, A_eq: Any, b_eq: Any, bounds: Any) -> Solution:
-    import cvxpy as cp  # noqa: PLC0415
+    import cvxpy as cp  # noqa: PLC0415  (heavy, and needed by few)
 
     c = np.asarray(c, dtype=float)
     x = cp.Variable(c.size)
