@@ -96,6 +96,15 @@ def test_a_reached_limit_is_said():
         assert answer.status is kp.Status.UNDECIDED and "time limit" in answer.explain()
 
 
+@pytest.mark.parametrize("effort", [1e2, 1e4, 1e6])
+@pytest.mark.parametrize("name", ["cone and gain, many inputs", "cone and gain, vertices", "first gain", "alternation"])
+def test_a_refused_step_is_said_although_something_is_left(name, effort):
+    with budget(effort) as outer:
+        answer = DESIGNS[name]()
+        assert answer.status is kp.Status.UNDECIDED and "the effort set for this search" in answer.explain()
+        assert outer.refused_by or not outer.left() > 0
+
+
 def test_designs_say_what_ended_them():
     def late():
         spend(1e300)

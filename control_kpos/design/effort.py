@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..exact.budget import OutOfBudgetError, affords, budget, reason
+from ..exact.budget import OutOfBudgetError, budget, ended_by, reason
 from ..proof.certificate import Status
 from .result import DesignResult
 
@@ -47,6 +47,7 @@ def within(time_limit: float | None, design: Callable[[], DesignResult], what: s
         except OutOfBudgetError:
             message = f"{reason()} ended the design, or does not allow its next step."
             return DesignResult(status=Status.UNDECIDED, message=message)
-        if result.status is Status.UNDECIDED and not affords() and reason() not in result.message:
-            return replace(result, message=f"{result.message.rstrip('.')}; {reason()} ended the design.")
+        limit = ended_by()
+        if result.status is Status.UNDECIDED and limit and limit not in result.message:
+            return replace(result, message=f"{result.message.rstrip('.')}; {limit} ended the design.")
         return result

@@ -43,12 +43,15 @@ class Budget:
         Seconds that were given, for messages.
     outer : Budget or None
         The budget of the search around this one: what is spent here is spent there too.
+    refused_by : str
+        The limit that refused a step, as words for a message; empty if none was refused.
     """
 
     operations: float
     deadline: float = float("inf")
     time_limit: float = float("inf")
     outer: Budget | None = None
+    refused_by: str = ""
 
     def left(self) -> float:
         """Operations left, by count and by clock; negative after the limit."""
@@ -68,6 +71,13 @@ class Budget:
         self.operations -= operations
         if self.outer is not None:
             self.outer.count(operations)
+
+    def refuse(self, operations: float) -> None:
+        """Remember that a step of so many operations was refused, in every budget that does not allow it."""
+        if not self.left() > operations:
+            self.refused_by = self.refused_by or self.reason()
+        if self.outer is not None:
+            self.outer.refuse(operations)
 
 
 _BUDGET: ContextVar[Budget | None] = ContextVar("budget of the search that is running", default=None)
@@ -140,6 +150,7 @@ def spend(operations: float = 0.0) -> None:
     if current is None:
         return
     if not current.left() > operations:
+        current.refuse(operations)
         raise OutOfBudgetError(f"{current.reason()} does not allow the next step")
     current.count(operations)
 
@@ -170,3 +181,22 @@ def reason() -> str:
     """Which limit ends the search that is running, as words for a message."""
     current = _BUDGET.get()
     return "no limit" if current is None else current.reason()
+
+
+def ended_by() -> str:
+    """The limit that ended the search that is running, or refused one of its steps; empty if none did.
+
+    A search that goes on to cheaper candidates after a refusal asks this at its end: without the limit it might have
+    found more.
+
+    >>> with budget(100):
+    ...     try:
+    ...         spend(101)
+    ...     except OutOfBudgetError:
+    ...         affords(99), ended_by()
+    (True, 'the effort set for this search')
+    """
+    current = _BUDGET.get()
+    if current is None:
+        return ""
+    return current.refused_by or ("" if current.left() > 0 else current.reason())

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ..errors import DataError
-from ..exact.budget import OutOfBudgetError, affords, budget, reason
+from ..exact.budget import OutOfBudgetError, budget, ended_by, reason
 from ..proof.answer import first_proven
 from ..proof.certificate import Status
 from .answer import FoundCone
@@ -97,14 +97,12 @@ class _Family:
 def find(question: Question) -> FoundCone:
     """Try the strategies in order of cost; the first proof ends the search."""
     strategy = _OneMatrix(question) if question.matrices.shape[0] == 1 else _Family(question)
-    fewest, refused = strategy.fewest_rays, False
+    fewest = strategy.fewest_rays
 
     def proven(candidate: Candidate) -> Proven | None:
-        nonlocal refused
         try:
             return prove(question, candidate)
         except OutOfBudgetError:  # another candidate may be cheaper to prove
-            refused = True
             return None
 
     obstruction = strategy.obstruction() if strategy.obstruction_first else None
@@ -122,8 +120,8 @@ def find(question: Question) -> FoundCone:
             f"max_rays is {question.max_rays}, but every invariant polyhedral cone of this matrix has at least "
             f"{fewest} rays (and as many facets); ask for max_rays >= {fewest}."
         )
-    ended = f"{_ended()} " if refused or not affords() else ""
-    return _undecided(question, ended + strategy.shortfall(), fewest)
+    limit = ended_by()
+    return _undecided(question, (f"{_ended(limit)} " if limit else "") + strategy.shortfall(), fewest)
 
 
 def find_within(question: Question, time_limit: float | None) -> FoundCone:
@@ -133,7 +131,7 @@ def find_within(question: Question, time_limit: float | None) -> FoundCone:
         try:
             return find(question)
         except OutOfBudgetError:
-            return _undecided(question, _ended(), question.dim)
+            return _undecided(question, _ended(reason()), question.dim)
         except np.linalg.LinAlgError as error:
             return _undecided(question, f"Numerical linear algebra failed: {error}.", question.dim)
 
@@ -142,8 +140,7 @@ def _undecided(question: Question, message: str, fewest_rays: int) -> FoundCone:
     return FoundCone(status=Status.UNDECIDED, certificate=question.settle(), message=message, fewest_rays=fewest_rays)
 
 
-def _ended() -> str:
+def _ended(limit: str) -> str:
     """Which limit ended the search, as a sentence."""
-    limit = reason()
     more = "more may help" if "time limit" in limit else "time_limit= sets another one, in seconds"
     return f"{limit[0].upper()}{limit[1:]} ended the search; {more}."

@@ -73,7 +73,6 @@ class FamilySearch:
             return
         question, discrete = self.question, self.question.discrete
         normal, e, w = _aligned(self.balanced, known, discrete)
-        late: OutOfBudgetError | None = None
         for attempt, R in enumerate(_starts(normal, e, w, question)):
             if not affords():
                 question.report(f"the limit is reached after {attempt} starts")
@@ -84,10 +83,8 @@ class FamilySearch:
                 question.report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {self.best:.3g})")
                 if margin >= -NEARLY:
                     yield from (self._candidate(rays) for rays in _roundings(R, self.units, margin))
-            except OutOfBudgetError as error:  # another start may need less
-                late = error
-        if late is not None and not self.is_near:
-            raise late
+            except OutOfBudgetError:  # another start may need less
+                continue
 
     def _candidate(self, rays: Matrix) -> Candidate:
         values = np.asarray(rays.values)

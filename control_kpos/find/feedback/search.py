@@ -26,7 +26,7 @@ from ...design.accept import accept, slack
 from ...design.plant import read_plant
 from ...design.simplicial.search import succeed
 from ...errors import ConeMismatchError, DataError, ShapeError
-from ...exact.budget import OutOfBudgetError, affords, budget, reason, seconds_left, spend
+from ...exact.budget import OutOfBudgetError, affords, budget, ended_by, seconds_left, spend
 from ...exact.intake import exact_matrix, items, seconds, whole_number
 from ...exact.matrix import Matrix, dense
 from ...exact.programs import program_effort
@@ -189,7 +189,8 @@ def design_cone_and_feedback(
             found = _search(source, (A, B), pairs, discrete, seed, report)
         except OutOfBudgetError:
             found = None
-        lead = "No cone and gain were found" if affords() else f"No cone and gain were found before {reason()} was over"
+        limit = ended_by()
+    lead = f"No cone and gain were found before {limit} was over" if limit else "No cone and gain were found"
     return found or CodesignResult(
         status=Status.UNDECIDED,
         message=(
