@@ -65,6 +65,11 @@ class Cone(ABC):
     `X == Y` compares sets.  `-X`, `X * Y`, `X & Y`, `X + Y` are the cone of opposite vectors, the product
     in R^(n + m), the intersection and the sum.
 
+    Attributes
+    ----------
+    dim : int
+        Dimension n of the space the cone lives in.
+
     Examples
     --------
     >>> import control_kpos as kp
@@ -79,15 +84,12 @@ class Cone(ABC):
     def __setattr__(self, name: str, value: object) -> None:
         raise AttributeError(f"cones are immutable; {name} cannot be set.")
 
+    dim: int
+
     # Set by polyhedral.py and product.py, which know the subclasses; keeps imports acyclic.
     _from_rays: ClassVar[Callable[[Matrix], Cone]]
     _from_normals: ClassVar[Callable[[Matrix], Cone]]
     _product: ClassVar[Callable[[Sequence[Cone]], Cone]]
-
-    @property
-    @abstractmethod
-    def dim(self) -> int:
-        """Dimension n of the space the cone lives in."""
 
     @property
     @abstractmethod
@@ -115,14 +117,14 @@ class Cone(ABC):
         """True if the cone has an interior."""
 
     @property
-    @abstractmethod
     def n_rays(self) -> int:
         """Number of rows of `rays`."""
+        return self.exact_rays.shape[0]
 
     @property
-    @abstractmethod
     def n_facets(self) -> int:
         """Number of rows of `facets`."""
+        return self.exact_facets.shape[0]
 
     @property
     def rays(self) -> NDArray[np.float64]:

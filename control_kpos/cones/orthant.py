@@ -33,14 +33,8 @@ class Orthant(Cone):
     (3, True, True)
     """
 
-    _n: int
-
     def __init__(self, n: int) -> None:
-        vars(self).update(_n=whole_number(n, "n", least=1, most=_LARGEST, outside=ShapeError))
-
-    @property
-    def dim(self) -> int:
-        return self._n
+        vars(self).update(dim=whole_number(n, "n", least=1, most=_LARGEST, outside=ShapeError))
 
     @property
     def exact_rays(self) -> Matrix:
@@ -48,7 +42,7 @@ class Orthant(Cone):
 
     @cached_property
     def _identity(self) -> Matrix:
-        n = self._n
+        n = self.dim
         return Matrix(sp.csr_array((np.ones(n), np.arange(n), np.arange(n + 1)), shape=(n, n)))
 
     @property
@@ -69,20 +63,20 @@ class Orthant(Cone):
 
     @property
     def n_rays(self) -> int:
-        return self._n
+        return self.dim
 
     @property
     def n_facets(self) -> int:
-        return self._n
+        return self.dim
 
     @property
     def incidence(self) -> NDArray[np.bool_]:
-        self._refuse_large((self._n, self._n), "incidence")
-        return ~np.eye(self._n, dtype=bool)
+        self._refuse_large((self.dim, self.dim), "incidence")
+        return ~np.eye(self.dim, dtype=bool)
 
     @property
     def interior_point(self) -> NDArray[np.float64]:
-        return np.broadcast_to(1.0, (self._n,))
+        return np.broadcast_to(1.0, (self.dim,))
 
     def _contains_rows(self, points: Matrix, strict: bool) -> NDArray[np.bool_]:
         if points.is_sparse or points.integer_rows is not None:
@@ -100,7 +94,7 @@ class Orthant(Cone):
         return Cone._from_rays(columns[np.flatnonzero(nonzero(columns).any(axis=1))])
 
     def __neg__(self) -> Cone:
-        return Cone._product([Cone._from_rays(Matrix(np.array([[-1.0]])))] * self._n)
+        return Cone._product([Cone._from_rays(Matrix(np.array([[-1.0]])))] * self.dim)
 
     def _describe_line(self) -> str:
         raise UndecidedError("an orthant contains no line.")
@@ -109,7 +103,7 @@ class Orthant(Cone):
         raise UndecidedError("an orthant lies in no hyperplane.")
 
     def __repr__(self) -> str:
-        return f"orthant({self._n})"
+        return f"orthant({self.dim})"
 
 
 def orthant(n: int) -> Orthant:
@@ -138,7 +132,7 @@ class Origin(Orthant):
     """The cone {0} of R^0: the states of a static gain, the inputs of an autonomous system."""
 
     def __init__(self) -> None:
-        vars(self).update(_n=0)
+        vars(self).update(dim=0)
 
 
 @cache

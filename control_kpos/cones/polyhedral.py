@@ -114,7 +114,8 @@ class PolyhedralCone(Cone):
     """
 
     def __init__(self, rays: ArrayLike | Matrix) -> None:
-        vars(self).update(_conversion=_Conversion(nonzero_rows(rays, "rays")), _is_swapped=False)
+        generators = nonzero_rows(rays, "rays")
+        vars(self).update(_conversion=_Conversion(generators), _is_swapped=False, dim=generators.shape[1])
 
     _conversion: _Conversion
     _is_swapped: bool
@@ -140,17 +141,13 @@ class PolyhedralCone(Cone):
     @classmethod
     def _build(cls, conversion: _Conversion, is_swapped: bool) -> PolyhedralCone:
         out = cls.__new__(cls)
-        vars(out).update(_conversion=conversion, _is_swapped=is_swapped)
+        vars(out).update(_conversion=conversion, _is_swapped=is_swapped, dim=conversion.generators.shape[1])
         return out
 
     @cached_property
     def _faces(self) -> Faces:
         faces = self._conversion.faces
         return faces.swapped() if self._is_swapped else faces
-
-    @property
-    def dim(self) -> int:
-        return self._conversion.generators.shape[1]
 
     @property
     def exact_rays(self) -> Matrix:
@@ -161,14 +158,6 @@ class PolyhedralCone(Cone):
     def exact_facets(self) -> Matrix:
         extreme = self._conversion.extreme if self._is_swapped and self._conversion.is_open else None
         return self._faces.facets if extreme is None else extreme.rays
-
-    @property
-    def n_rays(self) -> int:
-        return self.exact_rays.shape[0]
-
-    @property
-    def n_facets(self) -> int:
-        return self.exact_facets.shape[0]
 
     @property
     def incidence(self) -> NDArray[np.bool_]:

@@ -51,15 +51,10 @@ class ProductCone(Cone):
 
     factors: tuple[Cone, ...]
     counts: tuple[int, ...]
-    _dim: int
 
     def __init__(self, factors: Sequence[Cone], counts: Sequence[int]) -> None:
         dim = sum(int(c) * X.dim for X, c in zip(factors, counts, strict=True))
-        vars(self).update(factors=tuple(factors), counts=tuple(int(c) for c in counts), _dim=dim)
-
-    @property
-    def dim(self) -> int:
-        return self._dim
+        vars(self).update(factors=tuple(factors), counts=tuple(int(c) for c in counts), dim=dim)
 
     @property
     def n_rays(self) -> int:

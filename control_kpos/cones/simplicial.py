@@ -114,7 +114,7 @@ def _simple_rows(Z: NDArray[np.float64], R: NDArray[np.float64]) -> NDArray[np.f
         fits = ~found & (np.abs(rows * multiple - guess) < 1e-6).all(axis=1) & (np.abs(guess) < 2**20).all(axis=1)
         out[fits] = guess[fits]
         found |= fits
-    if not found.all() or (np.abs(out) @ np.abs(R.T)).max() >= np.ldexp(1.0, granularity(R) + 52):
+    if not found.all() or (np.abs(out) @ np.abs(R.T)).max() >= np.ldexp(1.0, granularity(R)[0] + 52):
         return None
     product = out @ R.T  # exact: all terms are multiples of one power of two, and small
     diagonal = np.diag(product).copy()

@@ -96,6 +96,11 @@ class Condition:
         return float(relative.min(initial=1.0))
 
 
+def residuals(conditions: Sequence[Condition]) -> dict[str, NDArray[np.float64]]:
+    """The forms of each condition in floating point, by its name."""
+    return {condition.name: condition.residual for condition in conditions}
+
+
 def all_hold(conditions: Sequence[Condition]) -> bool:
     """True if every condition is proven."""
     return all(condition.verdict() is True for condition in conditions)

@@ -329,13 +329,14 @@ def integers_of_doubles(values: NDArray[np.float64], *, by_row: bool = False) ->
     return wide << shift.astype(object), common
 
 
-def granularity(values: NDArray[np.float64]) -> int:
-    """Largest e such that every (finite) value is a multiple of 2**e; 0 for all zeros."""
-    mantissa, exponent = np.frexp(values[values != 0])
-    if mantissa.size == 0:
-        return 0
-    mantissa = (mantissa * 2.0**53).astype(np.int64)
-    return int((np.frexp(mantissa & -mantissa)[1] + exponent).min()) - 54
+def granularity(*arrays: NDArray[np.float64]) -> list[int]:
+    """For each array the largest e such that every (finite) value is a multiple of 2**e; 0 for all zeros."""
+    units = []
+    for values in arrays:
+        mantissa, exponent = np.frexp(values[values != 0])
+        mantissa = (mantissa * 2.0**53).astype(np.int64)
+        units.append(int((np.frexp(mantissa & -mantissa)[1] + exponent).min()) - 54 if mantissa.size else 0)
+    return units
 
 
 def divide_by_content(rows: Integers) -> Integers:

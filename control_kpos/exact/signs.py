@@ -158,12 +158,12 @@ class BilinearForms:
         inner = 0 if self.middle is None else min(_row_length(self.left), _column_length(self.middle))
         return inner, _row_length(self.right)
 
-    def _relative_error(self) -> float:
-        """The factor of the lemma: a term passes through one rounding for each entry of both inner sums."""
-        return self._constants()[0]
-
+    @cached_property
     def _constants(self) -> tuple[float, float, float]:
-        """That factor, and what underflows in l'M, before r multiplies it, and in the sum over b."""
+        """The factor of the lemma, and what underflows in l'M, before r multiplies it, and in the sum over b.
+
+        A term passes through one rounding for each entry of both inner sums.
+        """
         return chain_constants(*self._lengths)
 
     def _norm_bound(self) -> NDArray[np.float64]:
@@ -173,7 +173,7 @@ class BilinearForms:
             nr, dr = _row_norms(self.right)
             nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
             nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
-            g, inner, outer = self._constants()  # |r|_1 <= sqrt(length) |r|_2
+            g, inner, outer = self._constants  # |r|_1 <= sqrt(length) |r|_2
             bound = (g * nl * nm + inner * np.sqrt(self._lengths[1])) * nr + outer
             if any(m.radius is not None for m in self._operands):
                 bound = bound + RADIUS_ROOM * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
@@ -181,7 +181,7 @@ class BilinearForms:
 
     def _entry_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| entry by entry."""
-        g, inner, outer = self._constants()
+        g, inner, outer = self._constants
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
             lost = inner * np.asarray(abs(self.right.values).sum(axis=-1)) + outer
             if self.is_sparse:
@@ -205,7 +205,7 @@ class BilinearForms:
         """Magnitude up to which the floating point result is exact; negative if that cannot be said."""
         if not all(m.is_double for m in self._operands):
             return -1.0
-        units = [granularity(m.values.data if m.is_sparse else m.values) for m in self._operands]
+        units = granularity(*(m.values.data if m.is_sparse else m.values for m in self._operands))
         unit = sum(units)
         if min(unit, unit - units[-1]) < -1000 or unit > 900:
             return -1.0

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import card
-from ..exact.condition import Condition, all_hold
+from ..exact.condition import Condition, all_hold, residuals
 from .files import register_claim, save_certificate
 from .weights import ProofOmittedError
 
@@ -102,8 +102,7 @@ class Certificate(ABC):
         """
         draft = cls(**data)
         status, conditions = draft._evaluate()
-        residuals = {condition.name: condition.residual for condition in conditions}
-        settled = cls(**data, status=status, residuals=residuals)
+        settled = cls(**data, status=status, residuals=residuals(conditions))
         vars(settled)["_own_conditions"] = conditions  # spares a second evaluation
         return settled
 
