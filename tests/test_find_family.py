@@ -197,6 +197,16 @@ def test_robust_designs_move_cone_and_gain_together(m, discrete):
         assert kp.linear_lyapunov(As + Bs @ design.F, design.cone, discrete=discrete)
 
 
+def test_a_system_outside_the_hull_of_its_vertices_is_served_too():
+    B = np.array([[0.0], [1]])
+    corners = [(np.array([[0.0, 1], [-k, 0]]), B) for k in (1.0, 1.1)]
+    design = design_cone_and_feedback(([["0", "1"], ["-1/3", "0"]], [["0"], ["1"]]), vertices=corners)
+    assert design and design.check() and len(design.certificate.loops) == 3
+    exact = [[0, 1], [Fraction(-1, 3) + Fraction(design.F[0, 0]), Fraction(design.F[0, 1])]]
+    assert (design.certificate.loops[0].A.fractions() == np.array(exact, dtype=object)).all()
+    assert not design.closed_loop.exact.A.is_double
+
+
 def test_progress_of_a_design():
     A, B = np.array([[0.0, 1], [-1, 0]]), np.array([[0.0], [1]])
     said: list[str] = []

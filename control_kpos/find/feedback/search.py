@@ -133,7 +133,7 @@ def design_cone_and_feedback(
     sys : StateSpace or pair (A, B)
         Continuous or discrete time.  (A, B) controllable.
     vertices : sequence of StateSpace or (A_s, B_s), optional
-        Plants that the same cone and gain must serve as well, together with their convex hull.
+        Plants that the same cone and gain must serve besides the system, together with the convex hull of them all.
     time_limit : float, optional
         Seconds, inf for no limit.  Without it operations are counted instead, and the answer is the same on every
         machine; they last for about a minute.
@@ -211,8 +211,9 @@ def _search(
     source: System, nominal: Pair, pairs: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
 ) -> CodesignResult | None:
     """Poles after poles, until cone and gain are proven."""
-    matrices = np.array([np.asarray(a.values) for a, _ in [nominal, *pairs]])
-    inputs = np.array([np.asarray(b.values) for _, b in [nominal, *pairs]])
+    served = [nominal, *pairs]
+    matrices = np.array([np.asarray(a.values) for a, _ in served])
+    inputs = np.array([np.asarray(b.values) for _, b in served])
 
     def proven(attempt: tuple[int, Array]) -> CodesignResult | None:
         (k, F), found = attempt, None
@@ -222,7 +223,7 @@ def _search(
                 R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
                 report(f"poles {k}: margin {margin:.3g}")
                 R = R if margin > 0 else None
-            found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, pairs)
+            found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, served)
         except OutOfBudgetError:
             if not affords():
                 raise
@@ -330,14 +331,14 @@ def _starting_cone(A: Array, discrete: bool) -> Array | None:
     return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
 
 
-def _polished(source: System, R: Array, F: Array, pairs: list[Pair]) -> CodesignResult | None:
+def _polished(source: System, R: Array, F: Array, served: list[Pair]) -> CodesignResult | None:
     """The smallest gain at this cone, for the system and its vertices, with its proof; F if that is all there is."""
-    spend(program_effort((len(pairs) + 1) * R.size, F.size))
+    spend(program_effort(len(served) * R.size, F.size))
     cone = PolyhedralCone(np.ascontiguousarray(R.T))
     system = ConeStateSpace(*source.matrices, source.dt or 0, X=cone, remove_useless_states=False)
-    plant = read_plant(system, cone, vertices=pairs or None)
+    plant = read_plant(system, cone, vertices=served)
     given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
-    design = state_feedback(system, X=cone, vertices=pairs or None, time_limit=max(seconds_left(), 1e-3))
+    design = state_feedback(system, X=cone, vertices=served, time_limit=max(seconds_left(), 1e-3))
     if not design and given is not None:
         design = succeed(plant, given, "", plant.gain_of(given.F), float("nan"))
     if not design:
