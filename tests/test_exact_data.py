@@ -4,31 +4,21 @@
 """
 
 import dataclasses
-import inspect
 from fractions import Fraction
 
 import control as ct
 import numpy as np
 import pytest
-from test_house import METHODS, PUBLIC
+from exact_plants import LAG, THIRD, THIRDS, plant, supplied
 
 import control_kpos as kp
-from control_kpos.exact.matrix import Matrix
 from control_kpos.systems.system import System
 
-THIRD = Fraction(1, 3)
 # a double eigenvalue 0.4, which rounding turns into a complex pair
 TWICE = [["0.1", "0.3"], ["-0.3", "0.7"]]
 # leaves the cone of (0.1, 0.3) and (0.3, 0.1) invariant with equality, which rounding breaks
 EDGE = [["-31/40", "9/40"], ["-9/40", "-1/40"]]
 EDGE_CONE = [["0.1", "0.3"], ["0.3", "0.1"]]
-
-
-def plant(A, B=None, C=None, **more):
-    n = len(A)
-    B = [[1]] + [[0]] * (n - 1) if B is None else B
-    C = [[1] + [0] * (n - 1)] if C is None else C
-    return kp.ConeStateSpace(A, B, C, np.zeros((len(C), len(B[0]))), **more)
 
 
 def fractions(rows):
@@ -160,27 +150,24 @@ def test_jacobian_of_a_system_is_exact():
 # -- operations
 
 
-S = plant([["-1/3"]])
-
-
 @pytest.mark.parametrize(
     ("result", "expected"),
     [
-        (lambda: S * THIRD, ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
-        (lambda: THIRD * S, ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
-        (lambda: S / 3, ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
-        (lambda: S / Fraction(3), ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
-        (lambda: S + THIRD, ([[-THIRD]], [[1]], [[1]], [[THIRD]])),
-        (lambda: THIRD + S, ([[-THIRD]], [[1]], [[1]], [[THIRD]])),
-        (lambda: S * np.array([[THIRD]]), ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
-        (lambda: np.array([[THIRD]]) * S, ([[-THIRD]], [[1]], [[THIRD]], [[0]])),
-        (lambda: S.feedback([["1/3"]], sign=1), ([[0]], [[1]], [[1]], [[0]])),
-        (lambda: S.feedback(1, sign="1/3"), ([[0]], [[1]], [[1]], [[0]])),
-        (lambda: S.feedback(S, sign="1/3"), ([[-THIRD, THIRD], [1, -THIRD]], [[1], [0]], [[1, 0]], [[0]])),
-        (lambda: S.similarity_transform([["1/3"]]), ([[-THIRD]], [[THIRD]], [[3]], [[0]])),
-        (lambda: S.similarity_transform([[1]], timescale="1/3"), ([[-1]], [[3]], [[1]], [[0]])),
-        (lambda: kp.ConeStateSpace(S), ([[-THIRD]], [[1]], [[1]], [[0]])),
-        (lambda: S.copy(), ([[-THIRD]], [[1]], [[1]], [[0]])),
+        (lambda: THIRDS * THIRD, ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
+        (lambda: THIRD * THIRDS, ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
+        (lambda: THIRDS / 3, ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
+        (lambda: THIRDS / Fraction(3), ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
+        (lambda: THIRDS + THIRD, ([[-THIRD]], [[1]], [[1]], [[THIRD]])),
+        (lambda: THIRD + THIRDS, ([[-THIRD]], [[1]], [[1]], [[THIRD]])),
+        (lambda: THIRDS * np.array([[THIRD]]), ([[-THIRD]], [[THIRD]], [[1]], [[0]])),
+        (lambda: np.array([[THIRD]]) * THIRDS, ([[-THIRD]], [[1]], [[THIRD]], [[0]])),
+        (lambda: THIRDS.feedback([["1/3"]], sign=1), ([[0]], [[1]], [[1]], [[0]])),
+        (lambda: THIRDS.feedback(1, sign="1/3"), ([[0]], [[1]], [[1]], [[0]])),
+        (lambda: THIRDS.feedback(THIRDS, sign="1/3"), ([[-THIRD, THIRD], [1, -THIRD]], [[1], [0]], [[1, 0]], [[0]])),
+        (lambda: THIRDS.similarity_transform([["1/3"]]), ([[-THIRD]], [[THIRD]], [[3]], [[0]])),
+        (lambda: THIRDS.similarity_transform([[1]], timescale="1/3"), ([[-1]], [[3]], [[1]], [[0]])),
+        (lambda: kp.ConeStateSpace(THIRDS), ([[-THIRD]], [[1]], [[1]], [[0]])),
+        (lambda: THIRDS.copy(), ([[-THIRD]], [[1]], [[1]], [[0]])),
     ],
 )
 def test_operations_keep_what_is_given(result, expected):
@@ -191,8 +178,8 @@ def test_operations_keep_what_is_given(result, expected):
 
 def test_exact_feedback_decides_at_the_margin():
     """-1/3 + 1/3 = 0 is not stable; with the double next to 1/3 it would be."""
-    assert S.feedback(1, sign="1/3").linear_lyapunov().status is kp.Status.REFUTED
-    assert S.feedback(1, sign=1 / 3).linear_lyapunov().status is kp.Status.PROVED
+    assert THIRDS.feedback(1, sign="1/3").linear_lyapunov().status is kp.Status.REFUTED
+    assert THIRDS.feedback(1, sign=1 / 3).linear_lyapunov().status is kp.Status.PROVED
 
 
 def test_node_of_the_paper_is_exact():
@@ -204,7 +191,6 @@ def test_node_of_the_paper_is_exact():
 
 
 SPRING = kp.ConeStateSpace([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])  # gain 1/22
-LAG = kp.ConeStateSpace([[-1]], [[1]], [[1]], 0)
 
 
 def test_supply_rates_are_what_is_given():
@@ -236,10 +222,6 @@ def test_a_supply_rate_that_is_not_the_rounding_of_the_fraction_is_no_proof():
     assert certificate.check()
     assert not dataclasses.replace(certificate, r=np.array([0.05])).check()
     assert not dataclasses.replace(certificate, r_exact=(Fraction(1, 22),), r=np.array([1 / 22])).check()
-
-
-def supplied(W, q, r):
-    return kp.feedback_interconnect([LAG, LAG], W, supply_rates=[(q, r)] * 2).certificate
 
 
 def test_supply_rates_of_networks_are_exact(tmp_path):
@@ -401,405 +383,3 @@ def test_a_region_is_covered_to_its_ends():
     low, high = ends.min(axis=0), ends.max(axis=0)
     assert (low[0] <= Fraction(1, 10), high[1] >= THIRD) == (True, True)
     assert (low[2] <= -THIRD, high[3] >= -Fraction(1, 10)) == (True, True)
-
-
-# -- every public argument
-#
-# A row for every argument of every public function and method: what "1/3" (or a matrix of such text) becomes, and the
-# fraction that it has to be; or the reason why the argument holds no data of a proof.
-
-CONE, SAME = [["1/3", "1/7"], [0, 1]], kp.PolyhedralCone([[7, 3], [0, 1]])
-SIDE, SIDES = [["1/3"]], [[THIRD]]
-LINE = kp.orthant(1)
-PLANE = kp.orthant(2)
-MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
-MIXED, MIXED_SAME = [["-1", "1/3"], ["1/7", "-2"]], [[-1, THIRD], [Fraction(1, 7), -2]]
-GAINED = [["1/3", 1], [1, -3]]
-
-
-def pair(**more):
-    return {"A": [["-1/3"]], "B": SIDE, "C": SIDE, "D": [["1/9"]], "X": LINE, "U": LINE, "Y": LINE, **more}
-
-
-def square(**more):
-    return {"A": MINUS, "B": TWO, "C": TWO, "D": [[0, 0], [0, 0]], "X": PLANE, "U": PLANE, "Y": PLANE, **more}
-
-
-def of_theorem(function, read=lambda certificate: certificate):
-    """Rows of a function of A, B, C, D, X, U, Y; `read` finds the certificate of positivity."""
-    rows = {
-        name: lambda name=name, want=want: (getattr(read(function(**pair())), name), [[want]])
-        for name, want in zip("ABCD", (-THIRD, THIRD, THIRD, Fraction(1, 9)), strict=True)
-    }
-    return rows | {
-        name: lambda name=name: (getattr(read(function(**square(**{name: CONE}))), name), SAME) for name in "XUY"
-    }
-
-
-def gain_of(**data):
-    """1/3 over 1/7 and so on: the gain is computed in doubles from exact data."""
-    return kp.induced_gain(**data)
-
-
-def closed(design):
-    return design.certificate.loops[0] if hasattr(design.certificate, "loops") else design.certificate
-
-
-def loop_of(A, B, F):
-    F = [Fraction(x) for x in np.ravel(F).tolist()]
-    return [
-        [Fraction(a) + Fraction(b[0]) * f for a, f in zip(row, F, strict=True)] for row, b in zip(A, B, strict=True)
-    ]
-
-
-def loop_row(design, A=GAINED, B=((1,), (0,))):
-    d = design()
-    return closed(d).A, loop_of(A, B, d.F)
-
-
-def design_rows(function, **more):
-    p = plant(GAINED)
-    return {
-        "sys": lambda: loop_row(lambda: function(p, **more)),
-        "X": lambda: (closed(function(plant(GAINED), X=CONE, **more)).X, SAME),
-        "rate": lambda: (Fraction(function(p, rate="1/3", **more).decay_rate) >= THIRD, True),
-    }
-
-
-def at_most(bound, limit):
-    return all(0 <= Fraction(limit) - Fraction(b) < Fraction(1, 10**14) for b in np.ravel(bound).tolist())
-
-
-def network(**links):
-    return kp.feedback_interconnect([LAG, LAG], [[0, "1/3"], ["1/4", 0]]).with_node(LAG, **links)
-
-
-def couplings(net):
-    return net.model.coupling
-
-
-EXACT = {
-    "cone_positivity": of_theorem(kp.cone_positivity),
-    "dissipativity": of_theorem(kp.dissipativity, lambda c: c.positivity)
-    | {
-        "q": lambda: (kp.dissipativity(**pair(), q=["-1/3"]).q_exact, [-THIRD]),
-        "r": lambda: (kp.dissipativity(**pair(), r=["1/3"]).r_exact, [THIRD]),
-    },
-    "state_positivity": {
-        "A": lambda: (kp.state_positivity([["-1/3"]], LINE).A, [[-THIRD]]),
-        "X": lambda: (kp.state_positivity(MINUS, CONE).X, SAME),
-    },
-    "linear_lyapunov": {
-        "A": lambda: (kp.linear_lyapunov([["-1/3"]], LINE).A, [[-THIRD]]),
-        "X": lambda: (kp.linear_lyapunov(MINUS, CONE).X, SAME),
-    },
-    "find_cone": {
-        "A": lambda: (kp.find_cone(plant(MIXED)).certificate.matrices, [MIXED_SAME]),
-        "contains": lambda: (kp.find_cone(MINUS, contains=[["1/3", "1/7"]]).certificate.contains, [[THIRD, "1/7"]]),
-        "within": lambda: (kp.find_cone(MINUS, within=[["1/3", "1/7"]]).certificate.within, [[THIRD, "1/7"]]),
-    },
-    "design_cone_and_feedback": {
-        "sys": lambda: loop_row(lambda: kp.design_cone_and_feedback(plant(GAINED))),
-        "vertices": lambda: loop_row(
-            lambda: kp.design_cone_and_feedback(plant([[0, 1], [1, -3]]), vertices=[plant(GAINED)] * 2)
-        ),
-    },
-    "differential_positivity": {
-        "jacobians": lambda: (
-            kp.differential_positivity([plant(MIXED).exact.A, MIXED], PLANE).centres,
-            [MIXED_SAME] * 2,
-        ),
-        "X": lambda: (kp.differential_positivity(MINUS, CONE).X, SAME),
-    },
-    "feedback_interconnect": {
-        "systems": lambda: (kp.feedback_interconnect([plant([["-1/3"]])], [[0]]).model.stacks[0].A, [[[-THIRD]]]),
-        "coupling": lambda: (
-            couplings(kp.feedback_interconnect([LAG, LAG], [[0, "1/3"], [0, 0]])),
-            [[0, THIRD], [0, 0]],
-        ),
-        "supply_rates": lambda: (supplied([[0, 0], [0, 0]], ["-1/3"], ["2/3"]).exact[1:], [["2/3"] * 2, ["-1/3"] * 2]),
-    },
-    "stack": {
-        **{
-            name: lambda name=name, want=want: (
-                getattr(kp.stack([[["-1/3"]]], SIDE, SIDE, [["1/9"]]), name),
-                [[[want]]],
-            )
-            for name, want in zip("ABCD", (-THIRD, THIRD, THIRD, Fraction(1, 9)), strict=True)
-        },
-        "X": lambda: (kp.stack([MINUS], TWO, TWO, X=CONE).X, SAME),
-        "U": lambda: (kp.stack([MINUS], TWO, TWO, U=CONE).U, SAME),
-        "Y": lambda: (kp.stack([MINUS], TWO, TWO, Y=CONE).Y, SAME),
-    },
-    "scale_free_certificate": {
-        "nodes": lambda: (kp.scale_free_certificate(plant([["-1/3"]]), 0.25).local.model.stacks[0].A, [[[-THIRD]]]),
-        "weight": lambda: (kp.scale_free_certificate(LAG, weight="1/3").weight, THIRD),
-        "link": lambda: (kp.scale_free_certificate(LAG, weight=1, link=SIDE).link, SIDES),
-    },
-    "OutWeightCertificate.covers": {
-        "coupling": lambda: (
-            kp.scale_free_certificate(plant([["-1/3"]]), "1/4").covers([[0, "1/3"], ["1/3", 0]]),
-            False,
-        )
-    },
-    "OutWeightCertificate.interconnect": {
-        "coupling": lambda: (
-            couplings(kp.scale_free_certificate(LAG, 0.5).interconnect([[0, "1/3"], ["1/3", 0]])),
-            [[0, THIRD], [THIRD, 0]],
-        )
-    },
-    "ConeNetwork.with_links": {
-        "coupling": lambda: (couplings(kp.feedback_interconnect([LAG], [[0]]).with_links([["1/3"]])), SIDES)
-    },
-    "ConeNetwork.with_node": {
-        "system": lambda: (
-            kp.feedback_interconnect([LAG], [[0]]).with_node(plant([["-1/3"]])).model.block_matrices is not None
-            and sorted(
-                x
-                for s in kp.feedback_interconnect([LAG], [[0]]).with_node(plant([["-1/3"]])).model.stacks
-                for x in s.A.fractions().ravel().tolist()
-            ),
-            [-1, -THIRD],
-        ),
-        "incoming": lambda: (couplings(network(incoming={0: "1/5"})), [[0, THIRD, 0], ["1/4", 0, 0], ["1/5", 0, 0]]),
-        "outgoing": lambda: (couplings(network(outgoing={0: "1/5"})), [[0, THIRD, "1/5"], ["1/4", 0, 0], [0, 0, 0]]),
-    },
-    "ConeNetwork.replace_node": {
-        "system": lambda: (
-            kp.feedback_interconnect([LAG], [[0]]).replace_node(0, plant([["-1/3"]])).model.stacks[0].A,
-            [[[-THIRD]]],
-        ),
-        "incoming": lambda: (
-            couplings(network().replace_node(0, LAG, incoming={1: "1/5"})),
-            [[0, "1/5", 0], ["1/4", 0, 0], [0] * 3],
-        ),
-        "outgoing": lambda: (
-            couplings(network().replace_node(0, LAG, outgoing={1: "1/5"})),
-            [[0, THIRD, 0], ["1/5", 0, 0], [0] * 3],
-        ),
-    },
-    "network_feedback": {
-        "systems": lambda: (
-            kp.network_feedback([plant(GAINED)], [[0]]).certificate.model.stacks[0].A,
-            [loop_of(GAINED, ((1,), (0,)), kp.network_feedback([plant(GAINED)], [[0]]).F)],
-        ),
-        "coupling": lambda: (
-            kp.network_feedback([LAG] * 2, [[0, "1/3"], [0, 0]]).certificate.model.coupling,
-            [[0, THIRD], [0, 0]],
-        ),
-        "rate": lambda: (Fraction(kp.network_feedback([LAG], [[0]], rate="1/3").decay_rate) >= THIRD, True),
-        "gain_bound": lambda: (
-            np.abs(kp.network_feedback([plant([["1/30"]])], [[0]], gain_bound="1/10").F).max() <= 0.1,
-            True,
-        ),
-    },
-    "state_feedback": design_rows(kp.state_feedback)
-    | {
-        "gain_bound": lambda: (
-            at_most(kp.state_feedback(plant(GAINED), gain_bound="31/10").certificate.others[0].bound, "31/10"),
-            True,
-        ),
-        "vertices": lambda: loop_row(
-            lambda: kp.state_feedback(plant([[0, 1], [1, -3]]), vertices=[(GAINED, [["1/3"], [0]])] * 2),
-            B=(("1/3",), (0,)),
-        ),
-        "disturbance": lambda: (
-            kp.state_feedback(plant(MIXED), disturbance=([["1/3"], [0]], [["1/7", 0]], [[0]], [["1/9"]]), gain_bound=5)
-            .certificate.others[-1]
-            .positivity.B,
-            [[THIRD], [0]],
-        ),
-    },
-    "output_feedback": {
-        **design_rows(kp.output_feedback),
-        "sys": lambda: (
-            closed(kp.output_feedback(plant(GAINED))).A.fractions()[0, 0]
-            - Fraction(kp.output_feedback(plant(GAINED)).F[0, 0]),
-            THIRD,
-        ),
-        "gain_bound": lambda: (
-            at_most(kp.output_feedback(plant(GAINED), gain_bound="31/10").certificate.others[0].bound, "31/10"),
-            True,
-        ),
-        "vertices": lambda: (
-            kp.output_feedback(plant([[0, 1], [1, -3]]), vertices=[(GAINED, [[1], [0]])] * 2)
-            .certificate.loops[0]
-            .A.fractions()[0, 1],
-            1,
-        ),
-    },
-    "observer_gain": {
-        "sys": lambda: (closed(kp.observer_gain(plant([["-1", "1/3"], [1, -3]]))).A.fractions()[1, 0], THIRD),
-        "X": lambda: (closed(kp.observer_gain(plant(MINUS), X=CONE)).X, SAME.dual),
-        "rate": lambda: (Fraction(kp.observer_gain(plant(GAINED), rate="1/3").decay_rate) >= THIRD, True),
-        "gain_bound": lambda: (
-            at_most(kp.observer_gain(plant(GAINED), gain_bound="31/10").certificate.others[0].bound, "31/10"),
-            True,
-        ),
-    },
-    "scale_free_feedback": {
-        "sys": lambda: (
-            (kp.scale_free_feedback(plant([["-1/3"]]), "1/4").closed_loop.exact.A.fractions()[0, 0] + THIRD).denominator
-            < 10**6
-            and (0, 0)
-        ),
-        "weight": lambda: (kp.scale_free_feedback(LAG, weight="1/3").certificate.weight, THIRD),
-        "X": lambda: (
-            kp.scale_free_feedback(plant(MINUS, [["1/3"], ["1/7"]], [[1, 0]]), 0.25, X=CONE)
-            .certificate.local.model.stacks[0]
-            .X,
-            SAME,
-        ),
-        "rate": lambda: (Fraction(kp.scale_free_feedback(LAG, "1/4", rate="1/3").decay_rate) >= THIRD, True),
-        "gain_bound": lambda: (kp.scale_free_feedback(LAG, "1/4", gain_bound="1/10").status, kp.Status.PROVED),
-    },
-    "PolyhedralCone": {"rays": lambda: (kp.PolyhedralCone(CONE), SAME)},
-    "PolyhedralCone.from_facets": {
-        "normals": lambda: (kp.PolyhedralCone.from_facets(CONE), kp.PolyhedralCone.from_facets([[7, 3], [0, 1]]))
-    },
-    "PolyhedralCone.contains": {
-        "x": lambda: ([SAME.contains(["1/3", "1/7"]), SAME.contains(["1/3", "1/7"], strict=True)], [True, False])
-    },
-    "PolyhedralCone.transform": {"T": lambda: (PLANE.transform([["1/3", 0], ["1/7", 1]]), SAME)},
-    "ConeStateSpace": {
-        "args": lambda: (kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, [["1/9"]]).exact.D, [["1/9"]]),
-        "X": lambda: (plant(MINUS, X=CONE).exact.X, SAME),
-        "U": lambda: (plant(MINUS, TWO, U=CONE).exact.U, SAME),
-        "Y": lambda: (plant(MINUS, TWO, TWO, Y=CONE).exact.Y, SAME),
-    },
-    "ConeStateSpace.append": {"other": lambda: (LAG.append(S).exact.A, [[-1, 0], [0, -THIRD]])},
-    "ConeStateSpace.feedback": {
-        "other": lambda: (S.feedback(SIDE, sign=1).exact.A, [[0]]),
-        "sign": lambda: (S.feedback(1, sign="1/3").exact.A, [[0]]),
-    },
-    "ConeStateSpace.lft": {"other": lambda: (S.lft(S).exact.A, [[-THIRD, 1], [1, -THIRD]])},
-    "ConeStateSpace.dissipativity": {
-        "q": lambda: (LAG.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
-        "r": lambda: (LAG.dissipativity(r=["1/3"]).r_exact, [THIRD]),
-    },
-    "ConeStateSpace.similarity_transform": {
-        "T": lambda: (S.similarity_transform(SIDE).exact.B, SIDES),
-        "timescale": lambda: (S.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
-    },
-    "examples.mass_spring_node": {
-        "F": lambda: (kp.examples.mass_spring_node(["-64/3", -13]).exact.A, [[0, 1], ["-67/3", -13]]),
-        "k": lambda: (kp.examples.mass_spring_node(k="1/3").exact.A, [[0, 1], ["-64/3", -13]]),
-        "m": lambda: (kp.examples.mass_spring_node(m=3).exact.A, [[0, 1], ["-64/3", -13]]),
-    },
-}
-LOOP = kp.feedback_interconnect([S], [[0]])
-EXACT |= {
-    "ConeNetwork.append": {"other": lambda: (LOOP.append(S).exact.A, [[-THIRD, 0], [0, -THIRD]])},
-    "ConeNetwork.feedback": {
-        "other": lambda: (LOOP.feedback(SIDE, sign=1).exact.A, [[0]]),
-        "sign": lambda: (LOOP.feedback(1, sign="1/3").exact.A, [[0]]),
-    },
-    "ConeNetwork.lft": {"other": lambda: (LOOP.lft(S).exact.A, [[-THIRD, 1], [1, -THIRD]])},
-    "ConeNetwork.dissipativity": {
-        "q": lambda: (LOOP.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
-        "r": lambda: (LOOP.dissipativity(r=["1/3"]).r_exact, [THIRD]),
-    },
-    "ConeNetwork.similarity_transform": {
-        "T": lambda: (LOOP.similarity_transform(SIDE).exact.B, SIDES),
-        "timescale": lambda: (LOOP.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
-    },
-}
-EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
-
-# Numbers that end as doubles, each with the reason.
-_GAIN = "the gain is an infimum computed in floating point; `dissipativity` proves a bound"
-_SIMULATED = "a simulation in floating point"
-_EFFORT = "effort and tolerance of a search, which prove nothing"
-_DRAWN = "a picture"
-_WORD = 'the word "max" only: rates are found, and proven as doubles'
-DOUBLES = {
-    "induced_gain": dict.fromkeys(["A", "B", "C", "D", "X", "U", "Y", "e", "f"], _GAIN),
-    "ConeStateSpace.gain": dict.fromkeys("ef", _GAIN),
-    "differential_positivity": dict.fromkeys(
-        ["region", "inputs"], "ends of boxes, rounded outwards; see test_a_region_is_covered_to_its_ends"
-    ),
-    "ConeNetwork.delayed_response": dict.fromkeys(["T", "X0", "delays"], _SIMULATED),
-    "ConeNetwork.forced_response": dict.fromkeys(["T", "U", "X0"], _SIMULATED),
-    "ConeNetwork.initial_response": dict.fromkeys(["T", "X0"], _SIMULATED),
-    "ConeNetwork.horner": {"x": "a frequency response in floating point"},
-    "ConeNetwork.abscissa_certificate": {"relative": _EFFORT},
-    "ConeNetwork.spectral_abscissa": {"relative": _EFFORT},
-    "ConeNetwork.room_for": dict.fromkeys(
-        ["system", "sources", "targets"], "an estimate in floating point; `with_node` proves"
-    ),
-    "ConeStateSpace.sample": {"Ts": "matrix exponentials are computed in floating point"},
-    "ConeStateSpace.linearize": {"x0": "the system itself is returned, wherever it is linearised"},
-    "linear_lyapunov": {"rate": _WORD},
-    "ConeStateSpace.linear_lyapunov": {"rate": _WORD},
-    "gain_rate_tradeoff": {
-        "sys": "a curve in floating point; its designs, if asked for, are those of `state_feedback`",
-        "rates": "points of this curve",
-        "X": "the cone of this curve",
-        "demands": "as those of `state_feedback`",
-    },
-    "phase_portrait": dict.fromkeys(["sys", "X", "pointdata", "timedata", "initial_states", "level_lines"], _DRAWN),
-    "plot_closed_loop": {"sys": _DRAWN},
-    "plot_cone": dict.fromkeys(["X", "size"], _DRAWN),
-    "plot_network": {"positions": _DRAWN},
-    "examples.mass_spring": dict.fromkeys("km", "doubles for python-control; `mass_spring_node` is exact"),
-}
-for _method in ("gain", "linear_lyapunov", "linearize", "sample"):  # the same for networks
-    DOUBLES[f"ConeNetwork.{_method}"] = DOUBLES[f"ConeStateSpace.{_method}"]
-# Arguments that are no data: what they are.
-NO_DATA = {
-    "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"},
-    "yes or no": {"discrete", "uniform", "ports", "strict", "inverse", "trusted", "certify", "dominant_direction"}
-    | {"show_legend", "warn_infinite", "use_prefix_suffix", "states"},
-    "whole numbers": {"n", "nu", "ny", "k", "max_rays", "seed", "restarts", "pieces", "refine", "node", "types"}
-    | {"facets", "n_nodes", "degree"},
-    "seconds, and who hears of them": {"time_limit", "progress"},
-    "signals by place or name": {"inputs", "outputs"},
-    "a timebase, which python-control keeps in doubles": {"dt"},
-    "patterns of zeros": {"structure"},
-    "code of the user": {"constraints", "objective", "solver"},
-    "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax"},
-    "passed on": {"args", "kwargs"},
-}
-# Data classes are made by the functions above; what they hold is checked there.
-MADE_BY_OTHERS = {"Cone", "Certificate", "ConeNetwork"}
-
-
-def arguments():
-    """Every argument of every public function and method: (function, argument)."""
-    for name, thing in {**PUBLIC, **METHODS}.items():
-        owner = PUBLIC.get(name.rpartition(".")[0])
-        if dataclasses.is_dataclass(thing) or name in MADE_BY_OTHERS:
-            continue
-        if dataclasses.is_dataclass(owner) and name not in EXACT:
-            continue
-        for argument in inspect.signature(thing).parameters:
-            if argument not in ("self", "cls"):
-                yield name, argument
-
-
-def plainly(x):
-    """Fractions in nested lists, or what has no fractions."""
-    if isinstance(x, Matrix):
-        return x.dense().fractions().tolist()
-    if isinstance(x, (list, tuple, np.ndarray)):
-        return [plainly(y) for y in x]
-    return Fraction(x) if isinstance(x, (int, float, str, Fraction)) else x
-
-
-@pytest.mark.parametrize(("name", "argument"), list(arguments()))
-def test_every_argument_has_its_row(name, argument):
-    if argument in EXACT.get(name, {}):
-        got, want = EXACT[name][argument]()
-        assert plainly(got) == plainly(want)
-        assert argument not in DOUBLES.get(name, {})
-        return
-    known = argument in DOUBLES.get(name, {}) or any(argument in group for group in NO_DATA.values())
-    assert known, (
-        f"{name}({argument}) takes what? Give it a row in EXACT, or the reason why it holds no data of a proof"
-    )
-
-
-def test_no_row_is_left_over():
-    known = set(arguments())
-    rows = {(name, argument) for table in (EXACT, DOUBLES) for name, row in table.items() for argument in row}
-    assert rows - known <= {("Cone.contains", "x"), ("Cone.transform", "T")}

@@ -10,44 +10,12 @@ import inspect
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
+from sources import LEVEL, MODULES, PACKAGE, ROOT, TREES, import_nodes, imported_names, imports_of, room
 
 import control_kpos as kp
-
-ROOT = Path(__file__).parent.parent
-PACKAGE = Path(kp.__file__).parent
-
-
-def module_name(path: Path) -> str:
-    parts = ("control_kpos", *path.relative_to(PACKAGE).with_suffix("").parts)
-    return ".".join(parts).removesuffix(".__init__")
-
-
-MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
-TREES = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
-
-# Floors of the house, from the ground up.  A room, a module or a folder below the package, may import
-# from its own floor and from those below.
-FLOORS = {
-    "errors": {"errors"},
-    "exact numbers": {"exact"},
-    "what a reader sees of long work and of results": {"progress", "cards"},
-    "cones": {"cones"},
-    "verdicts": {"proof", "checker"},
-    "what a verdict is about": {"systems.system"},
-    "theorems about matrices": {"theorems"},
-    "systems": {"systems"},
-    "theorems about many systems": {"networks", "nonlinear"},
-    "design": {"design"},
-    "search for cones": {"find"},
-    "examples": {"examples"},
-    "pictures": {"plotting"},
-    "entrance": {"__init__", "__main__"},
-}
-LEVEL = {room: level for level, rooms in enumerate(FLOORS.values()) for room in rooms}
 
 # Packages that only some rooms may import.
 RESTRICTED = {
@@ -66,7 +34,7 @@ HIDDEN_IMPORTS = {
 }
 
 # Above this length a file is likely to hold two ideas.  Longer ones need a reason.
-MAX_LINES = 500
+MAX_LINES = 450
 LONG_FILES = {"control_kpos.checker": "stands alone: one file is copied, read and run without any other"}
 
 # Public functions and methods that pass keywords on, and a call with one that nobody knows.
@@ -94,50 +62,6 @@ SMALL_PLANT = kp.ConeStateSpace([[1.0, 1.0], [1.0, -3.0]], [[1.0], [0.0]], [[1.0
 
 
 # -- imports
-
-
-def room(module: str) -> str:
-    """The room of a module: "cones" for control_kpos.cones.polyhedral."""
-    inside = module.partition(".")[2] or "__init__"
-    return inside if inside in LEVEL else inside.split(".")[0]
-
-
-def is_type_checking(node: ast.AST) -> bool:
-    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
-
-
-def import_nodes(node: ast.AST, *, inside_functions: bool):
-    """Import statements that run, at module level or inside functions."""
-    for child in ast.iter_child_nodes(node):
-        if is_type_checking(child):
-            continue
-        if isinstance(child, (ast.Import, ast.ImportFrom)) and not inside_functions:
-            yield child
-        elif isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
-            if inside_functions:
-                yield from (n for n in ast.walk(child) if isinstance(n, (ast.Import, ast.ImportFrom)))
-        else:
-            yield from import_nodes(child, inside_functions=inside_functions)
-
-
-def imported_names(module: str, node: ast.AST) -> set[str]:
-    """Full names of the modules that an import statement needs."""
-    if isinstance(node, ast.Import):
-        return {alias.name for alias in node.names}
-    base = node.module or ""
-    if node.level:
-        package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
-        parts = package.split(".")[: len(package.split(".")) - node.level + 1]
-        base = ".".join([*parts, base] if base else parts)
-    as_modules = {f"{base}.{alias.name}" for alias in node.names} & set(MODULES)
-    everything_a_module = len(as_modules) == len(node.names)
-    return as_modules | (set() if everything_a_module else {base})
-
-
-def imports_of(module: str) -> set[str]:
-    """Modules that a module needs when it is imported."""
-    nodes = import_nodes(TREES[module], inside_functions=False)
-    return set().union(*(imported_names(module, node) for node in nodes))
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -180,66 +104,6 @@ def test_import_brings_no_solver_and_no_pictures():
     assert not packages & {"cvxpy", "networkx", "IPython", "pandas", "tqdm"}
     assert not {name for name in extra if name.startswith("matplotlib")}
     assert "control_kpos.plotting" not in extra
-
-
-# -- what is trusted
-
-
-PAGE = (ROOT / "docs" / "what_is_trusted.md").read_text(encoding="utf-8")
-# Functions of the mathematical library, whose last digits nobody guarantees.
-LIBM = {"log", "log2", "log10", "log1p", "exp", "exp2", "expm1", "sin", "cos", "tan", "arcsin", "arccos", "arctan"}
-LIBM |= {"arctan2", "sinh", "cosh", "tanh", "hypot", "power", "float_power", "cbrt", "asin", "acos", "atan", "atan2"}
-
-
-def rows_under(title: str) -> dict[str, set[str]]:
-    """Modules in the table under a title of the page, with what their rows name besides."""
-    table = PAGE.partition(f"## {title}\n")[2].partition("\n## ")[0]
-    named = [re.findall(r"`([^`]+)`", row) for row in table.splitlines() if row.startswith("| `")]
-    return {module_name(PACKAGE / first): set(rest) for first, *rest in named}
-
-
-TRUSTED, PROPOSES = rows_under("Trusted"), rows_under("Proposes only")
-
-
-def test_every_file_of_the_lower_rooms_is_trusted_or_only_proposes():
-    lower = {name for name, path in MODULES.items() if room(name) in ("exact", "cones", "proof")}
-    lower = {name for name in lower if MODULES[name].name != "__init__.py"}
-    listed = set(TRUSTED) | set(PROPOSES)
-    assert lower <= listed, f"docs/what_is_trusted.md says nothing about {lower - listed}"
-    assert listed <= set(MODULES), f"docs/what_is_trusted.md names {listed - set(MODULES)}, which is gone"
-    assert not set(TRUSTED) & set(PROPOSES)
-
-
-def may_rest_on(module: str, name: str) -> bool:
-    """Whether a trusted module may import another one, by the rule and by its row."""
-    if name in TRUSTED or name in ("numpy", "numpy.typing", "numpy.lib", "scipy.sparse"):
-        return True
-    if name in MODULES:
-        path = MODULES[name].relative_to(PACKAGE).as_posix()
-        return path.endswith("__init__.py") or name == "control_kpos.cards" or path in TRUSTED[module]
-    return name.split(".")[0] in sys.stdlib_module_names or name in TRUSTED[module]
-
-
-@pytest.mark.parametrize("module", TRUSTED)
-def test_what_is_trusted_rests_on_nothing_else(module):
-    for name in imports_of(module):
-        assert may_rest_on(module, name), f"{module} is trusted, but imports {name}"
-    used = {node.attr for node in ast.walk(TREES[module]) if isinstance(node, ast.Attribute)}
-    assert "linalg" not in used or "numpy.linalg" in TRUSTED[module], f"{module} uses numpy.linalg"
-
-
-@pytest.mark.parametrize("module", TRUSTED)
-def test_what_is_trusted_uses_no_mathematical_library(module):
-    calls = [node.func for node in ast.walk(TREES[module]) if isinstance(node, ast.Call)]
-    owners = [(f.value.id, f.attr) for f in calls if isinstance(f, ast.Attribute) and isinstance(f.value, ast.Name)]
-    names = {attr for owner, attr in owners if owner in ("np", "math")}
-    imported = {
-        alias.name
-        for node in ast.walk(TREES[module])
-        if isinstance(node, ast.ImportFrom) and node.module == "math"
-        for alias in node.names
-    }
-    assert not (names | imported) & LIBM, f"{module}: {(names | imported) & LIBM}"
 
 
 # -- the text of the files
