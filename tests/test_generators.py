@@ -325,7 +325,7 @@ def test_stability_on_cones_that_are_found(no_facets, tmp_path):
 def test_fine_steps_need_no_rational_numbers(step, discrete, no_facets, monkeypatch):
     A = slow_modes(12)
     X = kp.find_cone(A).cone
-    monkeypatch.setattr("control_kpos.proof.proposed_weights.exact_feasibility", lambda *_, **__: pytest.fail("exact"))
+    monkeypatch.setattr("control_kpos.proof.proposed_weights.exact_combination", lambda *_, **__: pytest.fail("exact"))
     cert = kp.state_positivity(np.eye(12) + step * A if discrete else A - step * np.eye(12), X, discrete=discrete)
     assert cert and cert.check()
 

@@ -91,6 +91,30 @@ def exact_feasibility(M: Any, b: Any, *, work_limit: float = WORK_LIMIT) -> tupl
     raise ArithmeticError("the exact simplex method returned a wrong answer; please report this.")
 
 
+def exact_combination(
+    vectors: Rationals, target: Rationals, free: int | None = None, *, work_limit: float = WORK_LIMIT
+) -> tuple[Rationals | None, Rationals | None]:
+    """A target as a combination of the rows x_i of `vectors` with weights >= 0, that of row `free` of any sign.
+
+    Returns
+    -------
+    weights : ndarray of Fraction, shape (N,), or None
+    h : ndarray of Fraction, shape (n,), or None
+        h'x_i >= 0 (= 0 at `free`) and h'target < 0.  Exactly one of the two is not None.
+
+    Raises
+    ------
+    TooLargeError
+        As in `exact_feasibility`.
+    """
+    R = vectors.T if free is None else np.concatenate([vectors.T, -vectors[[free]].T], axis=1)
+    weights, h = exact_feasibility(R, target, work_limit=work_limit)
+    if weights is None or free is None:
+        return weights, h
+    weights[free] -= weights[-1]
+    return weights[:-1], h
+
+
 def is_solution(M: Any, b: Any, x: Any) -> bool:
     """True if M x = b and x >= 0, in exact arithmetic."""
     return _solves(*_integers(M, b), x)

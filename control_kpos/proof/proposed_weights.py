@@ -25,8 +25,9 @@ from ..errors import DataError, TooLargeError
 from ..exact.budget import spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
-from ..exact.programs import program_effort, solve
-from ..exact.rational_programs import exact_feasibility
+from ..exact.program import Block, Program, widest
+from ..exact.programs import program_effort
+from ..exact.rational_programs import exact_combination
 from .inclusion import GeneratorProof
 from .portable_cones import own_generators, portable
 
@@ -84,15 +85,7 @@ class Frame:
 
 def pointing_functional(rays: Array) -> Array:
     """w with w'x well above 0 for every generator of length 1, by a linear program."""
-    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    n = rays.shape[1]
-    answer = solve(
-        np.append(np.zeros(n), -1.0),
-        A_ub=np.column_stack([-unit, np.ones(len(unit))]),
-        b_ub=np.zeros(len(unit)),
-        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
-    )
-    return answer.x[:-1] if answer else np.zeros(n)
+    return widest(rays / np.linalg.norm(rays, axis=1, keepdims=True))[0]
 
 
 def nonnegative_combination(
@@ -110,21 +103,16 @@ def nonnegative_combination(
         -inf if no combination was found.
     """
     N = frame.R.shape[1]
-    unit = np.ones(N)
-    lower = np.zeros(N + 1)
+    unit, lower = np.ones(N), np.zeros(N)
     if free is not None:
         unit[free], lower[free] = 0.0, -np.inf
-    lower[N] = -np.inf
     # p = z + t unit with z >= 0 keeps the program small: n rows only.
-    matrix = np.column_stack([frame.R, frame.R @ unit])
-    upper = np.full(N + 1, np.inf)
-    upper[N] = 10.0
-    cost = np.zeros(N + 1)
-    cost[N] = -1.0
-    answer = solve(cost, A_eq=matrix, b_eq=target / size, bounds=(lower, upper))
+    program = Program(z=Block(N, lower), t=Block(1, high=10.0, cost=-1.0))
+    program.equal(target / size, z=frame.R, t=frame.R @ unit)
+    answer = program.solve()
     if not answer:
         return np.zeros(N), -np.inf
-    p = answer.x[:N] + answer.x[N] * unit
+    p = answer["z"] + answer["t"] * unit
     with suppress(np.linalg.LinAlgError):  # no convergence: the point stays as the solver gave it
         p = p + np.linalg.lstsq(frame.R, target / size - frame.R @ p, rcond=None)[0]
     rest = np.delete(p, free) if free is not None else p
@@ -273,7 +261,7 @@ class _Search:
         digits = max(int(x).bit_length() for x in np.abs(self.rays.as_integers()[0]).ravel())
         self.allowance.take(2.4 * n**3 * (1 + n * digits / 1024) ** 1.6, N, n)
         try:
-            x, h = _rational_column(self.rays, image, j if free else None, work_limit=_WORK / count)
+            x, h = exact_combination(self.rays.fractions(), image, j if free else None, work_limit=_WORK / count)
         except DataError:
             raise TooLargeError(f"the numbers of column {j} are too long for a linear program.") from None
         if h is not None or x is None:
@@ -332,22 +320,9 @@ def _affordable_column(A: Matrix, rays: Matrix, j: int, free: int | None) -> NDA
     if rays.shape[1] > _EXACT_DIMENSION:
         return None
     try:
-        return _rational_column(rays, A.fractions() @ rays[np.array([j])].fractions()[0], free)[0]
+        return exact_combination(rays.fractions(), A.fractions() @ rays[np.array([j])].fractions()[0], free)[0]
     except TooLargeError:
         return None
-
-
-def _rational_column(
-    rays: Matrix, image: NDArray[np.object_], free: int | None, **limit: float
-) -> tuple[NDArray[np.object_] | None, NDArray[np.object_] | None]:
-    """x with R x = image, x_i >= 0 for i != free; or else h with h'R >= 0 (= 0 at `free`) and h'image < 0."""
-    R = rays.fractions().T
-    matrix = R if free is None else np.concatenate([R, -R[:, [free]]], axis=1)
-    x, h = exact_feasibility(Matrix.from_fractions(matrix), Matrix.from_fractions(image), **limit)
-    if x is None or free is None:
-        return x, h
-    x[free] -= x[-1]
-    return x[:-1], h
 
 
 def _signed(N: int, discrete: bool) -> NDArray[np.bool_]:

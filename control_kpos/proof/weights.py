@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from math import lcm
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -26,7 +26,7 @@ from ..cones import (
 from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix, integers_of_doubles
-from ..exact.rational_programs import exact_feasibility
+from ..exact.rational_programs import exact_combination, exact_feasibility
 from .encoding import encode_triplets, exact_rows, nested_text, number_text
 from .portable_cones import (
     LARGE,
@@ -38,6 +38,8 @@ from .portable_cones import (
 )
 
 Rationals = NDArray[np.object_]
+# row, column, number
+Entry = tuple[int, int, Any]
 # Digits written, and work spent, before a proof is left out of a file.
 _BITS = 10**8
 # Of a solution of n equations in doubles, divided by n.
@@ -59,11 +61,12 @@ def require_portable(cone: Cone) -> None:
         raise ProofOmittedError(f"cones are proven pointed and solid up to dimension {LARGE}")
 
 
-class _Block:
+class _Block(NamedTuple):
     """One factor of a cone: where its coordinates and generators begin."""
 
-    def __init__(self, cone: Cone, row: int, ray: int) -> None:
-        self.cone, self.row, self.ray = cone, row, ray
+    cone: Cone
+    row: int
+    ray: int
 
 
 class Prover:
@@ -107,7 +110,7 @@ class Prover:
         if source_rays is not None:
             return self._images(target, M, source_rays)
         targets, sources = _blocks(target), _blocks(source)
-        entries: list[tuple[int, int, Any]] = []
+        entries: list[Entry] = []
         for a, b, piece in _pieces(M, targets, sources):
             diagonal = invariance and a.row == b.row
             key = (id(a.cone), id(b.cone), diagonal, tuple(piece.ravel()))
@@ -115,10 +118,8 @@ class Prover:
                 images = piece @ self._generators(b.cone).T
                 free = range(images.shape[1]) if diagonal else None
                 self._cache[key] = self._weights(a.cone, images, free)
-            W = self._cache[key]
-            entries += [(a.ray + i, b.ray + j, W[i, j]) for i, j in zip(*np.nonzero(W), strict=True)]
-        self._count(entries)
-        return _encoded(entries, (target.n_rays, source.n_rays))
+            entries += _entries(self._cache[key], a.ray, b.ray)
+        return self._encoded(entries, (target.n_rays, source.n_rays))
 
     def within_bounds(self, X: Cone, A: Matrix, radius: NDArray[np.float64], *, invariance: bool) -> Any:
         """P with A x_i = sum_k P_ki x_k and P_ki >= sum_j |Z_kj| (radius |x_i|)_j, as JSON data.
@@ -140,33 +141,29 @@ class Prover:
             rest = (images - rays.T @ spread).T
             free = range(len(rays)) if invariance else [None] * len(rays)
             P = spread + np.array([self._column(rays, y, i, False) for y, i in zip(rest, free, strict=True)]).T
-        entries = [(int(i), int(j), P[i, j]) for i, j in zip(*np.nonzero(P), strict=True)]
-        self._count(entries)
-        return _encoded(entries, P.shape)
+        return self._encoded(_entries(P), P.shape)
 
     def _images(self, target: Cone, M: Matrix, rays: Matrix) -> Any:
         """Weights of M x for generators x of a cone of which nothing else is known."""
         images = M.plain().fractions() @ rays.fractions().T
-        entries: list[tuple[int, int, Any]] = []
+        entries: list[Entry] = []
         for block in _blocks(target):
             W = self._weights(block.cone, images[block.row : block.row + block.cone.dim], None)
-            entries += [(block.ray + i, j, W[i, j]) for i, j in zip(*np.nonzero(W), strict=True)]
-        self._count(entries)
-        return _encoded(entries, (target.n_rays, rays.shape[0]))
+            entries += _entries(W, block.ray)
+        return self._encoded(entries, (target.n_rays, rays.shape[0]))
 
     def vector(self, target: Cone, x: Rationals, *, interior: bool = False) -> Any:
         """Weights of one vector in a cone, as JSON data; None for an orthant."""
         if isinstance(target, Orthant):
             return None
-        out: list[tuple[int, int, Any]] = []
+        out: list[Entry] = []
         for block in _blocks(target):
             part = x[block.row : block.row + block.cone.dim]
             if not interior and not any(part):
                 continue
-            weights = self._weights(block.cone, np.array(part, dtype=object)[:, None], None, interior=interior)[:, 0]
-            out += [(block.ray + int(k), 0, weights[k]) for k in np.flatnonzero(weights)]
-        self._count(out)
-        return _encoded(out, (target.n_rays, 1))
+            column = np.array(part, dtype=object)[:, None]
+            out += _entries(self._weights(block.cone, column, None, interior=interior), block.ray)
+        return self._encoded(out, (target.n_rays, 1))
 
     def repaired(self, rays: Matrix, images: Rationals, guess: Matrix, *, invariance: bool = False) -> Any:
         """Weights of vectors in a cone of which generators are all that is known, as JSON data.
@@ -195,9 +192,7 @@ class Prover:
         allowed = np.eye(*weights.shape, dtype=bool) if invariance else np.zeros(weights.shape, dtype=bool)
         for j in np.flatnonzero(((weights < 0) & ~allowed).any(axis=0)):
             weights[:, j] = self._column(rows, images[:, j], int(j) if invariance else None, interior=False)
-        entries = [(int(i), int(j), weights[i, j]) for i, j in zip(*np.nonzero(weights), strict=True)]
-        self._count(entries)
-        return _encoded(entries, weights.shape)
+        return self._encoded(_entries(weights), weights.shape)
 
     def repaired_map(
         self, rays: Matrix, M: Matrix, guess: sp.csr_array, support: NDArray[np.intp], *, invariance: bool
@@ -243,12 +238,16 @@ class Prover:
         self._count(entries)
         return encode_triplets(entries, guess.shape)
 
-    def _count(self, entries: Sequence[tuple[int, int, Any]]) -> None:
+    def _count(self, entries: list[Entry]) -> None:
         self._bits += sum(
             Fraction(x).numerator.bit_length() + Fraction(x).denominator.bit_length() for _, _, x in entries
         )
         if self._bits > _BITS:
             raise ProofOmittedError("the proof would be longer than a file should be")
+
+    def _encoded(self, entries: list[Entry], shape: tuple[int, int]) -> Any:
+        self._count(entries)
+        return _encoded(entries, shape)
 
     def _generators(self, cone: Cone) -> Rationals:
         if id(cone) not in self._rays:
@@ -265,17 +264,8 @@ class Prover:
         if opposite is not None:
             H, height = opposite
             return (H @ images) / height[:, None]
-        return (
-            np.array(
-                [
-                    self._column(rays, images[:, i], None if free is None else i, interior)
-                    for i in range(images.shape[1])
-                ],
-                dtype=object,
-            )
-            .reshape(images.shape[1], len(rays))
-            .T
-        )
+        found = [self._column(rays, y, None if free is None else i, interior) for i, y in enumerate(images.T)]
+        return np.array(found, dtype=object).reshape(len(found), len(rays)).T
 
     def _opposite(self, cone: Cone) -> tuple[Rationals, Rationals] | None:
         """Facets and heights of a simplicial cone."""
@@ -292,20 +282,15 @@ class Prover:
         self._programs += 1
         if self._programs > _PROGRAMS:
             raise ProofOmittedError(f"more than {_PROGRAMS} exact linear programs would be needed")
-        R = rays.T
         try:
             if interior:  # s y = R (1 + b) with s, b >= 0; s > 0 because the cone is pointed
-                found, _ = exact_feasibility(np.column_stack([y, -R]), R.sum(axis=1), work_limit=_WORK)
+                found, _ = exact_feasibility(np.column_stack([y, -rays.T]), rays.sum(axis=0), work_limit=_WORK)
                 return np.array([]) if found is None else (found[1:] + 1) / found[0]
-            M = R if free is None else np.column_stack([R, -rays[free]])
-            found, _ = exact_feasibility(M, y, work_limit=_WORK)
+            found, _ = exact_combination(rays, y, free, work_limit=_WORK)
         except TooLargeError as error:
             raise ProofOmittedError(str(error)) from None
         if found is None:
             raise ProofOmittedError("some vector is not in the cone it was thought to be in")
-        if free is not None:
-            found[free] -= found[-1]
-            found = found[:-1]
         return found
 
 
@@ -363,7 +348,12 @@ def _written(cone: Cone, key: str) -> Rationals:
     return out
 
 
-def _encoded(entries: list[tuple[int, int, Any]], shape: tuple[int, int]) -> dict[str, Any]:
+def _entries(W: Rationals, row: int = 0, column: int = 0) -> list[Entry]:
+    """Where W, which begins in this row and column, is not zero."""
+    return [(row + int(i), column + int(j), W[i, j]) for i, j in zip(*np.nonzero(W), strict=True)]
+
+
+def _encoded(entries: list[Entry], shape: tuple[int, int]) -> dict[str, Any]:
     if 3 * len(entries) < shape[0] * shape[1]:
         return encode_triplets(entries, shape)
     full: list[list[Any]] = [[0] * shape[1] for _ in range(shape[0])]
