@@ -545,6 +545,6 @@ def test_without_a_time_limit_the_answer_is_counted_not_timed(monkeypatch):
 
 def test_an_answer_tells_which_limit_ended_the_search(monkeypatch):
     assert "The time limit of 1e-06 s ended the search" in find_cone(pair(1.0, 5.0), time_limit=1e-6).explain()
-    monkeypatch.setattr("control_kpos.find.search._EFFORT", 10.0)
+    monkeypatch.setattr("control_kpos.find.find._EFFORT", 10.0)
     spent = find_cone(pair(1.0, 5.0))
     assert spent.status is Status.UNDECIDED and "The effort set for this search ended the search" in spent.explain()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from dataclasses import replace
 from fractions import Fraction
@@ -205,6 +206,23 @@ def test_a_system_outside_the_hull_of_its_vertices_is_served_too():
     exact = [[0, 1], [Fraction(-1, 3) + Fraction(design.F[0, 0]), Fraction(design.F[0, 1])]]
     assert (design.certificate.loops[0].A.fractions() == np.array(exact, dtype=object)).all()
     assert not design.closed_loop.exact.A.is_double
+
+
+@pytest.mark.parametrize("turn", [1, 2, 5])
+@pytest.mark.parametrize("routine", ["matrix_rank", "eigvals", "eig", "svd", "solve", "inv", "pinv", "cond", "qr"])
+def test_decompositions_that_do_not_converge_leave_a_design_undecided(routine, turn, monkeypatch):
+    A, B = np.array([[0.0, 1], [-1, 0]]), np.array([[0.0], [1]])
+    original, turns = getattr(np.linalg, routine), itertools.count(1)
+
+    def fails(*arguments, **more):
+        if next(turns) >= turn:
+            raise np.linalg.LinAlgError("injected")
+        return original(*arguments, **more)
+
+    monkeypatch.setattr(np.linalg, routine, fails)
+    for vertices in (None, [(1.1 * A, B)]):
+        design = design_cone_and_feedback((A, B), vertices=vertices, time_limit=2)
+        assert design.status is kp.Status.UNDECIDED or design.check()
 
 
 def test_progress_of_a_design():

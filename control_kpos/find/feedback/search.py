@@ -18,26 +18,26 @@ import numpy as np
 from control import StateSpace
 from numpy.typing import NDArray
 
-from ...cones import Cone, PolyhedralCone
-from ...cones.base import HoldsCone
+from ...cones import PolyhedralCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
 from ...design.accept import accept, slack
 from ...design.plant import read_plant
 from ...design.simplicial.search import succeed
 from ...errors import ConeMismatchError, DataError, ShapeError
-from ...exact.budget import OutOfBudgetError, affords, budget, ended_by, seconds_left, spend
+from ...exact.budget import OutOfBudgetError, affords, ended_by, seconds_left, spend
 from ...exact.intake import exact_matrix, items, seconds, whole_number
 from ...exact.matrix import Matrix, dense
 from ...exact.programs import program_effort
 from ...progress import Reporter, Target
-from ...proof.answer import Answer, first_proven
+from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
-from ..find import square
+from ..find import ended, square, within_limits
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import modes
+from ..question import ConeAnswer
 from .joint import joint_descent
 from .placement import placed
 
@@ -55,7 +55,7 @@ _PER_STEP = 1.5
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CodesignResult(Answer, HoldsCone):
+class CodesignResult(ConeAnswer):
     """A cone, and a gain that makes it invariant and the loop stable.
 
     `bool(result)` is True only for PROVED.  A `CodesignResult` is taken wherever a cone is asked for.
@@ -72,23 +72,14 @@ class CodesignResult(Answer, HoldsCone):
         Closed-loop poles of the nominal system.
     """
 
-    cone: Cone | None = None
     F: Array | None = None
     closed_loop: Any = None
     poles: NDArray[np.complex128] | None = None
-
-    def __cone__(self) -> Cone | str:
-        return self.explain() if self.cone is None else self.cone
 
     @property
     def K(self) -> Array | None:
         """Gain of python-control's u = -K x."""
         return None if self.F is None else -self.F
-
-    @property
-    def explanation(self) -> str:
-        """`message`, by its earlier name."""
-        return self.message
 
     def explain(self) -> str:
         """A few sentences a person can act on.
@@ -113,9 +104,6 @@ class CodesignResult(Answer, HoldsCone):
             return []
         poles = ", ".join(f"{pole:.4g}" for pole in np.sort_complex(self.poles))
         return [("cone", repr(self.cone)), ("largest entry of F", f"{np.abs(self.F).max():.4g}"), ("poles", poles)]
-
-    def __repr__(self) -> str:
-        return super().__repr__() if self.cone is None else f"<CodesignResult {self.status.name}, {self.cone!r}>"
 
 
 def design_cone_and_feedback(
@@ -180,24 +168,21 @@ def design_cone_and_feedback(
             )
     n, m = B.shape
     source = System.read(sys if isinstance(sys, StateSpace) else (A, B, np.eye(n), np.zeros((n, m))), dt=dt)
-    operations = _EFFORT if limit is None else np.inf
-    with budget(operations, time_limit=limit), Reporter(progress) as report:
-        try:
-            rank = _controllable(np.asarray(A.values), np.asarray(B.values))
-            if rank < A.shape[0]:
-                return CodesignResult(status=Status.UNDECIDED, message=_uncontrollable(rank, A.shape[0]))
-            found = _search(source, (A, B), pairs, discrete, seed, report)
-        except OutOfBudgetError:
-            found = None
-        limit = ended_by()
-    lead = f"No cone and gain were found before {limit} was over" if limit else "No cone and gain were found"
-    return found or CodesignResult(
-        status=Status.UNDECIDED,
-        message=(
-            f"{lead}; none was excluded. Smaller vertices, more inputs, "
-            "or more time may help: the dominant pole must stay real and isolated in every vertex."
-        ),
+    with Reporter(progress) as report:
+        return within_limits(
+            lambda: _search(source, [(A, B), *pairs], discrete, seed, report),
+            _not_found,
+            operations=_EFFORT,
+            time_limit=limit,
+        )
+
+
+def _not_found(reason: str) -> CodesignResult:
+    advice = (
+        "No cone and gain were found; none was excluded. Smaller vertices, more inputs, or more time may help: the "
+        "dominant pole must stay real and isolated in every vertex."
     )
+    return CodesignResult(status=Status.UNDECIDED, message=f"{reason} {advice}".lstrip())
 
 
 def _uncontrollable(rank: int, n: int) -> str:
@@ -208,18 +193,21 @@ def _uncontrollable(rank: int, n: int) -> str:
 
 
 def _search(
-    source: System, nominal: Pair, pairs: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
-) -> CodesignResult | None:
+    source: System, served: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
+) -> CodesignResult:
     """Poles after poles, until cone and gain are proven."""
-    served = [nominal, *pairs]
     matrices = np.array([np.asarray(a.values) for a, _ in served])
     inputs = np.array([np.asarray(b.values) for _, b in served])
+    robust, n = len(served) > 1, matrices.shape[-1]
+    rank = _controllable(matrices[0], inputs[0])
+    if rank < n:
+        return CodesignResult(status=Status.UNDECIDED, message=_uncontrollable(rank, n))
 
     def proven(attempt: tuple[int, Array]) -> CodesignResult | None:
         (k, F), found = attempt, None
         try:
             R = _starting_cone(matrices[0] + inputs[0] @ F, discrete)
-            if R is not None and pairs:
+            if R is not None and robust:
                 R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
                 report(f"poles {k}: margin {margin:.3g}")
                 R = R if margin > 0 else None
@@ -231,7 +219,8 @@ def _search(
             report(f"poles {k}: no cone and gain")
         return found
 
-    return first_proven(enumerate(_gains(matrices[0], inputs[0], discrete, bool(pairs), seed)), proven)
+    found = first_proven(enumerate(_gains(matrices[0], inputs[0], discrete, robust, seed)), proven)
+    return found or _not_found(ended(ended_by()))
 
 
 def _is_within_reach(R: Array) -> bool:
