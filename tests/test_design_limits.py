@@ -101,7 +101,7 @@ def test_a_reached_limit_is_said():
 def test_a_refused_step_is_said_although_something_is_left(name, effort):
     with budget(effort) as outer:
         answer = DESIGNS[name]()
-        assert answer.status is kp.Status.UNDECIDED and "the effort set for this search" in answer.explain()
+        assert answer.status is kp.Status.UNDECIDED and "effort set for this search" in answer.explain()
         assert outer.refused_by or not outer.left() > 0
 
 

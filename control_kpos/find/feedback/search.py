@@ -24,9 +24,9 @@ from ...design import state_feedback
 from ...design.accept import accept, slack
 from ...design.plant import read_plant
 from ...design.simplicial.search import succeed
-from ...errors import ConeMismatchError, DataError, ShapeError
+from ...errors import DataError, ShapeError
 from ...exact.budget import OutOfBudgetError, affords, ended_by, seconds_left, spend
-from ...exact.intake import exact_matrix, items, seconds, whole_number
+from ...exact.intake import items, seconds, whole_number
 from ...exact.matrix import Matrix, dense
 from ...exact.programs import program_effort
 from ...progress import Reporter, Target
@@ -42,7 +42,6 @@ from .joint import joint_descent
 from .placement import placed
 
 Array = NDArray[np.float64]
-Pair = tuple[Matrix, Matrix]
 
 # Random pole patterns of the robust search after the ones listed.
 _RANDOM = 1000
@@ -154,23 +153,20 @@ def design_cone_and_feedback(
     ('PROVED', True)
     """
     limit, seed = seconds(time_limit), whole_number(seed, "seed")
-    A, B, dt = _plant(sys, "sys")
-    discrete = dt is not None and (dt is True or dt != 0)
-    pairs = [
-        _plant(item, f"vertices[{k}]")[:2]
-        for k, item in enumerate([] if vertices is None else items(vertices, "vertices"))
+    plant = _plant(sys, "sys")
+    others = [
+        _plant(item, f"vertices[{k}]") for k, item in enumerate(items([] if vertices is None else vertices, "vertices"))
     ]
-    for k, (Ak, Bk) in enumerate(pairs):
-        if Ak.shape != A.shape or Bk.shape != B.shape:
+    for k, other in enumerate(others):
+        if other.sizes[:2] != plant.sizes[:2]:
             raise ShapeError(
-                f"vertices[{k}] has A {Ak.shape[0]} x {Ak.shape[1]} and B {Bk.shape[0]} x {Bk.shape[1]}, "
-                f"but the system has A {A.shape[0]} x {A.shape[1]} and B {B.shape[0]} x {B.shape[1]}."
+                f"vertices[{k}] has {other.sizes[0]} states and {other.sizes[1]} inputs, but the system has "
+                f"{plant.sizes[0]} and {plant.sizes[1]}."
             )
-    n, m = B.shape
-    source = System.read(sys if isinstance(sys, StateSpace) else (A, B, np.eye(n), np.zeros((n, m))), dt=dt)
+    served = [plant, *(other for other in others if not _is_same(other, plant))]
     with Reporter(progress) as report:
         return within_limits(
-            lambda: _search(source, [(A, B), *pairs], discrete, seed, report),
+            lambda: _search(served, seed, report),
             _not_found,
             operations=_EFFORT,
             time_limit=limit,
@@ -192,13 +188,10 @@ def _uncontrollable(rank: int, n: int) -> str:
     )
 
 
-def _search(
-    source: System, served: list[Pair], discrete: bool, seed: int, report: Callable[[str], None]
-) -> CodesignResult:
+def _search(served: list[System], seed: int, report: Callable[[str], None]) -> CodesignResult:
     """Poles after poles, until cone and gain are proven."""
-    matrices = np.array([np.asarray(a.values) for a, _ in served])
-    inputs = np.array([np.asarray(b.values) for _, b in served])
-    robust, n = len(served) > 1, matrices.shape[-1]
+    matrices, inputs = (np.array([dense(m.values) for m in kind]) for kind in zip(*map(_pair, served), strict=True))
+    robust, n, discrete = len(served) > 1, matrices.shape[-1], served[0].discrete
     rank = _controllable(matrices[0], inputs[0])
     if rank < n:
         return CodesignResult(status=Status.UNDECIDED, message=_uncontrollable(rank, n))
@@ -211,7 +204,7 @@ def _search(
                 R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
                 report(f"poles {k}: margin {margin:.3g}")
                 R = R if margin > 0 else None
-            found = None if R is None or not _is_within_reach(R) else _polished(source, R, F, served)
+            found = None if R is None or not _is_within_reach(R) else _polished(served, R, F)
         except OutOfBudgetError:
             if not affords():
                 raise
@@ -230,19 +223,26 @@ def _is_within_reach(R: Array) -> bool:
     )
 
 
-def _plant(item: Any, name: str) -> tuple[Matrix, Matrix, Any]:
-    if isinstance(item, StateSpace):
-        own = System.read(item, name)
-        A, B, dt = square(own.A, f"{name}.A"), own.B, item.dt
-    elif isinstance(item, (tuple, list)) and len(item) == 2:
-        A, B, dt = square(item[0], f"{name}: A"), exact_matrix(item[1], f"{name}: B"), None
-    else:
-        raise DataError(f"{name} must be a StateSpace or a pair (A, B), not {type(item).__name__}.")
-    if not B.shape[1]:
+def _plant(item: Any, name: str) -> System:
+    """The plant; all its states are outputs if it is a pair (A, B)."""
+    if not isinstance(item, StateSpace):
+        if not isinstance(item, (tuple, list)) or len(item) != 2:
+            raise DataError(f"{name} must be a StateSpace or a pair (A, B), not {type(item).__name__}.")
+        A = square(item[0], f"{name}: A")
+        item = A, item[1], np.eye(A.shape[0]), [[0]]
+    plant = System.read(item, name)
+    square(plant.A, f"{name}.A")
+    if not plant.sizes[1]:
         raise DataError(f"{name} has no inputs; there is nothing to design.")
-    if B.shape[0] != A.shape[0]:
-        raise ConeMismatchError(f"{name}: A is {A.shape[0]} x {A.shape[1]}, but B has {B.shape[0]} rows.")
-    return A, B, dt
+    return plant
+
+
+def _pair(plant: System) -> tuple[Matrix, Matrix]:
+    return plant.A, plant.B
+
+
+def _is_same(one: System, other: System) -> bool:
+    return all((a.fractions() == b.fractions()).all() for a, b in zip(_pair(one), _pair(other), strict=True))
 
 
 def _controllable(A: Array, B: Array) -> int:
@@ -320,24 +320,24 @@ def _starting_cone(A: Array, discrete: bool) -> Array | None:
     return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
 
 
-def _polished(source: System, R: Array, F: Array, served: list[Pair]) -> CodesignResult | None:
-    """The smallest gain at this cone, for the system and its vertices, with its proof; F if that is all there is."""
+def _polished(served: list[System], R: Array, F: Array) -> CodesignResult | None:
+    """The smallest gain at this cone, for all plants, with its proof; F if that is all there is."""
     spend(program_effort(len(served) * R.size, F.size))
-    cone = PolyhedralCone(np.ascontiguousarray(R.T))
+    cone, source = PolyhedralCone(np.ascontiguousarray(R.T)), served[0]
     system = ConeStateSpace(*source.matrices, source.dt or 0, X=cone, remove_useless_states=False)
-    plant = read_plant(system, cone, vertices=served)
+    pairs = [_pair(plant) for plant in served]
+    plant = read_plant(system, cone, vertices=pairs)
     given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
-    design = state_feedback(system, X=cone, vertices=served, time_limit=max(seconds_left(), 1e-3))
+    design = state_feedback(system, X=cone, vertices=pairs, time_limit=max(seconds_left(), 1e-3))
     if not design and given is not None:
         design = succeed(plant, given, "", plant.gain_of(given.F), float("nan"))
     if not design:
         return None
-    poles = np.linalg.eigvals(dense(source.A.values) + dense(source.B.values) @ design.F)
     return CodesignResult(
         status=Status.PROVED,
         certificate=design.certificate,
         cone=cone,
         F=np.asarray(design.F),
         closed_loop=design.closed_loop,
-        poles=poles,
+        poles=np.linalg.eigvals(dense(source.A.values) + dense(source.B.values) @ design.F),
     )
