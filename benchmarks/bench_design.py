@@ -13,8 +13,8 @@ import scipy.sparse as sp
 
 import control_kpos as kp
 from control_kpos.design.plant import column_freedom, read_plant
+from control_kpos.design.running import Programs
 from control_kpos.design.simplicial.program import SimplicialProgram
-from control_kpos.design.solver import Programs
 from control_kpos.exact import programs as linear_programs
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))

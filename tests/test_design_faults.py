@@ -70,7 +70,7 @@ def never_wrong(design, *, possible, limit=LIMIT):
 
 
 def raising(error):
-    def run(*_):
+    def run(*_, **__):
         raise error
 
     return run
@@ -209,3 +209,22 @@ def test_time_limits_of_large_networks(limit):
         d = kp.network_feedback(nodes, 0.1 * kp.examples.ring(3000), time_limit=limit, **demands)
         assert time.monotonic() - begin < limit + 2
         assert d.status is kp.Status.UNDECIDED or d.check()
+
+
+# -- factorisations that fail
+
+
+@pytest.mark.parametrize("broken", ["solve", "inv", "eigvals", "svd"])
+@pytest.mark.parametrize("name", [*DESIGNS, *IMPOSSIBLE])
+def test_factorisations_that_do_not_converge(broken, name, monkeypatch):
+    monkeypatch.setattr(np.linalg, broken, raising(np.linalg.LinAlgError("did not converge")))
+    for designs in (DESIGNS, IMPOSSIBLE):
+        if name in designs:
+            never_wrong(designs[name], possible=designs is DESIGNS, limit=20)
+
+
+@pytest.mark.parametrize("height", [1e-8, 1e-30, 1e-300])
+@pytest.mark.parametrize("demands", [{}, {"rate": "max"}, {"method": "first"}, {"method": "alternation"}], ids=str)
+def test_flat_cones_give_no_warnings(height, demands):
+    d = kp.state_feedback(PLANT, X=[[1, 0], [1, height]], **demands)
+    assert d.check() or d.status is kp.Status.UNDECIDED

@@ -13,9 +13,9 @@ from test_time_limits import LIMIT, assert_ends
 
 import control_kpos as kp
 from control_kpos.design.accept import closed_loop
-from control_kpos.design.effort import EFFORT, within
 from control_kpos.design.network.program import _distinct
 from control_kpos.design.result import DesignResult
+from control_kpos.design.running import EFFORT, within
 from control_kpos.design.simplicial import rows
 from control_kpos.exact.budget import OutOfBudgetError, begin, budget, spend
 from control_kpos.exact.intake import exact_matrix
@@ -106,17 +106,17 @@ def test_a_refused_step_is_said_although_something_is_left(name, effort):
 
 
 def test_designs_say_what_ended_them():
-    def late():
+    def late(_):
         spend(1e300)
 
-    def given_up():
+    def given_up(_):
         time.sleep(2e-3)
         return DesignResult(status=kp.Status.UNDECIDED, message="no gain was found.")
 
-    def worn_out():
+    def worn_out(lp):
         spend(EFFORT["one system"] * (1 - 1e-15))
         begin(1e9)
-        return given_up()
+        return given_up(lp)
 
     assert "the time limit of 60 s ended the design" in within(60, late).message
     assert "the effort set for this search ended the design" in within(None, late).message

@@ -289,10 +289,9 @@ def accept(
     needed = _needed_slack(plant, F)
 
     def prove(candidate: Floats) -> Accepted | None:
-        with np.errstate(all="ignore"):
-            margins = slack(plant, candidate)
-            if not (margins >= needed).all() or not (candidate is F or plant.gain_of(candidate) <= gain):
-                return None
+        margins = slack(plant, candidate)
+        if not (margins >= needed).all() or not (candidate is F or plant.gain_of(candidate) <= gain):
+            return None
         spend(_effort(plant, margins))
         try:
             return _prove(plant, candidate, rate, x)

@@ -47,8 +47,7 @@ def interval_starts(constant: Floats, slope: Floats) -> Floats:
     """`interval_start` for each row."""
     size = np.abs(constant) + np.abs(slope)
     falling = constant < -1e-13 * size
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ends = np.where(falling, -constant / slope * (1 + _GUARD), 0.0)
+    ends = np.where(falling, -constant / slope * (1 + _GUARD), 0.0)
     return np.clip(np.nan_to_num(ends, nan=1.0, posinf=1.0).max(axis=1, initial=0.0), 0.0, 1.0)
 
 

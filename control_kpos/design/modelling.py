@@ -20,8 +20,8 @@ from .accept import Accepted, accept
 from .plant import Floats, Plant
 from .polyhedral.program import GainProgram
 from .result import DesignResult
+from .running import Programs
 from .simplicial.search import succeed, undecided
-from .solver import Programs, SolverChoice, installed
 
 USER = "objective given"
 _STARTS, _ROUNDS = 4, 6
@@ -33,7 +33,6 @@ def design_with_constraints(
     rate: float,
     constraints: Callable[[Any], Sequence[Any]] | None,
     objective: Callable[[Any], Any] | None,
-    solver: SolverChoice,
     lp: Programs,
 ) -> DesignResult:
     """The best certified gain found under the user's own constraints.
@@ -42,14 +41,11 @@ def design_with_constraints(
     ------
     DataError
         If the callables do not return what cvxpy can use.
-    SolverError
-        If `solver` is not the name of an installed solver.
     """
     import cvxpy as cp  # noqa: PLC0415  (heavy, and needed by few)
 
-    if callable(solver):
+    if callable(lp.solver):
         raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
-    name = None if solver is None else installed(solver)
     program = GainProgram(plant, lp.on_highs())
     F = cp.Variable(program.shape)
     own, cost = _users_part(cp, F, constraints, objective, plant)
@@ -63,7 +59,7 @@ def design_with_constraints(
                 lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}, step {step + 1}")
                 found = None
                 for v in vectors:
-                    gain, message = _solve(cp, program, F, own, cost, v, rate, name, lp)
+                    gain, message = _solve(cp, program, F, own, cost, v, rate, lp)
                     if gain is None:
                         last = message
                         continue
@@ -121,7 +117,6 @@ def _solve(
     cost: Any,
     v: Floats,
     rate: float,
-    name: str | None,
     lp: Programs,
 ) -> tuple[Floats | None, str]:
     plant = program.plant
@@ -141,7 +136,7 @@ def _solve(
         problem = cp.Problem(cp.Minimize(cost), rows)
         if not begin(program_effort(len(g) + len(s), len(program.free))):
             break
-        message = guarded(lambda problem=problem: _status(problem, name), seconds_left())
+        message = guarded(lambda problem=problem: _status(problem, lp.solver), seconds_left())
         if message in ("optimal", "optimal_inaccurate"):
             if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
                 return np.array(F.value, dtype=float), message
@@ -156,8 +151,8 @@ def _sizes(plant: Plant, count: int) -> Floats:
     return np.append(own, np.zeros(count - len(own)))
 
 
-def _status(problem: Any, name: str | None) -> str:
-    problem.solve(**({} if name is None else {"solver": name}))
+def _status(problem: Any, solver: Any) -> str:
+    problem.solve(**({} if solver is None else {"solver": solver}))
     return str(problem.status)
 
 

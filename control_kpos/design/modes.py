@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -25,38 +26,26 @@ def controllability_notes(plant: Plant) -> list[str]:
     if not affords(effort):
         return []
     scale = max(np.abs(A).max(), np.abs(B).max(initial=0.0), np.finfo(float).tiny)
-    notes = []
-    for mode in np.unique(np.round(_eigenvalues(A) / scale, 9)) * scale:
-        if mode.imag < 0:
-            continue
-        if not affords(effort):
-            break
-        if not _loses_rank(np.hstack([A - mode * np.eye(plant.n), B])):
-            continue
-        bad = abs(mode) >= 1 if plant.discrete else mode.real >= 0
-        name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
-        consequence = (
-            "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
-            "change the actuators"
-            if bad
-            else "it is stable and stays as it is, which limits the decay rate but not the design"
-        )
-        notes.append(f"The mode {name} is not controllable: {consequence}.")
-    return notes
-
-
-def _eigenvalues(A: NDArray[np.float64]) -> NDArray[Any]:
-    """The eigenvalues; none if they do not converge."""
-    try:
-        return np.asarray(np.linalg.eigvals(A))
-    except np.linalg.LinAlgError:
-        return np.empty(0)
+    with suppress(np.linalg.LinAlgError):
+        modes = np.unique(np.round(np.linalg.eigvals(A) / scale, 9)) * scale
+        upper = (mode for mode in modes if mode.imag >= 0 and affords(effort))
+        return [_note(mode, plant) for mode in upper if _loses_rank(np.hstack([A - mode * np.eye(plant.n), B]))]
+    return []
 
 
 def _loses_rank(M: NDArray[Any]) -> bool:
-    """The smallest singular value is rounding; False if they do not converge."""
-    try:
-        sizes = np.linalg.svd(M, compute_uv=False)
-    except np.linalg.LinAlgError:
-        return False
+    """The smallest singular value is rounding."""
+    sizes = np.linalg.svd(M, compute_uv=False)
     return not sizes[-1] > _RANK * sizes[0]
+
+
+def _note(mode: Any, plant: Plant) -> str:
+    bad = abs(mode) >= 1 if plant.discrete else mode.real >= 0
+    name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
+    consequence = (
+        "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
+        "change the actuators"
+        if bad
+        else "it is stable and stays as it is, which limits the decay rate but not the design"
+    )
+    return f"The mode {name} is not controllable: {consequence}."

@@ -14,14 +14,13 @@ from ..cones import Cone
 from ..errors import DataError
 from ..exact.intake import seconds
 from ..exact.matrix import Matrix
-from ..progress import Reporter, Target
+from ..progress import Target
 from ..systems.statespace import ConeStateSpace
-from .effort import within
 from .plant import as_system, read_plant
 from .polyhedral.search import design_by_alternation
 from .result import OBSERVER, DesignResult, dual_words
+from .running import Programs, SolverChoice, within
 from .simplicial.search import design_on_simplicial
-from .solver import Programs, SolverChoice
 from .state import read_rate
 
 
@@ -87,16 +86,15 @@ def output_feedback(
     """
     limit, target = seconds(time_limit), read_rate(rate)
 
-    def design() -> DesignResult:
+    def design(lp: Programs) -> DesignResult:
         plant = read_plant(
             sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, output=True
         )
         if np.any(np.asarray(plant.system.D)):
             raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
-        with Reporter(progress) as report:
-            return design_by_alternation(plant, target, Programs(solver, report))
+        return design_by_alternation(plant, target, lp)
 
-    result = within(limit, design)
+    result = within(limit, design, solver=solver, progress=progress)
     return replace(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
 
 
@@ -153,17 +151,16 @@ def observer_gain(
     """
     limit, target = seconds(time_limit), read_rate(rate)
 
-    def design() -> DesignResult:
+    def design(lp: Programs) -> DesignResult:
         system = as_system(sys, X)
         A, B, C, D = system.exact.matrices
         dual = ConeStateSpace(*(M.T for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False)
         plant = read_plant(dual, None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
-        with Reporter(progress) as report:
-            result = by(plant, target, Programs(solver, report))
+        result = by(plant, target, lp)
         return _as_observer(result, system, result.F.T) if result else result
 
-    return replace(within(limit, design), law=OBSERVER)
+    return replace(within(limit, design, solver=solver, progress=progress), law=OBSERVER)
 
 
 def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> DesignResult:

@@ -12,11 +12,10 @@ from ..cones import Cone
 from ..errors import DataError
 from ..exact.intake import choice, exact_number, is_number, seconds
 from ..exact.matrix import Matrix
-from ..progress import Reporter, Target
+from ..progress import Target
 from ..proof.certificate import Status
 from ..theorems.positivity import cone_positivity
 from .disturbance import reject_disturbance
-from .effort import within
 from .modelling import design_with_constraints
 from .plant import (
     Plant,
@@ -26,9 +25,9 @@ from .plant import (
 )
 from .polyhedral.search import design_by_alternation
 from .result import DesignResult
+from .running import Programs, SolverChoice, within
 from .simplicial.search import design_on_simplicial, first_gain
 from .simplicial.two_step import design_in_two_steps
-from .solver import Programs, SolverChoice
 
 Method = Literal["auto", "one-shot", "first", "alternation", "two-step"]
 _METHODS = ("auto", "one-shot", "first", "alternation", "two-step")
@@ -139,26 +138,22 @@ def state_feedback(
     method, limit = choice(method, "method", _METHODS), seconds(time_limit)
     target = read_rate(rate)
 
-    def design() -> DesignResult:
+    def design(lp: Programs) -> DesignResult:
         plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
-        with Reporter(progress) as report:
-            lp = Programs(solver, report)
-            if constraints is None and objective is None:
-                return _design(plant, target, disturbance, method, lp)
-            if target == "max" or disturbance is not None:
-                raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
-            blocked = _inputs_leave_cone(plant)
-            if blocked is not None:
-                return blocked
-            return design_with_constraints(plant, float(target), constraints, objective, solver, lp)
+        own = constraints is not None or objective is not None
+        if own and (target == "max" or disturbance is not None):
+            raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
+        blocked = _inputs_leave_cone(plant)
+        if blocked is not None:
+            return blocked
+        if own:
+            return design_with_constraints(plant, float(target), constraints, objective, lp)
+        return _design(plant, target, disturbance, method, lp)
 
-    return within(limit, design)
+    return within(limit, design, solver=solver, progress=progress)
 
 
 def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp: Programs) -> DesignResult:
-    blocked = _inputs_leave_cone(plant)
-    if blocked is not None:
-        return blocked
     if disturbance is not None:
         require_simplicial(plant.X, "disturbance rejection")
         if target == "max" or plant.pattern is not None:

@@ -15,11 +15,10 @@ from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, budget, seconds_left
 from ..exact.intake import flag, seconds, vector
 from ..progress import Reporter, Target
-from .effort import operations
 from .plant import Plant, column_freedom, read_plant, require_simplicial
 from .result import DesignResult
+from .running import Programs, operations
 from .simplicial.program import Failure, SimplicialProgram
-from .solver import Programs
 from .state import state_feedback
 
 _POINTS = 12
@@ -101,6 +100,7 @@ def gain_rate_tradeoff(
         budget(operations("trade-off", limit), time_limit=limit),
         suppress(OutOfBudgetError),
         Reporter(progress) as report,
+        np.errstate(all="ignore"),
     ):
         plant = read_plant(sys, X, **demands)
         require_simplicial(plant.X, "the trade-off curve")

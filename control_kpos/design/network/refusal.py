@@ -24,12 +24,11 @@ from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
-from ..effort import EFFORT
 from ..plant import Plant, read_plant
 from ..result import DesignResult, Nearest
+from ..running import EFFORT, Programs
 from ..simplicial.refusal import NoFeedback, decide
 from ..simplicial.search import BELOW, design_on_simplicial, undecided
-from ..solver import Programs
 from .program import NetworkProgram
 
 Floats = NDArray[np.float64]

@@ -22,16 +22,15 @@ from ...errors import DataError, ShapeError
 from ...exact.intake import exact_number, seconds
 from ...exact.matrix import Matrix
 from ...networks.any_size import out_weight_certificate
-from ...progress import Reporter, Target
+from ...progress import Target
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...theorems.positivity import cone_positivity
 from ...theorems.stability import LyapunovCertificate
-from ..effort import within
 from ..plant import Plant, read_plant, require_simplicial
 from ..result import DesignResult
+from ..running import Programs, SolverChoice, within
 from ..simplicial.search import design_on_simplicial, undecided
-from ..solver import Programs, SolverChoice
 from ..state import read_rate
 
 
@@ -85,12 +84,10 @@ def scale_free_feedback(
     limit, target = seconds(time_limit), read_rate(rate)
     value = exact_number(weight, "weight", nonnegative=True)
 
-    def design() -> DesignResult:
-        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure)
-        with Reporter(progress) as report:
-            return _design(plant, value, target, Programs(solver, report))
+    def design(lp: Programs) -> DesignResult:
+        return _design(read_plant(sys, X, gain_bound=gain_bound, structure=structure), value, target, lp)
 
-    return within(limit, design)
+    return within(limit, design, solver=solver, progress=progress)
 
 
 def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -> DesignResult:

@@ -26,15 +26,14 @@ from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, gather
 from ...networks.network import ConeNetwork
 from ...networks.nodes import NodeStack
-from ...progress import Reporter, Target
+from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ..actuator_loss import loss_of_positivity, node_fractions
-from ..effort import within
 from ..result import DesignResult
+from ..running import Programs, SolverChoice, within
 from ..simplicial.search import undecided
-from ..solver import Programs, SolverChoice
 from ..state import read_rate
 from .program import MARGINS, NetworkProgram
 from .refusal import beyond_gains, explain_failure
@@ -124,7 +123,7 @@ def network_feedback(
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
 
-    def design() -> DesignResult:
+    def design(lp: Programs) -> DesignResult:
         single = isinstance(systems, (NodeStack, ConeStateSpace))
         given = [systems] if single else items(systems, "systems")
         stacks, members, dt = gather(given)
@@ -132,12 +131,9 @@ def network_feedback(
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
         bound = _read_bound(gain_bound, model)
-        cones = own_cones(given)
-        with Reporter(progress) as report:
-            lp = Programs(solver, report)
-            return _designed(model, bound, uniform, float(target), lp, cones)
+        return _designed(model, bound, uniform, float(target), lp, own_cones(given))
 
-    result = within(limit, design, "network")
+    result = within(limit, design, "network", solver=solver, progress=progress)
     if result.alarm:
         warnings.warn(result.alarm, ActuatorLossWarning, stacklevel=2)
     return result
@@ -302,8 +298,7 @@ def _certified(
 
 def round_to(F: Floats, digits: int) -> Floats:
     """Each entry to so many significant decimal digits."""
-    with np.errstate(divide="ignore"):
-        place = digits - 1 - np.floor(np.log10(np.abs(F)))
+    place = digits - 1 - np.floor(np.log10(np.abs(F)))
     place = np.clip(np.where(np.isfinite(place), place, 0), -300, 300)
     unit = 10.0 ** np.abs(place)
     return np.where(place >= 0, np.rint(F * unit) / unit, np.rint(F / unit) * unit)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ...exact.budget import affords
 from ...exact.program import Block, Program, Solver
 from ..plant import Floats, Plant
-from ..simplicial.rows import products, scaled_rows, stacked
+from ..simplicial.rows import products, scaled_rows, solved, stacked
 
 _RHO = 1e-2
 _SHIFTS = (1.0, 0.1, 0.01, 1e-4)
@@ -189,23 +189,15 @@ class GainProgram:
                 yield v
             return
         M = self.drifts[0] + self.plant.pairs[0][1] @ gain @ self.read
-        with np.errstate(all="ignore"):
-            try:
-                values = np.linalg.eigvals(M) if np.isfinite(M).all() else np.empty(0)
-            except np.linalg.LinAlgError:
-                return
-            if not values.size:
-                return
-            rightmost = values.real.max()
-            size = max(abs(rightmost), 1e-3 * self.plant.scale)
-            for d in _SHIFTS:
-                try:
-                    v = -np.linalg.solve((M - (rightmost + d * size) * np.eye(len(M))).T, c)
-                except np.linalg.LinAlgError:
-                    continue
-                heights = self.plant.rays @ v
-                if np.isfinite(v).all() and (heights > 1e-12 * np.abs(heights).max()).all():
-                    yield v / heights.max()
+        if not np.isfinite(M).all():
+            return
+        rightmost = np.linalg.eigvals(M).real.max()
+        size = max(abs(rightmost), 1e-3 * self.plant.scale)
+        for d in _SHIFTS:
+            v = -solved((M - (rightmost + d * size) * np.eye(len(M))).T, c)
+            heights = self.plant.rays @ v
+            if np.isfinite(v).all() and (heights > 1e-12 * np.abs(heights).max()).all():
+                yield v / heights.max()
 
     def _common_vector(self, gain: Floats) -> Floats | None:
         """The v inside X* that decreases fastest along all vertices, by bisection on the rate."""

@@ -22,6 +22,7 @@ from ..accept import Accepted, accept
 from ..modes import controllability_notes
 from ..plant import Floats, Plant
 from ..result import DesignResult, Nearest
+from ..running import Programs
 from ..simplicial.search import (
     GAIN_SLACK,
     LARGEST_RATE,
@@ -33,7 +34,6 @@ from ..simplicial.search import (
     undecided,
     without_feedback,
 )
-from ..solver import Programs
 from .program import GainProgram, Iterate
 from .refusal import no_invariance
 

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .rows import entry_rows, stacked
+from .rows import entry_rows, solved, stacked
 
 Rows = NDArray[Any]
 
@@ -168,10 +168,9 @@ def gain_rows(n: int, m: int, lengths: Rows, bound: Rows | None) -> tuple[Rows, 
 def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:
     """(xi, G) with G[:, k] = z_k / xi_k = F t_k, which is no number where a solver left xi_k at zero."""
     xi = x[:n]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return xi, (x[n:].reshape(n, m) / xi[:, None]).T
+    return xi, (x[n:].reshape(n, m) / xi[:, None]).T
 
 
 def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """F with F t_k = G[:, k]."""
-    return np.asarray(np.linalg.solve(rays, G.T).T, dtype=np.float64)
+    return solved(rays, G.T).T

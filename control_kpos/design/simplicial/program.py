@@ -25,7 +25,7 @@ from .inequalities import (
 )
 from .ratio import first_point, minimise_ratio, satisfies, spread_margins
 from .refusal import output_rows
-from .rows import compact, scaled_rows, spend_on_entries, stacked
+from .rows import compact, scaled_rows, solved, spend_on_entries, stacked
 
 # Decay demanded beyond the required one, relative to the size of the plant on the cone; a cone that is nearly
 # flat makes that size large, so smaller ones are tried as well.
@@ -167,15 +167,11 @@ class SimplicialProgram:
                 return None
             z = sp.csr_array((answer.x, (np.arange(len(free)), free)), shape=(len(free), n))
             M = self.drift[:, :n] + self.drift[:, n:] @ z - shift * np.eye(n)
-            with np.errstate(all="ignore"):
-                try:
-                    xi = -np.linalg.solve(M, np.ones(n))
-                    if (xi > 0).all():  # M is Metzler up to rounding, so this says that it is stable
-                        return np.asarray(np.concatenate([xi, answer.x * xi[free]]), dtype=float)
-                    rightmost = np.linalg.eigvals(M).real.max()
-                    v = -np.linalg.solve((M - 1.1 * max(rightmost, 0.0) * np.eye(n)).T, np.ones(n))
-                except np.linalg.LinAlgError:
-                    return None
+            xi = -solved(M, np.ones(n))
+            if (xi > 0).all():  # M is Metzler up to rounding, so this says that it is stable
+                return np.asarray(np.concatenate([xi, answer.x * xi[free]]), dtype=float)
+            rightmost = np.linalg.eigvals(M).real.max()
+            v = -solved((M - 1.1 * max(rightmost, 0.0) * np.eye(n)).T, np.ones(n))
             if not (np.isfinite(v).all() and (v > 0).all()):
                 return None
             v = v / v.max()

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.budget import affords
 from ...exact.program import Block, Program, Solver
 from ...exact.programs import Solution
 from .rows import scaled, scaled_rows
@@ -23,9 +22,9 @@ from .rows import scaled, scaled_rows
 Floats = NDArray[np.float64]
 Owners = NDArray[np.intp]
 
-# How far one step may shrink an entry of xi, how far all steps may, and how far apart the first entries may be.
+# How far one step may shrink an entry of xi, and how far all steps may.
 # Where the infimum is only reached as an entry of xi vanishes, the gain would lose all its margins.
-_SHRINK, _FLOOR, _SPREAD = 1e-3, 1e-5, 1e4
+_SHRINK, _FLOOR = 1e-3, 1e-5
 _STEPS = 40
 
 
@@ -40,19 +39,11 @@ def first_point(fixed: Any, N: Any, owner: Owners, lp: Solver) -> Solution:
     lp : callable
         As `control_kpos.exact.programs.solve`.
     """
-    best = Solution("failed", np.empty(0))
-    for spread in (_SPREAD, np.inf):
-        program = Program(x=_over(owner, 1.0, spread), largest=Block(1, low=0.0, cost=1.0))
-        program.below(0.0, x=fixed)
-        program.below(0.0, x=N, largest=-np.ones(N.shape[0]))
-        answer = program.solve(lp)
-        if answer and satisfies(fixed, answer["x"]):
-            return answer
-        # the solver's tolerance is relative to the largest bound: without one it is sharper
-        best = answer if answer or not best else best
-        if answer.outcome not in ("optimal", "infeasible"):
-            break
-    return best
+    # no upper bound: the solver's tolerance is relative to the largest one
+    program = Program(x=_over(owner, 1.0, np.inf), largest=Block(1, low=0.0, cost=1.0))
+    program.below(0.0, x=fixed)
+    program.below(0.0, x=N, largest=-np.ones(N.shape[0]))
+    return program.solve(lp)
 
 
 def minimise_ratio(
@@ -91,7 +82,7 @@ def minimise_ratio(
     x, theta = start, _worst(N, D, start)
     floor = _FLOOR * start[:n] / start[:n].max()
     for _ in range(_STEPS):
-        if not theta > stop or not affords():
+        if not theta > stop:
             break
         x = x / x[:n].max()
         scale = x[owner]
@@ -151,5 +142,4 @@ def _over(owner: Owners, low: Any, high: Any) -> Block:
 
 
 def _worst(N: Any, D: Any, x: Floats) -> float:
-    with np.errstate(all="ignore"):
-        return float(np.max((N @ x) / (D @ x), initial=-np.inf))
+    return float(np.max((N @ x) / (D @ x), initial=-np.inf))

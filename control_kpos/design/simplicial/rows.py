@@ -76,6 +76,14 @@ def products(left: Floats, right: Floats, k: NDArray[np.intp], free: NDArray[np.
     return sp.csr_array((values, column, np.searchsorted(row, np.arange(count + 1))), shape=(count, len(free)))
 
 
+def solved(M: Floats, right: Floats) -> Floats:
+    """x with M x = right; not a number if floating point finds M singular."""
+    try:
+        return np.asarray(np.linalg.solve(M, right), dtype=float)
+    except np.linalg.LinAlgError:
+        return np.full(right.shape, np.nan)
+
+
 def stacked(*parts: Any) -> Any:
     """One below the other."""
     if any(sp.issparse(part) for part in parts):

@@ -25,7 +25,8 @@ from ..actuator_loss import certified_fraction
 from ..modes import controllability_notes
 from ..plant import Plant, column_freedom, exact_geometry
 from ..result import DesignResult, Nearest
-from ..solver import Programs
+from ..running import Programs
+from .inequalities import gain_from_columns
 from .program import Failure, SimplicialProgram
 from .refusal import decide
 
@@ -144,9 +145,9 @@ def _accept_exact(plant: Plant, rate: float, x: Any) -> Accepted | None:
     try:
         G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
         T = np.array([[float(v) for v in row] for row in exact_geometry(plant)[1]])
-        return accept(plant, np.linalg.solve(T, G.T).T, rate=rate)
-    except (OverflowError, np.linalg.LinAlgError):
+    except OverflowError:
         return None
+    return accept(plant, gain_from_columns(G, T), rate=rate)
 
 
 def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignResult:
