@@ -39,7 +39,7 @@ def test_reference_lists_every_public_name():
 # -- for developers
 
 
-DEVELOPER = sorted((DOCS / "developer").glob("*.md"))
+DEVELOPER = [DOCS / "architecture.md", *sorted((DOCS / "developer").glob("*.md"))]
 NAMING = [*DEVELOPER, ROOT / "CONTRIBUTING.md", ROOT / "README.md", *sorted((DOCS / "guide").glob("*.md"))]
 NAMING += [DOCS / name for name in ("what_it_promises.md", "what_is_trusted.md", "faq.md", "rounding.md")]
 LABELS = {"cone_inv", "cone_s", "cone_d", "cone_ic_s"}  # of the theorems in the source of the paper
