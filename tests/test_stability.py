@@ -304,3 +304,12 @@ def test_a_bound_on_decay_rates_needs_a_direction_that_is_slow(slow, bound, prov
     direction = {"slow_direction": np.array([float(slow), 0.0]), "decay_rate_bound": bound}
     certificate = LyapunovCertificate.settle(positivity=positivity, v=np.ones(2), decay_rate=1.0, **direction)
     assert (certificate.status is kp.Status.PROVED) is proven
+
+
+@pytest.mark.parametrize(
+    "A", [[[0, 1, 0], [2, -3, 1], [2, 2, -4]], [[0, 3, 0, 0], [2, -3, 0, 1], [1, 1, -2, 0], [3, 1, 0, -4]]]
+)
+def test_equations_that_are_singular_in_doubles_give_no_warning(A):
+    """Both equations of the border are divided by 0 here; warnings are errors in these tests."""
+    certificate = kp.linear_lyapunov(A, kp.orthant(len(A)))
+    assert certificate.status is kp.Status.REFUTED and certificate.check()

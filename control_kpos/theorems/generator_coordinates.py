@@ -144,6 +144,7 @@ class Pencil:
         """Whether the spectral abscissa is below the shift."""
         return decide(self.at(shift), self.cones)
 
+    @np.errstate(all="ignore")
     def estimate(self, relative: float) -> float:
         """The spectral abscissa in floating point, part by part, about to this relative width."""
         top = -np.inf

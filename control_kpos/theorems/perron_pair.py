@@ -91,6 +91,7 @@ class Cones:
         return _block_diagonal(listed) if len(listed) == len(facets) else None, rays
 
 
+@np.errstate(all="ignore")  # what overflows or vanishes in a proposal proves nothing
 def decide(N: SparseIntegers, cones: Cones | None = None) -> Decision | None:
     """Settle whether N, cross-positive on a product of half-lines and cones, is stable.
 
@@ -388,26 +389,25 @@ def approach(F: sp.csr_array, e: Floats, start: float | None = None) -> Iterator
     E = sp.csr_array(sp.diags_array(e))
     size = float(np.max(abs(F).sum(axis=1)[own] / e[own]))
     mu = float(np.max(F.sum(axis=1)[own] / e[own])) + 1e-3 * size if start is None else start
-    with np.errstate(all="ignore"):
-        for _ in range(_SHIFTS):
-            factors = Factors(sp.csc_array(F - mu * E))
-            a, b = -factors.solve(e * x), -factors.solve(e * y, transposed=True)
-            if not ((a > 0).all() and (b > 0).all() and np.isfinite(a).all() and np.isfinite(b).all()):
-                low = max(low, mu)
-                mu = 0.5 * (low + high) if np.isfinite(high) else mu + size
-                size *= 4 if not np.isfinite(high) else 1
-                if not (low < mu < high):
-                    return
-                continue
-            high = mu
-            upper = mu - max(float((x[own] / a[own]).min()), float((y[own] / b[own]).min()))
-            lower = mu - min(float((x[own] / a[own]).max()), float((y[own] / b[own]).max()))
-            theta = mu - float((b * e / b.max()) @ x) / float((b * e / b.max()) @ a)
-            x, y = a / a.max(), b / b.max()
-            yield Approach(mu, x, y, theta, lower, upper)
-            gap = high - theta
-            mu = theta + max(0.1 * gap, 4e-16 * abs(theta))
-            if mu <= low:
-                mu = 0.5 * (low + high)
-            if not (mu < high):
+    for _ in range(_SHIFTS):
+        factors = Factors(sp.csc_array(F - mu * E))
+        a, b = -factors.solve(e * x), -factors.solve(e * y, transposed=True)
+        if not ((a > 0).all() and (b > 0).all() and np.isfinite(a).all() and np.isfinite(b).all()):
+            low = max(low, mu)
+            mu = 0.5 * (low + high) if np.isfinite(high) else mu + size
+            size *= 4 if not np.isfinite(high) else 1
+            if not (low < mu < high):
                 return
+            continue
+        high = mu
+        upper = mu - max(float((x[own] / a[own]).min()), float((y[own] / b[own]).min()))
+        lower = mu - min(float((x[own] / a[own]).max()), float((y[own] / b[own]).max()))
+        theta = mu - float((b * e / b.max()) @ x) / float((b * e / b.max()) @ a)
+        x, y = a / a.max(), b / b.max()
+        yield Approach(mu, x, y, theta, lower, upper)
+        gap = high - theta
+        mu = theta + max(0.1 * gap, 4e-16 * abs(theta))
+        if mu <= low:
+            mu = 0.5 * (low + high)
+        if not (mu < high):
+            return
