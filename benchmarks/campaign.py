@@ -215,7 +215,7 @@ def theorems(_, seed):
     """The same for the conditions of Theorems 1 to 3 and the forms they are made of."""
     shared = {"conditions", "refutation", "is_consistent", "_evaluate", "settle_positivity"}
     positive = shared | {"condition", "broken_by", "_incident_entries"}
-    stable = shared | {"exact_row", "drift_forms", "transposed_drift", "transpose", "_slow_conditions"}
+    stable = shared | {"exactly", "drift_forms", "transposed_drift", "transpose", "_slow_conditions"}
     stable |= {"instability_conditions", "combination_conditions"}
     dissipative = shared | {"_state_forms", "_input_forms", "_motion_forms", "_supply_forms"}
     tests = ["tests/test_positivity.py", "tests/test_generators.py"]

@@ -1,6 +1,5 @@
 """Exact matrices: integers, fractions and rows with factors of their own."""
 
-import pickle
 from fractions import Fraction
 
 import numpy as np
@@ -9,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import control_kpos as kp
-from control_kpos.exact.fraction_vector import FractionVector
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix, integers_of_doubles
 from control_kpos.exact.signs import (
@@ -55,9 +53,6 @@ def test_integers_over_a_denominator_are_what_their_fractions_are(integers, deno
     np.testing.assert_array_equal(made.values, expected.values)
     if not made.is_double:
         np.testing.assert_array_equal(made.radius, expected.radius)
-    vector = FractionVector(made)
-    assert vector == tuple(fractions) and tuple(fractions) == vector == pickle.loads(pickle.dumps(vector))
-    assert FractionVector.of(tuple(fractions)) == vector and len(vector) == len(fractions)
 
 
 @pytest.mark.parametrize(("value", "bits"), [(2**1100, 0), (3, 1074), (1, 1074), (1, 1200), (2**53 + 1, 0)])

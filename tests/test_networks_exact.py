@@ -121,7 +121,8 @@ def test_changed_exact_data_fail_their_check():
     bad = kp.feedback_interconnect(nodes, [["0", "21/10"], ["10", "0"]]).certificate
     assert bad.status is Status.REFUTED and bad.check()
     shifted = replace(
-        bad.witness, exact=tuple(tuple(Fraction(v) - Fraction(1, 10**30) for v in part) for part in bad.witness.vectors)
+        bad.witness,
+        exact=tuple(tuple(Fraction(v) - Fraction(1, 10**30) for v in part.fractions()) for part in bad.witness.vectors),
     )
     assert not replace(bad, witness=shifted).check()
 

@@ -13,8 +13,8 @@ from test_positivity import PAPER, closed_loop, metzler, perturbations, unimodul
 import control_kpos as kp
 from control_kpos.errors import DataError
 from control_kpos.exact.intake import exact_matrix
-from control_kpos.proof.certificate import Status
-from control_kpos.theorems.growing_direction import InstabilityDirection, exact_row
+from control_kpos.proof.certificate import Status, exactly
+from control_kpos.theorems.growing_direction import InstabilityDirection
 from control_kpos.theorems.positivity import PositivityCertificate
 from control_kpos.theorems.stability import LyapunovCertificate
 
@@ -293,7 +293,7 @@ def test_a_direction_refutes_only_what_is_positive_and_only_if_it_is_one():
 )
 def test_vectors_that_are_none(v, exact):
     with pytest.raises(DataError):
-        exact_row(v, exact)
+        exactly(InstabilityDirection(v, exact), "x")
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..networks.certificate import flat
 from ..networks.model import NetworkModel
+from ..proof.certificate import exactly
 from ..theorems.stability import LyapunovCertificate
 from .accept import Accepted
 from .plant import Floats, Plant
@@ -56,7 +56,7 @@ def node_fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -
 
     All nodes may be weakened at once.
     """
-    v = flat(certificate.v, model, 0)
+    v = exactly(certificate, "v").values
     block_b, block_c = model.block_matrices[1], model.block_matrices[2]
     received = block_c.T @ (model.WT @ (block_b.T @ v))
     invariant, certified = np.zeros(model.n_nodes), np.zeros(model.n_nodes)

@@ -27,13 +27,13 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_matrix, exact_number, require_shape, vector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Certificate, Status
-from ..proof.weights import ProofOmittedError, exact_vector
+from ..proof.certificate import Certificate, Status, exactly
+from ..proof.weights import ProofOmittedError
 from ..systems.statespace import ConeStateSpace
 from ..theorems.stability import LyapunovCertificate
 from . import conditions as on
 from .blocks import Floats, Index
-from .certificate import NetworkCertificate, flat, per_node
+from .certificate import NetworkCertificate, node_vectors
 from .certify import certify
 from .coupling import is_graph, read_coupling
 from .given_rates import certify_rates
@@ -41,7 +41,6 @@ from .model import NetworkModel, gather
 from .network import ConeNetwork
 from .nodes import NodeStack
 from .spectrum.port_solves import PortSystem
-from .witnesses import exact_vectors, with_exact
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -72,7 +71,7 @@ class OutWeightCertificate(Certificate):
 
     def conditions(self) -> Sequence[Condition]:
         model = self.local.model
-        r = flat(self.local.r, model, 1) if self.local.r is not None else np.zeros(0)
+        r = exactly(self.local, "r").values
         if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
             raise DataError("the node types must have one r > 0 in common.")
         if self._proves_loops:
@@ -108,8 +107,7 @@ class OutWeightCertificate(Certificate):
             if (local.model.coupling[j * m : (j + 1) * m].plain().fractions()[:, j * q : (j + 1) * q] != link).any():
                 raise ProofOmittedError("weight times link is rounded in the self-loops that are proven")
         if self and local.loop_weights is not None and local.r is not None:
-            r = exact_vector(flat(local.r, local.model, 1), None if local.exact is None else local.exact[1])
-            t = exact_vector(local.loop_weights[1])
+            r, t = exactly(local, "r").fractions(), exactly(local, "loop_weights")[1].fractions()
             ratio = next((b / a for a, b in zip(r, t, strict=True) if a), Fraction(0))
             if ratio < 0 or (t != ratio * r).any():
                 raise ProofOmittedError("the algebraic loops of other networks contract by weights that are not r")
@@ -206,10 +204,7 @@ class OutWeightCertificate(Certificate):
 
     def _spread(self, kinds: Index) -> list[Matrix]:
         """v, r and q of every node."""
-        local = self.local
-        vectors = [flat(x, local.model, kind) for kind, x in enumerate((local.v, local.r, local.q))]
-        exact = exact_vectors(vectors, local.exact)
-        return [on.exact(x)[self._places(kind, kinds)] for kind, x in enumerate(exact)]
+        return [part[self._places(kind, kinds)] for kind, part in enumerate(node_vectors(self.local))]
 
     def _places(self, kind: int, kinds: Index) -> Index:
         """Where the entries of every node are in a vector of `local`."""
@@ -221,16 +216,12 @@ class OutWeightCertificate(Certificate):
         """The local data at every node, if they prove this network."""
         if not self:
             return None
-        loop = self.local.loop_weights if model.has_feedthrough else None
-        if loop is not None:
-            p, t = (np.asarray(part)[self._places(kind, kinds)] for kind, part in zip((2, 1), loop, strict=True))
-            loop = (tuple(p), tuple(t)) if isinstance(loop[0], tuple) else (p, t)
-        vectors, exact = with_exact(self._spread(kinds))
-        v, r, q = (per_node(x, model, kind) for kind, x in enumerate(vectors))
+        loop, (v, r, q) = None, self._spread(kinds)
+        if model.has_feedthrough and self.local.loop_weights is not None:
+            p, t = exactly(self.local, "loop_weights")
+            loop = p[self._places(2, kinds)], t[self._places(1, kinds)]
         sigma, rate = np.ones(model.n_nodes), self.local.decay_rate
-        draft = NetworkCertificate.settle(
-            model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop, exact=exact
-        )
+        draft = NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop)
         return draft if draft.status is Status.PROVED else None
 
 
@@ -309,7 +300,7 @@ def scale_free_certificate(
     if count == 1:
         local = certify(model)
     else:
-        local = certify_rates(model, np.full(count, -bound), np.full(count, Fraction(1)))
+        local = certify_rates(model, Matrix.from_fractions(np.full(count, -bound)), Matrix(np.ones(count)))
         if not local and bound > 0:
             whole = certify(model)
             local = whole if whole.status is Status.REFUTED else local
@@ -342,12 +333,10 @@ def out_weight_certificate(node: ConeStateSpace, weight: Fraction, proof: Lyapun
     stacks, members, dt = gather(node, "node")
     one = Matrix(np.ones((1, 1)))
     model = NetworkModel(stacks, members, _self_loops(one, weight, 1), 0 if dt is None else dt)
-    v = exact_vector(proof.v, proof.v_exact)
-    r = v @ stacks[0].B.fractions()[0]
-    vectors, exact = with_exact((v, r, -weight * r))
-    v_, r_, q_ = (per_node(x, model, kind) for kind, x in enumerate(vectors))
-    rates = {"sigma": np.ones(1), "decay_rate": proof.decay_rate}
-    local = NetworkCertificate.settle(model=model, v=v_, r=r_, q=q_, exact=exact, **rates)
+    v = exactly(proof, "v")
+    r = v.fractions() @ stacks[0].B.fractions()[0]
+    vectors = {"v": v, "r": Matrix.from_fractions(r), "q": Matrix.from_fractions(-weight * r)}
+    local = NetworkCertificate.settle(model=model, **vectors, sigma=np.ones(1), decay_rate=proof.decay_rate)
     return OutWeightCertificate.settle(local=local, weight=_plain(weight), link=_plain(one))
 
 

@@ -17,14 +17,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import Any, ClassVar, TypeAlias
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError
 from ..exact.condition import Condition
-from ..proof.certificate import Certificate, Status
+from ..exact.matrix import Matrix
+from ..proof.certificate import Certificate, Fractions, Status, Vector, VectorPair, exactly
 from . import conditions as on
 from . import files
 from .blocks import Floats
@@ -32,18 +33,14 @@ from .model import NetworkModel
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
-    Exact,
-    LoopWeights,
     NetworkInstability,
     NodeNotDissipative,
     NodeViolation,
     NoWeights,
-    exact_vectors,
     positive_parts,
     refute,
 )
 
-PerNode: TypeAlias = "Floats | tuple[Floats, ...]"
 _REMEDY = {
     CouplingViolation: "Change the sign of the link, or choose cones that the coupling respects.",
     NodeViolation: "Choose another cone for this node, or a local feedback that makes it positive.",
@@ -52,6 +49,34 @@ _REMEDY = {
     NodeNotDissipative: "Relax its supply rate: raise r or lower -q, or raise its local feedback.",
     NoWeights: "Relax the supply rates, or let the package find them: call without supply_rates.",
 }
+
+
+class NodeVector(Vector):
+    """A field of vectors of all nodes, held after each other; it reads as (N, size), or a tuple if they differ in size.
+
+    Parameters
+    ----------
+    kind : int
+        0 for states, 1 for inputs, 2 for outputs of the `model` of the record.
+    """
+
+    def __init__(self, kind: int) -> None:
+        super().__init__()
+        self.kind = kind
+
+    def read(self, record: Any, held: Any) -> Any:
+        """See `Vector`."""
+        model: NetworkModel = record.model
+        if len({s.sizes[self.kind] for s in model.stacks}) == 1:
+            return held.values.reshape(model.n_nodes, -1)
+        return tuple(np.split(held.values, model.offsets[self.kind][1:-1]))
+
+    def hold(self, value: Any) -> Any:
+        """See `Vector`."""
+        if isinstance(value, Matrix):
+            return value
+        flat = np.ravel(value) if isinstance(value, np.ndarray) else np.concatenate([np.ravel(part) for part in value])
+        return super().hold(flat)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -84,42 +109,39 @@ class NetworkCertificate(Certificate):
     claim: ClassVar[str] = "network"
 
     model: NetworkModel
-    v: PerNode | None = None
-    r: PerNode | None = None
-    q: PerNode | None = None
+    v: NodeVector = NodeVector(0)
+    r: NodeVector = NodeVector(1)
+    q: NodeVector = NodeVector(2)
     sigma: NDArray[np.float64] | None = None
     decay_rate: float = 0.0
-    loop_weights: LoopWeights = None
-    exact: Exact = None
+    loop_weights: VectorPair = VectorPair()
+    exact: Fractions = Fractions("v", "r", "q")
 
     def conditions(self) -> Sequence[Condition]:
         model = self.model
-        if self.v is None or self.r is None or self.q is None or self.sigma is None:
+        if self.sigma is None:
             raise DataError("v, r, q or sigma is missing.")
         if not (0 <= self.decay_rate < np.inf and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
             raise DataError("decay_rate must not be negative, and sigma must hold one positive number per node.")
-        v, r, q = exact_vectors([flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))], self.exact)
+        v, r, q = node_vectors(self)
         out = positive_parts(model) + dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
         out.append(on.balance(model, q, r, self.sigma))
         if model.has_feedthrough:
             if self.loop_weights is None:
                 raise DataError("loop_weights are missing although some D is not zero.")
-            out += on.loop_gain(model, *self.loop_weights)
+            out += on.loop_gain(model, *exactly(self, "loop_weights"))
         return out
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
-        if self.witness is None and (self.v is None):
+        if self.witness is None and self.v is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
         return super()._evaluate()
 
     def refutation(self) -> Sequence[Condition] | None:
         if isinstance(self.witness, NoWeights):
-            if self.r is None or self.q is None:
-                return None
-            rates = flat(self.r, self.model, 1), flat(self.q, self.model, 2)
-            r, q = exact_vectors(rates, None if self.exact is None else self.exact[1:])
-            return no_weights(self.model, q, r, self.witness.y)
-        return refute(self.model, self.witness, self.loop_weights)
+            return no_weights(self.model, exactly(self, "q"), exactly(self, "r"), self.witness.y)
+        loop = None if self.loop_weights is None else exactly(self, "loop_weights")
+        return refute(self.model, self.witness, loop)
 
     def contents(self) -> dict[str, Any]:
         """The network as one large system, and the fields."""
@@ -140,11 +162,9 @@ class NetworkCertificate(Certificate):
 
     def evidence(self) -> dict[str, Any]:
         """Weights for positivity and the coupling, and the vectors of Theorem 4; or the normal that is crossed."""
-        model, vectors = self.model, {}
-        if self.v is not None and self.q is not None and self.r is not None:
-            parts = [flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))]
-            vectors = dict(zip("VRQ", exact_vectors(parts, self.exact), strict=True))
-        return files.evidence(model, self.witness, vectors, self.loop_weights, self.sigma)
+        vectors = None if self.v is None or self.q is None or self.r is None else node_vectors(self)
+        loop = None if self.loop_weights is None else exactly(self, "loop_weights")
+        return files.evidence(self.model, self.witness, vectors, loop, self.sigma)
 
     @cached_property
     def node_margins(self) -> NDArray[np.float64]:
@@ -158,12 +178,12 @@ class NetworkCertificate(Certificate):
         if self.v is None or self.q is None:
             return rate
         model = self.model
-        vs, qs = model.split(flat(self.v, model, 0), 0), model.split(flat(self.q, model, 2), 2)
+        vs, qs = (model.split(exactly(self, name), kind) for name, kind in (("v", 0), ("q", 2)))
         for g, index in enumerate(model.members):
             s = model.stacks[g]
             forms = on.decrease_forms(s, vs[g], qs[g], 0.0, model.discrete)
             with np.errstate(all="ignore"):
-                value = np.einsum("jn,kn->jk", vs[g], s.X.rays)
+                value = np.einsum("jn,kn->jk", vs[g].values, s.X.rays)
                 rate[index] = (-forms.values[:, 0] / value).min(axis=1)
                 gross = max(gross, float((forms.magnitudes[:, 0] / value).max()))
         if self.exact is not None:  # what is left of the slack after rounding means nothing
@@ -207,11 +227,11 @@ class NetworkCertificate(Certificate):
 
 
 def dissipation(
-    model: NetworkModel, v: Floats, r: Floats, q: Floats, rate: float, *, discrete: bool
+    model: NetworkModel, v: Matrix, r: Matrix, q: Matrix, rate: float, *, discrete: bool
 ) -> list[Condition]:
     """(II): storage, decrease and supply of every node."""
     out = []
-    parts = zip(*(model.split(on.exact(part), kind) for kind, part in enumerate((v, r, q))), strict=True)
+    parts = zip(*(model.split(part, kind) for kind, part in enumerate((v, r, q))), strict=True)
     for g, (v_g, r_g, q_g) in enumerate(parts):
         out.append(on.storage(model, g, v_g))
         out.append(on.decrease(model, g, v_g, q_g, rate, discrete=discrete))
@@ -220,32 +240,25 @@ def dissipation(
     return out
 
 
-def no_weights(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> list[Condition]:
+def no_weights(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> list[Condition]:
     """y in Y with q_j'y_j + r_j'(W y)_j >= 0 for every node j, and > 0 for one: then no sigma > 0 exists."""
     forms = on.supply_by_node(model, q, r, y)
     largest = np.zeros(forms.values.shape, dtype=bool)
     largest[int(np.argmax(forms.values[:, 0])), 0] = True
     somewhere = Condition("q'y + r'W y > 0 somewhere", forms, ">", largest)
-    return [*on.emitted(model, y), Condition("q'y + r'W y >= 0", forms, ">="), somewhere]
+    return [*on.emitted(model, Matrix(y)), Condition("q'y + r'W y >= 0", forms, ">="), somewhere]
 
 
-def flat(value: PerNode | Any, model: NetworkModel, kind: int) -> Floats:
-    """Per-node vectors as one vector in the order of nodes."""
-    parts = (
-        np.asarray(value, dtype=float).ravel()
-        if isinstance(value, np.ndarray)
-        else np.concatenate([np.ravel(p) for p in value])
-    )
-    if parts.shape != (model.totals[kind],) or not np.isfinite(parts).all():
-        raise DataError(
-            f"a per-node vector has {parts.size} finite or infinite entries; {model.totals[kind]} finite ones are "
-            "needed."
-        )
-    return parts
+def node_vectors(certificate: Any) -> list[Matrix]:
+    """v, r and q of a certificate, of all nodes after each other.
 
-
-def per_node(vector: Floats, model: NetworkModel, kind: int) -> PerNode:
-    """One vector as (N, size), or as a tuple if the nodes differ in size."""
-    if len({s.sizes[kind] for s in model.stacks}) == 1:
-        return vector.reshape(model.n_nodes, -1)
-    return tuple(np.split(vector, model.offsets[kind][1:-1]))
+    Raises
+    ------
+    DataError
+        One is missing, or of another size than the network.
+    """
+    out, totals = [exactly(certificate, name) for name in "vrq"], certificate.model.totals
+    for part, total in zip(out, totals, strict=True):
+        if part.shape != (total,):
+            raise DataError(f"a per-node vector has {part.shape[0]} entries; {total} are needed.")
+    return out

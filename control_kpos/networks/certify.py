@@ -17,12 +17,13 @@ import scipy.sparse as sp
 
 from ..cones import Cone, Orthant
 from ..exact.condition import Condition
+from ..exact.matrix import Matrix
 from ..exact.rounding import HALF_ULP
 from ..proof.certificate import Status
 from ..theorems.positivity import settle_positivity
 from . import conditions as on
 from .blocks import Floats, Index
-from .certificate import NetworkCertificate, per_node
+from .certificate import NetworkCertificate
 from .model import NetworkModel
 from .spectrum.descent import (
     Approach,
@@ -100,9 +101,9 @@ def settle(model: NetworkModel, data: Data, loop: LoopWeights) -> NetworkCertifi
     rate = provable_rate(model, v, q, discrete=model.discrete)
     return NetworkCertificate.settle(
         model=model,
-        v=per_node(v, model, 0),
-        r=per_node(r, model, 1),
-        q=per_node(q, model, 2),
+        v=Matrix(v),
+        r=Matrix(r),
+        q=Matrix(q),
         sigma=np.ones(model.n_nodes),
         decay_rate=max(rate, 0.0),
         loop_weights=loop,
@@ -183,7 +184,7 @@ def provable_rate(model: NetworkModel, v: Floats, q: Floats, *, discrete: bool) 
     """min over nodes and generators of -(v'A - q'C)x / v'x, less the error bound of the kernel; may be negative."""
     rate = np.inf
     for s, v_g, q_g in zip(model.stacks, model.split(v, 0), model.split(q, 2), strict=True):
-        forms = on.decrease_forms(s, v_g, q_g, 0.0, discrete)
+        forms = on.decrease_forms(s, Matrix(v_g), Matrix(q_g), 0.0, discrete)
         room = 16 * (2 * (s.sizes[0] + s.sizes[2]) + 24) * HALF_ULP
         with np.errstate(all="ignore"):
             value = np.einsum("jn,kn->jk", v_g, s.X.rays)[:, None, :]
@@ -262,7 +263,8 @@ def loop_weights(model: NetworkModel) -> LoopWeights:
     t = model.join(ts, 1)
     if not (np.isfinite(p).all() and np.isfinite(t).all()):
         return None
-    return (p, t) if all(c.verdict() is True for c in on.loop_gain(model, p, t)) else None
+    weights = Matrix(p), Matrix(t)
+    return weights if all(c.verdict() is True for c in on.loop_gain(model, *weights)) else None
 
 
 def algebraic_witness(model: NetworkModel) -> AlgebraicLoop | None:

@@ -19,18 +19,17 @@ from ..exact.condition import all_hold
 from ..exact.intake import exact_number
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
-from ..proof.certificate import Status
+from ..proof.certificate import Status, exactly
 from ..systems.cones_of_connections import lies_in, opposite
 from ..systems.operations import as_gain
 from ..systems.reading import read_operand
 from ..systems.rounding import maps_into
 from ..theorems.dissipativity import DissipativityCertificate
-from ..theorems.growing_direction import exact_row
 from ..theorems.positivity import PositivityCertificate, state_positivity
 from ..theorems.stability import LyapunovCertificate, proven_rate
 from . import composition
 from .blocks import Index
-from .certificate import NetworkCertificate, flat
+from .certificate import NetworkCertificate
 from .certify import certify, loop_weights
 from .composition import Ports, is_system_with_states, port_cone
 from .dense_on_demand import DENSE_STATES
@@ -133,8 +132,8 @@ class ClosedLoopSystem(NetworkResponses):
         if not known or known.v is None or known.sigma is None:
             return super().linear_lyapunov(rate)
         positivity = self._positivity_of_states()
-        v = known.sigma[self.model.owners(0)] * flat(known.v, self.model, 0)
-        proven = proven_rate(exact_row(v), positivity.A, positivity.X.exact_rays, positivity.discrete)
+        v = known.sigma[self.model.owners(0)] * exactly(known, "v").values
+        proven = proven_rate(Matrix(v[None]), positivity.A, positivity.X.exact_rays, positivity.discrete)
         draft = LyapunovCertificate.settle(positivity=positivity, v=v, decay_rate=proven)
         return draft if draft else super().linear_lyapunov(rate)
 

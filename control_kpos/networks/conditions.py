@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from ..cones import Cone, Orthant
 from ..errors import UndecidedError
 from ..exact.condition import Condition
-from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
@@ -80,23 +79,14 @@ def titled(name: str, model: NetworkModel, g: int) -> str:
     return name if len(model.stacks) == 1 else f"{name} [stack {g}]"
 
 
-def exact(vectors: Any) -> Matrix:
-    """An array of doubles or fractions, or a vector of fractions, as exact data."""
-    if isinstance(vectors, FractionVector):
-        return vectors.matrix
-    if isinstance(vectors, Matrix):
-        return vectors
-    return Matrix.from_fractions(vectors) if vectors.dtype == object else Matrix(vectors)
-
-
-def beside(*vectors: Any) -> Matrix:
+def beside(*vectors: Matrix) -> Matrix:
     """Vectors of every node, (N, size) each, beside each other as one row of every node, (N, 1, sum of sizes)."""
-    return Matrix.join([exact(part) for part in vectors], -1)[:, None, :]
+    return Matrix.join(vectors, -1)[:, None, :]
 
 
-def after(*vectors: Any) -> Matrix:
+def after(*vectors: Matrix) -> Matrix:
     """Vectors after each other as one row."""
-    return Matrix.join([exact(part) for part in vectors], -1)[None, :]
+    return Matrix.join(vectors, -1)[None, :]
 
 
 def rays(cone: Cone) -> Matrix:
@@ -162,13 +152,13 @@ def coupling(model: NetworkModel) -> list[Condition]:
     return out
 
 
-def storage(model: NetworkModel, g: int, v: Floats) -> Condition:
+def storage(model: NetworkModel, g: int, v: Matrix) -> Condition:
     """v_j'x > 0 on the generators of X_j; v of shape (N, n)."""
     s = model.stacks[g]
     return Condition(titled(STORAGE, model, g), stacked(beside(v), None, rays(s.X)), ">")
 
 
-def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bool) -> BilinearForms:
+def decrease_forms(s: NodeStack, v: Matrix, q: Matrix, rate: float, discrete: bool) -> BilinearForms:
     """(v'A + rate v' - q'C) x, with A - I for A in discrete time."""
     n = s.sizes[0]
     left, middle = [v], [s.A]
@@ -178,20 +168,20 @@ def decrease_forms(s: NodeStack, v: Floats, q: Floats, rate: float, discrete: bo
     if rate:
         left.append(v)
         middle.append(Matrix(rate * np.eye(n)[None]))
-    if not exact(q).is_zero:
+    if not q.is_zero:
         left.append(-q)
         middle.append(s.C)
     return stacked(beside(*left), Matrix.join(middle, -2), rays(s.X))
 
 
-def decrease(model: NetworkModel, g: int, v: Floats, q: Floats, rate: float, *, discrete: bool) -> Condition:
+def decrease(model: NetworkModel, g: int, v: Matrix, q: Matrix, rate: float, *, discrete: bool) -> Condition:
     """(v_j'A_j + rate v_j' - q_j'C_j) x <= 0 on the generators of X_j; strict if the rate is 0."""
     forms = decrease_forms(model.stacks[g], v, q, rate, discrete)
     name, relation = (RATE, "<=") if rate else (STRICT, "<")
     return Condition(titled(name, model, g), forms, relation)  # type: ignore[arg-type]
 
 
-def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: str = SUPPLY) -> Condition:
+def supply(model: NetworkModel, g: int, v: Matrix, q: Matrix, r: Matrix, name: str = SUPPLY) -> Condition:
     """(v_j'B_j - r_j' - q_j'D_j) u <= 0 on the generators of U_j."""
     s = model.stacks[g]
     m = s.sizes[1]
@@ -202,7 +192,7 @@ def supply(model: NetworkModel, g: int, v: Floats, q: Floats, r: Floats, name: s
     return Condition(titled(name, model, g), stacked(beside(*left), Matrix.join(middle, -2), rays(s.U)), "<=")
 
 
-def loop_direct(model: NetworkModel, g: int, p: Floats, t: Floats) -> Condition:
+def loop_direct(model: NetworkModel, g: int, p: Matrix, t: Matrix) -> Condition:
     """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
     s = model.stacks[g]
     middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[1])[None])], -2)
@@ -241,7 +231,7 @@ def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind
     return Matrix.from_fractions(out)
 
 
-def balance_forms(model: NetworkModel, q: Any, r: Any, sigma: Floats | None) -> BilinearForms:
+def balance_forms(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | None) -> BilinearForms:
     """sigma_k q_k'y + sum_j sigma_j r_j'W_jk y for every generator y of every Y_k: forms (1, sum p_k)."""
     left = after(q, r)
     generators = output_generators(model)
@@ -283,7 +273,7 @@ def _dense(m: Matrix) -> Matrix:
     return Matrix(m.values.toarray()) if m.is_sparse else m
 
 
-def supply_by_node(model: NetworkModel, q: Floats, r: Floats, y: Floats) -> BilinearForms:
+def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> BilinearForms:
     """q_j'y_j + r_j'(W y)_j for every node j: forms (N, 1)."""
     Q, M = model.totals[2], model.totals[1]
     rates, places = after(q, r), (_nodes(model), np.arange(Q + M))
@@ -305,14 +295,13 @@ def _nodes(model: NetworkModel) -> Index:
     return np.concatenate([model.owners(2), model.owners(1)])
 
 
-def balance(model: NetworkModel, q: Any, r: Any, sigma: Floats | None) -> Condition:
+def balance(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | None) -> Condition:
     """(III'), one inequality per node and generator of its output cone."""
     return Condition(BALANCE, balance_forms(model, q, r, sigma), "<=")
 
 
-def loop_gain(model: NetworkModel, p: Any, t: Any) -> Iterator[Condition]:
-    """p and t, arrays or tuples of Fraction, prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
-    p, t = (exact(FractionVector.of(part) if isinstance(part, tuple) else part) for part in (p, t))
+def loop_gain(model: NetworkModel, p: Matrix, t: Matrix) -> Iterator[Condition]:
+    """p and t prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
     for g, (p_g, t_g) in enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True)):
         s = model.stacks[g]
         yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(beside(p_g), None, rays(s.Y)), ">")
@@ -320,9 +309,9 @@ def loop_gain(model: NetworkModel, p: Any, t: Any) -> Iterator[Condition]:
     yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
 
 
-def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) -> Iterator[Condition]:
+def motion(model: NetworkModel, x: Matrix, u: Matrix, y: Matrix, rate: float) -> Iterator[Condition]:
     """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y."""
-    xs, us, ys = (model.split(exact(part), kind) for kind, part in enumerate((x, u, y)))
+    xs, us, ys = (model.split(part, kind) for kind, part in enumerate((x, u, y)))
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
         yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, beside(x_g)), ">=")
         row = [x_g, u_g]
@@ -339,14 +328,14 @@ def motion(model: NetworkModel, x: Floats, u: Floats, y: Floats, rate: float) ->
     yield received(model, u, y)
 
 
-def emitted(model: NetworkModel, y: Any) -> list[Condition]:
+def emitted(model: NetworkModel, y: Matrix) -> list[Condition]:
     """y in Y: h'y >= 0 for every facet h of every Y_j."""
-    parts = enumerate(zip(model.stacks, model.split(exact(y), 2), strict=True))
+    parts = enumerate(zip(model.stacks, model.split(y, 2), strict=True))
     forms = [(g, BilinearForms(facets(s.Y), None, beside(y_g))) for g, (s, y_g) in parts]
     return [Condition(titled("h'y >= 0", model, g), form, ">=") for g, form in forms]
 
 
-def received(model: NetworkModel, u: Floats, y: Floats) -> Condition:
+def received(model: NetworkModel, u: Matrix, y: Matrix) -> Condition:
     """h'(W y - u) >= 0 for every facet h of every U_j."""
     if model.coupling.is_double:
         middle = Matrix(sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr")))

@@ -21,13 +21,12 @@ import scipy.sparse as sp
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from ..exact.condition import all_hold
-from ..exact.fraction_vector import FractionVector
 from ..exact.intake import exact_matrix, found, items, whole_number
 from ..exact.matrix import Matrix
-from ..proof.certificate import Status
+from ..proof.certificate import Status, exactly
 from . import conditions as on
 from .blocks import Floats, Index, apply, inverse, take_blocks
-from .certificate import NetworkCertificate, flat, per_node
+from .certificate import NetworkCertificate, node_vectors
 from .certify import loop_weights, provable_rate, settle, supply_rates
 from .coupling import entries_of, from_entries
 from .model import NetworkModel, gather, same_timebase
@@ -172,7 +171,7 @@ def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Inde
     if model.has_feedthrough and loop is None:
         return None
     old = certificate.model
-    weighted = certificate.sigma[old.owners(0)] * flat(certificate.v, old, 0)
+    weighted = _weighted(certificate, 0)
     v = np.zeros(model.totals[0])
     v[origin[model.owners(0)] >= 0] = weighted[np.isin(old.owners(0), origin)]
     with np.errstate(all="ignore"):
@@ -188,28 +187,13 @@ def _restricted(certificate: NetworkCertificate, model: NetworkModel, origin: In
     """The same vectors for those nodes that are left."""
     old = certificate.model
     left = [np.isin(old.owners(kind), origin) for kind in range(3)]
-    fields = (certificate.v, certificate.r, certificate.q)
-    v, r, q = (per_node(flat(x, old, kind)[left[kind]], model, kind) for kind, x in enumerate(fields))
-    loop, exact = certificate.loop_weights, certificate.exact
-    return NetworkCertificate.settle(
-        model=model,
-        v=v,
-        r=r,
-        q=q,
-        sigma=np.asarray(certificate.sigma)[origin],
-        decay_rate=certificate.decay_rate,
-        loop_weights=None if loop is None else (_chosen(loop[0], left[2]), _chosen(loop[1], left[1])),
-        exact=None if exact is None else tuple(_chosen(x, keep) for x, keep in zip(exact, left, strict=True)),
-    )
-
-
-def _chosen(values: Any, keep: Any) -> Any:
-    """Entries of an array, or of a tuple or vector of fractions."""
-    if isinstance(values, FractionVector):
-        return FractionVector(values.matrix[keep])
-    if isinstance(values, tuple):
-        return tuple(value for value, kept in zip(values, keep, strict=True) if kept)
-    return values[keep]
+    v, r, q = (part[keep] for part, keep in zip(node_vectors(certificate), left, strict=True))
+    loop = None
+    if certificate.loop_weights is not None:
+        p, t = exactly(certificate, "loop_weights")
+        loop = p[left[2]], t[left[1]]
+    sigma, rate = np.asarray(certificate.sigma)[origin], certificate.decay_rate
+    return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop)
 
 
 def _storages(model: NetworkModel, v: Floats, new: Index) -> Any:
@@ -278,7 +262,7 @@ def permissible_weight(
     most = np.inf
     for k, w in links_in.items():
         s = nodes[k].take(model.find(k)[1])
-        own = v[_places(model, k, 0)][None], q_all[_places(model, k, 2)][None]
+        own = Matrix(v[_places(model, k, 0)][None]), Matrix(q_all[_places(model, k, 2)][None])
         spare = -on.decrease_forms(s, *own, 0.0, model.discrete).values[0, 0]
         charged = s.X.rays @ (price @ w.values @ s.C.values[0])
         with np.errstate(divide="ignore"):
@@ -295,9 +279,7 @@ def _shapes(model: NetworkModel, given: Any, name: str) -> dict[int, Any]:
 
 def _weighted(certificate: NetworkCertificate, kind: int) -> Floats:
     """v, r or q times sigma."""
-    values: Any = (certificate.v, certificate.r, certificate.q)[kind]
-    model = certificate.model
-    return np.asarray(certificate.sigma)[model.owners(kind)] * flat(values, model, kind)
+    return np.asarray(certificate.sigma)[certificate.model.owners(kind)] * node_vectors(certificate)[kind].values
 
 
 def _maps(link: Matrix, source: Cone, target: Cone) -> bool:

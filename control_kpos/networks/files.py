@@ -18,6 +18,7 @@ from ..cones import Cone, product
 from ..errors import DataError
 from ..exact.matrix import Matrix
 from ..proof import weights as proofs
+from ..proof.certificate import exactly
 from ..proof.encoding import number_text
 from .blocks import Index, take_blocks
 from .model import NetworkModel
@@ -133,7 +134,7 @@ def _count(m: Matrix) -> int:
 
 
 def evidence(
-    model: NetworkModel, witness: Any, vectors: dict[str, Any], loop: Sequence[Any] | None, sigma: Any
+    model: NetworkModel, witness: Any, vectors: Sequence[Matrix] | None, loop: Sequence[Matrix] | None, sigma: Any
 ) -> dict[str, Any]:
     """What a checker needs besides `describe`: weights, and v, q, r times sigma as one vector each."""
     cones = {name: product_cone(model, kind) for kind, name in enumerate(_KINDS)}
@@ -158,7 +159,7 @@ def evidence(
     for name, target, M, source in (("N", X, B, U), ("L", Y, C, X), ("K", Y, D, U), ("M", U, model.coupling, Y)):
         out[name] = prover.inclusion(target, M, source)
     if loop is not None:
-        out["p"], out["t"] = (proofs.numbers(_fractions(part)) for part in loop)
+        out["p"], out["t"] = (proofs.numbers(part.fractions()) for part in loop)
     if witness is not None:
         shows, x, u, y, rate = _motion(model, witness)
         moved = proofs.product(A, x) + proofs.product(B, u) - rate * x
@@ -168,35 +169,29 @@ def evidence(
         out.update({f"w{name}": prover.vector(*places[name]) for name in _PLACED[shows]})
         out.update({name: proofs.numbers(vector) for name, vector in (("x", x), ("u", u), ("y", y))})
         out.update({"shows": shows, "rate": number_text(rate)})
-    if vectors and sigma is not None:
-        for (name, vector), kind in zip(vectors.items(), (0, 1, 2), strict=True):
-            weight = proofs.exact_vector(np.asarray(sigma)[model.owners(kind)])
-            out[name] = proofs.numbers(weight * _fractions(vector))
+    if vectors is not None and sigma is not None:
+        for kind, (name, vector) in enumerate(zip("VRQ", vectors, strict=True)):
+            weight = Matrix(np.asarray(sigma)[model.owners(kind)])
+            out[name] = proofs.numbers(weight.fractions() * vector.fractions())
     return out
-
-
-def _fractions(values: Any) -> Any:
-    """Doubles or fractions as fractions."""
-    return np.array([Fraction(value) for value in values], dtype=object)
 
 
 def _motion(model: NetworkModel, witness: Any) -> tuple[str, Any, Any, Any, Fraction]:
     """What a witness shows, with x, u, y and the rate of the large system in which it shows it."""
-    x, u, y = (_fractions([0] * total) for total in model.totals)
+    x, u, y = (np.full(total, Fraction(0), dtype=object) for total in model.totals)
     rate = Fraction(int(model.discrete))
     if isinstance(witness, NetworkInstability):
-        x, u, y = map(_fractions, witness.vectors)
+        x, u, y = (part.fractions() for part in witness.vectors)
         return "growth", x, u, y, Fraction(witness.rate)
     if isinstance(witness, AlgebraicLoop):
-        y, u = map(_fractions, witness.vectors)
+        y, u = (part.fractions() for part in witness.vectors)
         return "loop", x, u, y, rate
     if isinstance(witness, NoWeights):
-        return "weights", x, u, _fractions(witness.y), rate
+        return "weights", x, u, Matrix(witness.y).fractions(), rate
     if isinstance(witness, NodeNotDissipative):
-        part = witness.violation
-        for whole, kind, own, exact in ((x, 0, part.x, part.x_exact), (u, 1, part.u, part.u_exact)):
-            first = int(model.offsets[kind][witness.node])
-            whole[first : first + len(own)] = proofs.exact_vector(own, exact)
+        for whole, kind, name in ((x, 0, "x"), (u, 1, "u")):
+            first, own = int(model.offsets[kind][witness.node]), exactly(witness.violation, name).fractions()
+            whole[first : first + len(own)] = own
         return "motion", x, u, y, rate
     raise proofs.ProofOmittedError(f"{type(witness).__name__} is for control_kpos alone")
 

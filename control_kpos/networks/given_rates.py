@@ -19,7 +19,7 @@ from ..proof.certificate import Status
 from ..theorems.dissipativity import DissipativityCertificate, dissipativity_of
 from . import conditions as on
 from .blocks import Floats, inverse
-from .certificate import NetworkCertificate, per_node
+from .certificate import NetworkCertificate
 from .certify import (
     certify,
     loop_weights,
@@ -27,7 +27,7 @@ from .certify import (
     violation,
 )
 from .model import NetworkModel
-from .witnesses import NodeNotDissipative, NoWeights, node_positivity, with_exact
+from .witnesses import NodeNotDissipative, NoWeights, node_positivity
 
 SupplyRates: TypeAlias = Sequence[Any]
 # sigma, or outputs y that exclude every sigma
@@ -37,8 +37,8 @@ Proposal: TypeAlias = tuple[Floats | None, Floats | None]
 _EXACT_ENTRIES = 2000
 
 
-def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Any, Any]:
-    """Supply rates as two vectors q and r over all outputs and inputs, of doubles, or of Fraction if need be.
+def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Matrix, Matrix]:
+    """Supply rates as two vectors q and r over all outputs and inputs.
 
     Raises
     ------
@@ -57,7 +57,7 @@ def read_rates(model: NetworkModel, rates: SupplyRates) -> tuple[Any, Any]:
         q, r = pair
         qs.append(_row(q, f"q in supply_rates[{j}]", int(n_out[j])))
         rs.append(_row(r, f"r in supply_rates[{j}]", int(m[j])))
-    return _vector(Matrix.join(qs, -1)), _vector(Matrix.join(rs, -1))
+    return Matrix.join(qs, -1).dense()[0], Matrix.join(rs, -1).dense()[0]
 
 
 def _row(data: Any, name: str, size: int) -> Matrix:
@@ -68,18 +68,13 @@ def _row(data: Any, name: str, size: int) -> Matrix:
     return row
 
 
-def _vector(row: Matrix) -> Any:
-    return np.array(row.values[0]) if row.is_double else row.fractions()[0]
-
-
-def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
+def certify_rates(model: NetworkModel, q: Matrix, r: Matrix) -> NetworkCertificate:
     """Theorem 4 with given supply rates.
 
     Parameters
     ----------
     model : NetworkModel
-    q, r : ndarray, shapes (sum q_k,), (sum m_j,)
-        Doubles or fractions.
+    q, r : Matrix, shapes (sum q_k,), (sum m_j,)
 
     Returns
     -------
@@ -94,17 +89,12 @@ def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
     if model.has_feedthrough and loop is None:
         return certify(model)
     v, witness = storages(model, q, r)
-    (r_, q_), vectors = with_exact((r, q))
-    exact = None if vectors is None else tuple(map(tuple, vectors))
-    rates: dict[str, Any] = {"q": per_node(q_, model, 2), "r": per_node(r_, model, 1)}
-    rates["exact"] = None if exact is None else ((), *exact)
+    common: dict[str, Any] = {"model": model, "loop_weights": loop, "q": q, "r": r}
     if witness is not None or v is None:
-        return NetworkCertificate.settle(model=model, witness=witness, loop_weights=loop, **rates)
-    rate = max(provable_rate(model, v, q_, discrete=model.discrete), 0.0)
-    common = {"model": model, "loop_weights": loop, **rates}
-    weighted = {**common, "v": per_node(v, model, 0), "decay_rate": rate}
-    weighted["exact"] = None if exact is None else (tuple(map(Fraction, v.tolist())), *exact)
-    gains = balance_matrix(model, q_, r_)
+        return NetworkCertificate.settle(**common, witness=witness)
+    rate = max(provable_rate(model, v, q.values, discrete=model.discrete), 0.0)
+    weighted = {**common, "v": Matrix(v), "decay_rate": rate}
+    gains = balance_matrix(model, q.values, r.values)
     found = NetworkCertificate.settle(**common)
     for sigma, y in itertools.chain(weights(gains), obstructions(model, gains), exact_weights(model, q, r)):
         if y is not None:
@@ -116,7 +106,7 @@ def certify_rates(model: NetworkModel, q: Any, r: Any) -> NetworkCertificate:
     return found
 
 
-def storages(model: NetworkModel, q: Any, r: Any) -> tuple[Floats | None, NodeNotDissipative | None]:
+def storages(model: NetworkModel, q: Matrix, r: Matrix) -> tuple[Floats | None, NodeNotDissipative | None]:
     """v_j for every node, or the first node that has none.
 
     For -q in Y* the least storage is v = (mu - A)^{-T} C'(-q); a multiple of (mu - A)^{-T} c, half of
@@ -127,7 +117,7 @@ def storages(model: NetworkModel, q: Any, r: Any) -> tuple[Floats | None, NodeNo
     parts: list[Floats] = []
     for g, s in enumerate(model.stacks):
         given_q, given_r = model.split(q, 2)[g], model.split(r, 1)[g]
-        q_g, r_g = given_q.astype(float), given_r.astype(float)
+        q_g, r_g = given_q.values, given_r.values
         K = inverse(least * np.eye(s.sizes[0]) - s.A.values)
         c = np.asarray(s.X.dual.interior_point)
         with np.errstate(all="ignore"):
@@ -142,10 +132,9 @@ def storages(model: NetworkModel, q: Any, r: Any) -> tuple[Floats | None, NodeNo
             good = (part > 0) & (v @ X.T > 0).all(axis=1) & (-q_g @ s.Y.rays.T >= 0).all(axis=1)
         for place in np.flatnonzero(~good).tolist():
             node = int(model.members[g][place])
-            found = dissipativity_of(node_positivity(model, node), q=given_q[place], r=given_r[place])
+            found = dissipativity_of(node_positivity(model, node), q=given_q[place][None], r=given_r[place][None])
             if found.status is Status.REFUTED:
-                exact = found.q_exact, found.r_exact
-                return None, NodeNotDissipative(node, q_g[place], r_g[place], found.witness, *exact)
+                return None, NodeNotDissipative(node, given_q[place], given_r[place], found.witness)
             if found.v is None:
                 return None, None
             v[place] = found.v
@@ -198,7 +187,7 @@ def _slacks(height: int) -> Iterator[tuple[sp.csr_array, float]]:
     yield sp.eye_array(height, format="csr"), 1e-3
 
 
-def exact_weights(model: NetworkModel, q: Any, r: Any) -> Iterator[Proposal]:
+def exact_weights(model: NetworkModel, q: Matrix, r: Matrix) -> Iterator[Proposal]:
     """sigma, or y in Y that excludes it, as whole numbers from a rational program; nothing if that is too long.
 
     By Tucker's theorem some sigma >= 1 satisfies (III') unless a y in Y has a supply that is negative at no node and
@@ -208,8 +197,8 @@ def exact_weights(model: NetworkModel, q: Any, r: Any) -> Iterator[Proposal]:
     if height * model.n_nodes > _EXACT_ENTRIES:
         return
     generators = _fractions(on.output_generators(model))
-    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), _fractions(on.exact(q))[:, None], 0)
-    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), _fractions(on.exact(r))[:, None], 0)
+    own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), q.fractions()[:, None], 0)
+    given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), r.fractions()[:, None], 0)
     gains = generators @ (own + _fractions(model.coupling).T @ given)
     unit = np.array([[Fraction(int(i == j)) for j in range(height)] for i in range(height)], dtype=object)
     x, y = exact_feasibility(np.concatenate([gains, unit], axis=1), -gains.sum(axis=1))

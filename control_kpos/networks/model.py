@@ -106,6 +106,8 @@ class NetworkModel:
         """A vector of states (kind 0), inputs (1) or outputs (2), ndarray or Matrix, as (N, size), one per stack."""
         if self.is_ordered and isinstance(vector, np.ndarray):
             return [vector.reshape(self.n_nodes, -1)]
+        if self.is_ordered and vector.is_double:
+            return [Matrix(vector.values.reshape(self.n_nodes, -1))]
         return [vector[p[kind]] for p in self.places]
 
     def join(self, parts: Sequence[NDArray[Number]], kind: int) -> NDArray[Number]:

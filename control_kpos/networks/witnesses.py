@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from ..errors import DataError
 from ..exact.condition import Condition
-from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Status
+from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.encoding import register_record
 from ..proof.inclusion import PositivityViolation
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
@@ -23,31 +19,7 @@ from . import conditions as on
 from .blocks import Floats, take_blocks
 from .model import NetworkModel
 
-Exact: TypeAlias = "tuple[Sequence[Fraction], ...] | None"
-LoopWeights: TypeAlias = "tuple[Any, Any] | None"
-
-
-def exact_vectors(rounded: Sequence[Any], exact: Exact) -> list[Any]:
-    """Vectors of doubles, or the fractions that they are the rounding of.
-
-    Raises
-    ------
-    DataError
-        The doubles are not the rounding of the fractions.
-    """
-    if exact is None:
-        return list(rounded)
-    out = [FractionVector.of(fractions) for fractions in exact]
-    if not all(np.array_equal(part.matrix.values, values) for part, values in zip(out, rounded, strict=True)):
-        raise DataError("an exact vector does not round to the doubles beside it.")
-    return out
-
-
-def with_exact(vectors: Sequence[Any]) -> tuple[list[Floats], Exact]:
-    """The inverse: doubles, and the fractions if they differ from them."""
-    parts = [on.exact(part) for part in vectors]
-    same = all(part.is_double for part in parts)
-    return [part.values for part in parts], None if same else tuple(map(FractionVector, parts))
+LoopWeights: TypeAlias = "tuple[Matrix, Matrix] | None"
 
 
 @register_record
@@ -113,11 +85,11 @@ class NodeNotDissipative:
     """
 
     node: int
-    q: Floats
-    r: Floats
-    violation: SupplyViolation
-    q_exact: tuple[Fraction, ...] | None = None
-    r_exact: tuple[Fraction, ...] | None = None
+    q: Vector = Vector(required=True)
+    r: Vector = Vector(required=True)
+    violation: SupplyViolation = field()
+    q_exact: Fractions = Fractions("q")
+    r_exact: Fractions = Fractions("r")
 
     def __str__(self) -> str:
         return f"node {self.node} is not exponentially dissipative for its supply rate: {self.violation}"
@@ -138,17 +110,16 @@ class NetworkInstability:
         x, u and y where doubles do not suffice; those above are their rounding.
     """
 
-    x: Floats
-    u: Floats
-    y: Floats
+    x: Vector = Vector(required=True)
+    u: Vector = Vector(required=True)
+    y: Vector = Vector(required=True)
     rate: float = 0.0
-    exact: Exact = None
+    exact: Fractions = Fractions("x", "u", "y")
 
     @property
-    def vectors(self) -> tuple[Any, Any, Any]:
-        """x, u and y as the proof takes them, doubles or fractions."""
-        x, u, y = exact_vectors((self.x, self.u, self.y), self.exact)
-        return x, u, y
+    def vectors(self) -> tuple[Matrix, Matrix, Matrix]:
+        """x, u and y as the proof takes them."""
+        return exactly(self, "x"), exactly(self, "u"), exactly(self, "y")
 
     def __str__(self) -> str:
         alive = int(np.count_nonzero(self.x))
@@ -173,16 +144,15 @@ class AlgebraicLoop:
         y and u where doubles do not suffice; those above are their rounding.
     """
 
-    y: Floats
-    u: Floats
-    nodes: Any
-    exact: Exact = None
+    y: Vector = Vector(required=True)
+    u: Vector = Vector(required=True)
+    nodes: Any = field()
+    exact: Fractions = Fractions("y", "u")
 
     @property
-    def vectors(self) -> tuple[Any, Any]:
-        """y and u as the proof takes them, doubles or fractions."""
-        y, u = exact_vectors((self.y, self.u), self.exact)
-        return y, u
+    def vectors(self) -> tuple[Matrix, Matrix]:
+        """y and u as the proof takes them."""
+        return exactly(self, "y"), exactly(self, "u")
 
     def __str__(self) -> str:
         return f"the feedthrough terms D close an algebraic loop of gain 1 or more through {list_nodes(self.nodes)}"
@@ -232,8 +202,8 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         return None if found is None else list(found)
     if isinstance(w, NodeNotDissipative):
         part = node_positivity(model, w.node)
-        supply = {"q": w.q, "r": w.r, "q_exact": w.q_exact, "r_exact": w.r_exact}
-        found = DissipativityCertificate.settle(positivity=part, **supply, witness=w.violation)
+        q, r = exactly(w, "q"), exactly(w, "r")
+        found = DissipativityCertificate.settle(positivity=part, q=q, r=r, witness=w.violation)
         return list(found._own_conditions) if found.status is Status.REFUTED else None
     if isinstance(w, NetworkInstability):
         return growth(model, w, loop)
@@ -242,7 +212,7 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
             return None
         all_y, all_u = w.vectors
         out = positive_parts(model) + on.emitted(model, all_y)
-        for g, (y, u) in enumerate(zip(model.split(on.exact(all_y), 2), model.split(on.exact(all_u), 1), strict=True)):
+        for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
             s = model.stacks[g]
             middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
             forms = BilinearForms(on.facets(s.Y), middle, on.beside(u, y))

@@ -19,7 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import card
+from ..errors import DataError
 from ..exact.condition import Condition, all_hold, residuals
+from ..exact.matrix import Matrix
 from .files import register_claim, save_certificate
 from .weights import ProofOmittedError
 
@@ -41,18 +43,126 @@ class Status(Enum):
 def _protect(record: Any) -> None:
     """Make the arrays of a dataclass read-only, so that what has been proven stays what is stored."""
     for field in fields(record) if is_dataclass(record) else ():
-        value = getattr(record, field.name)
+        value = vars(record).get(field.name)
         if isinstance(value, np.ndarray):
             object.__setattr__(record, field.name, _read_only(value))
-        elif isinstance(value, tuple) and any(isinstance(item, np.ndarray) for item in value):
-            kept = tuple(_read_only(item) if isinstance(item, np.ndarray) else item for item in value)
-            object.__setattr__(record, field.name, kept)
 
 
 def _read_only(array: NDArray[Any]) -> NDArray[Any]:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+# -- vectors as fields
+
+
+class Vector:
+    """A field of a record that holds a vector as one `Matrix`; it reads as doubles.
+
+    Made with a Matrix, or with doubles.  A field `Fractions` takes and gives the fractions behind them.
+
+    Parameters
+    ----------
+    required : bool
+        The field has no default; else it is None.
+    """
+
+    def __init__(self, *, required: bool = False) -> None:
+        self.required = required
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, record: Any, owner: type | None = None) -> Any:
+        if record is None and self.required:
+            raise AttributeError(self.name)
+        held = None if record is None else vars(record)[self.name]
+        return None if held is None else self.read(record, held)
+
+    def __set__(self, record: Any, value: Any) -> None:
+        vars(record)[self.name] = None if value is None else self.hold(value)
+
+    def read(self, record: Any, held: Any) -> Any:
+        """What the field shows of what is held."""
+        return held.values
+
+    def hold(self, value: Any) -> Any:
+        """What is held for a value."""
+        return value if isinstance(value, Matrix) else Matrix(np.asarray(value, dtype=float))
+
+
+class VectorPair(Vector):
+    """A field of two vectors, which reads as a tuple of arrays, or of tuples of fractions where these are needed."""
+
+    def read(self, record: Any, held: Any) -> Any:
+        """See `Vector`."""
+        return tuple(part.values if part.is_double else tuple(part.fractions().tolist()) for part in held)
+
+    def hold(self, value: Any) -> Any:
+        """See `Vector`."""
+        hold = super().hold
+        return tuple(_of_fractions(part) if isinstance(part, tuple) else hold(part) for part in value)
+
+
+@dataclass(frozen=True)
+class _Apart:
+    """Doubles that are not the rounding of the fractions beside them: a record may hold them, and proves nothing."""
+
+    values: Any
+    exact: Any
+    is_double: ClassVar[bool] = False
+
+    def fractions(self) -> Any:
+        return np.array(self.exact, dtype=object)
+
+
+class Fractions:
+    """The field of the fractions that vectors are the rounding of: of one, or a tuple for several; None for doubles."""
+
+    def __init__(self, *names: str) -> None:
+        self.names = names
+
+    def __get__(self, record: Any, owner: type | None = None) -> Any:
+        held = [] if record is None else [vars(record)[name] for name in self.names]
+        if all(part is None or part.is_double for part in held):
+            return None
+        out = tuple(() if part is None else tuple(part.fractions().tolist()) for part in held)
+        return out if len(out) > 1 else out[0]
+
+    def __set__(self, record: Any, fractions: Any) -> None:
+        if fractions is None:
+            return
+        given = fractions if len(self.names) > 1 else (fractions,)
+        for k, name in enumerate(self.names):
+            held, part = vars(record)[name], given[k] if k < len(given) else ()
+            if held is not None:
+                exact = _of_fractions(part)
+                same = np.array_equal(exact.values, held.values)
+                vars(record)[name] = exact if same else _Apart(held.values, part)
+
+
+def _of_fractions(values: Sequence[Any]) -> Matrix:
+    column = np.empty(len(values), dtype=object)
+    column[:] = values
+    return Matrix.from_fractions(column)
+
+
+def exactly(record: Any, name: str) -> Any:
+    """The vector that a field of a record holds, a Matrix of shape (n,); of a pair a tuple of two.
+
+    Raises
+    ------
+    DataError
+        There is none; it is not finite; or its doubles are not the rounding of its fractions.
+    """
+    held = vars(record)[name]
+    for part in held if isinstance(held, tuple) else (held,):
+        if isinstance(part, _Apart):
+            raise DataError("the exact vector does not round to the doubles beside it.")
+        if part is None or part.values.ndim != 1 or not np.isfinite(part.values).all():
+            raise DataError("a vector of finite numbers is needed.")
+    return held
 
 
 C = TypeVar("C", bound="Certificate")

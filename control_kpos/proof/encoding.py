@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..errors import CertificateFileError
-from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 
 _FREE_DIMENSION = 20_000
@@ -95,8 +94,6 @@ class Encoder:
             return {"cone": self.encode_cone(value)}
         if isinstance(value, Written):
             return value.content
-        if isinstance(value, FractionVector):
-            return self.value(tuple(value))
         if isinstance(value, tuple) and value and all(isinstance(item, Fraction) for item in value):
             return {"fractions": [number_text(item) for item in value]}
         if isinstance(value, (tuple, list)):

@@ -15,11 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
@@ -27,18 +26,16 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_matrix, require_shape, shown
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Status
+from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.encoding import register_record
 from ..proof.inclusion import PositivityViolation
 from ..proof.weights import (
     Prover,
     drift,
-    exact_vector,
     numbers,
 )
 from ..proof.weights import product as exact_product
 from ..systems.system import System
-from .growing_direction import exact_row
 from .positivity import (
     ClaimOnPositivity,
     PositivityCertificate,
@@ -46,7 +43,6 @@ from .positivity import (
 )
 from .storage_candidates import storage_candidates, supply_witness
 
-Rationals = tuple[Fraction, ...]
 _BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
 _STORAGE, _STATE, _RATE, _INPUT = (
     "v'x > 0",
@@ -70,10 +66,10 @@ class SupplyViolation:
         The exact vectors where doubles do not suffice; x and u are their roundings.
     """
 
-    x: NDArray[np.float64]
-    u: NDArray[np.float64]
-    x_exact: Rationals | None = None
-    u_exact: Rationals | None = None
+    x: Vector = Vector(required=True)
+    u: Vector = Vector(required=True)
+    x_exact: Fractions = Fractions("x")
+    u_exact: Fractions = Fractions("u")
 
     def __str__(self) -> str:
         return "a state and an input that move the state into X while the supply r'u + q'y is not positive"
@@ -101,19 +97,18 @@ class DissipativityCertificate(ClaimOnPositivity):
     claim: ClassVar[str] = "dissipative"
     no_margin: ClassVar[frozenset[str]] = frozenset({_RATE, _INPUT})
 
-    q: NDArray[np.float64]
-    r: NDArray[np.float64] | None = None
-    v: NDArray[np.float64] | None = None
+    q: Vector = Vector(required=True)
+    r: Vector = Vector()
+    v: Vector = Vector()
     decay_rate: float = float("nan")
-    v_exact: Rationals | None = None
-    q_exact: Rationals | None = None
-    r_exact: Rationals | None = None
+    v_exact: Fractions = Fractions("v")
+    q_exact: Fractions = Fractions("q")
+    r_exact: Fractions = Fractions("r")
 
     @property
     def supply(self) -> tuple[Matrix, Matrix | None]:
         """q and r, exactly, as rows."""
-        q = exact_row(self.q, self.q_exact)
-        return q, None if self.r is None else exact_row(self.r, self.r_exact)
+        return exactly(self, "q")[None], None if self.r is None else exactly(self, "r")[None]
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities of Theorem 3."""
@@ -121,7 +116,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         q, r = self.supply
         if self.v is None or r is None:
             raise DataError("v or r is missing.")
-        v = exact_row(self.v, self.v_exact)
+        v = exactly(self, "v")[None]
         return [
             Condition(_STORAGE, BilinearForms(v, None, p.X.exact_rays), ">"),
             Condition(_STATE, _state_forms(p, v, q), "<"),
@@ -138,7 +133,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         """True if the rate is exactly the one that v proves."""
         if self.v is None:
             return True
-        rate = proven_rate(self.positivity.system(), exact_row(self.v, self.v_exact), self.supply[0])
+        rate = proven_rate(self.positivity.system(), exactly(self, "v")[None], self.supply[0])
         return self.decay_rate == rate
 
     def refutation(self) -> Sequence[Condition] | None:
@@ -150,7 +145,7 @@ class DissipativityCertificate(ClaimOnPositivity):
             return None
         if self.r is None and np.any(w.u):
             return None
-        x, u = exact_row(w.x, w.x_exact), exact_row(w.u, w.u_exact)
+        x, u = exactly(w, "x")[None], exactly(w, "u")[None]
         motion, supply = _motion_forms(p, x, u), _supply_forms(p, x, u, *self.supply)
         moves = np.any(w.x) or np.any(np.isin(motion.signs(), (-1, 1))) or supply.signs()[0, 0] == -1
         if not moves:
@@ -167,7 +162,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         w, p, out = self.witness, self.positivity.system(), self.positivity.evidence()
         if not isinstance(w, SupplyViolation):
             return out
-        x, u, prover = exact_vector(w.x, w.x_exact), exact_vector(w.u, w.u_exact), Prover()
+        x, u, prover = exactly(w, "x").fractions(), exactly(w, "u").fractions(), Prover()
         motion = drift(p.A, x, p.discrete) + exact_product(p.B, u)
         weights = {"wx": prover.vector(p.X, x), "wu": prover.vector(p.U, u), "wz": prover.vector(p.X, motion)}
         return {**out, "shows": "motion", "x": numbers(x), "u": numbers(u), "rate": int(p.discrete), **weights}
@@ -259,42 +254,35 @@ def dissipativity_of(
     given_q = None if q is None else _supply(q, "q", system.Y.dim, "outputs")
     given_r = None if r is None else _supply(r, "r", system.U.dim, "inputs")
     supply_q = Matrix(-np.asarray(system.Y.dual.interior_point, dtype=float)[None]) if given_q is None else given_q
-    data = {"positivity": positivity, **_stored("q", supply_q), **_stored("r", given_r)}
+    data = {"positivity": positivity, "q": _flat(supply_q), "r": None if given_r is None else _flat(given_r)}
     if positivity.witness is not None:
         return DissipativityCertificate.settle(**data, witness=positivity.witness)
     if not positivity:
         return DissipativityCertificate.settle(**data)
     for v, q_try in storage_candidates(system, supply_q, given_r, free_q=given_q is None):
-        cert = _attempt(positivity, v, q_try, given_r)
+        cert = _attempt(positivity, Matrix(v), q_try, given_r)
         if cert is not None:
             return cert
     exact = supply_witness(system, supply_q, given_r)
     if exact is not None:
         storage, x, u = exact
         if storage is not None:
-            cert = _attempt(positivity, np.array([float(t) for t in storage]), supply_q, given_r, tuple(storage))
+            cert = _attempt(positivity, Matrix.from_fractions(storage), supply_q, given_r)
             if cert is not None:
                 return cert
         else:
-            nearest_x, nearest_u = (np.array([float(t) for t in z]) for z in (x, u))
-            witness = SupplyViolation(nearest_x, nearest_u, tuple(x), tuple(u))
+            witness = SupplyViolation(Matrix.from_fractions(x), Matrix.from_fractions(u))
             return DissipativityCertificate.settle(**data, witness=witness)
     return DissipativityCertificate.settle(**data)
 
 
 def _attempt(
-    positivity: PositivityCertificate,
-    v: NDArray[np.float64],
-    q: Matrix,
-    r: Matrix | None,
-    v_exact: Rationals | None = None,
+    positivity: PositivityCertificate, v: Matrix, q: Matrix, r: Matrix | None
 ) -> DissipativityCertificate | None:
     """The certificate if v (with the least r if r is None) proves dissipativity."""
-    if not np.isfinite(v).all():
+    if not np.isfinite(v.values).all():
         return None
-    if v_exact is not None and all(Fraction(a) == b for a, b in zip(v.tolist(), v_exact, strict=True)):
-        v_exact = None
-    row, p = exact_row(v, v_exact), positivity.system()
+    row, p = v[None], positivity.system()
     if not all_hold(
         [
             Condition(_STORAGE, BilinearForms(row, None, p.X.exact_rays), ">"),
@@ -306,10 +294,8 @@ def _attempt(
         r = _least_input_supply(p, row, q)
     if Condition(_INPUT, _input_forms(p, row, q, r), "<=").verdict() is not True:
         return None
-    supply = {**_stored("q", q), **_stored("r", r)}
-    return DissipativityCertificate.settle(
-        positivity=positivity, v=v, v_exact=v_exact, **supply, decay_rate=proven_rate(p, row, q)
-    )
+    rate = proven_rate(p, row, q)
+    return DissipativityCertificate.settle(positivity=positivity, v=v, q=_flat(q), r=_flat(r), decay_rate=rate)
 
 
 def _least_input_supply(p: System, v: Matrix, q: Matrix) -> Matrix:
@@ -320,22 +306,18 @@ def _least_input_supply(p: System, v: Matrix, q: Matrix) -> Matrix:
     inward = inward / np.abs(inward).max()
     size = float(np.max(np.abs(v_) @ abs(B) + np.abs(q_) @ abs(D), initial=0.0))
     for step in (0.0, 2.0**-52, 2.0**-48, 1e-12, 1e-9):
-        moved = exact_row(r + step * size * inward)
+        moved = Matrix((r + step * size * inward)[None])
         if Condition(_INPUT, _input_forms(p, v, q, moved), "<=").verdict() is True:
             return moved
-    return exact_row(r)
+    return Matrix(r[None])
 
 
 def _supply(data: ArrayLike, name: str, size: int, what: str) -> Matrix:
     return require_shape(exact_matrix(data, name), name, (1, size), f"one entry for each of the {size} {what}")
 
 
-def _stored(name: str, row: Matrix | None) -> dict[str, Any]:
-    """q or r as a certificate holds it: doubles, and the fractions where these are their rounding."""
-    if row is None:
-        return {name: None}
-    exact = None if row.is_double else tuple(row.fractions()[0])
-    return {name: np.array(row.dense().values[0]), f"{name}_exact": exact}
+def _flat(row: Matrix) -> Matrix:
+    return row.dense()[0]
 
 
 # -- inequalities

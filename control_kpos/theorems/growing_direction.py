@@ -6,20 +6,17 @@ too many, nonnegative combinations of generators do.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.enclosure import Generators
-from ..exact.fraction_vector import FractionVector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
+from ..proof.certificate import Fractions, Vector, exactly
 from ..proof.encoding import register_record
 from ..proof.inclusion import GeneratorProof
 from ..proof.portable_cones import own_generators
@@ -38,8 +35,8 @@ class InstabilityDirection:
         The exact vector where doubles do not suffice; x is its rounding.
     """
 
-    x: NDArray[np.float64]
-    exact: Sequence[Fraction] | None = None
+    x: Vector = Vector(required=True)
+    exact: Fractions = Fractions("x")
 
     def __str__(self) -> str:
         shown = ", ".join(f"{v:.4g}" for v in self.x[:6]) + (", ..." if len(self.x) > 6 else "")
@@ -61,19 +58,6 @@ class InstabilityCombination(InstabilityDirection):
 
 
 # -- inequalities
-
-
-def exact_row(v: NDArray[np.float64], exact: Sequence[Fraction] | None = None) -> Matrix:
-    """A vector as a 1 x n exact matrix; DataError if the doubles are not the rounding of `exact`."""
-    v = np.asarray(v, dtype=float)
-    if v.ndim != 1 or not np.isfinite(v).all():
-        raise DataError("a vector of finite numbers is needed.")
-    if exact is None:
-        return Matrix(v[None, :])
-    row = FractionVector.of(exact).matrix[None, :]
-    if not np.array_equal(row.values[0], v):
-        raise DataError("the exact vector does not round to the doubles beside it.")
-    return row
 
 
 def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
@@ -98,7 +82,7 @@ def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: float 
 
 def instability_conditions(A: Matrix, X: Cone, discrete: bool, w: InstabilityDirection) -> list[Condition]:
     """x in X and A x in X (A x - x in X), on the facets of X."""
-    x = exact_row(w.x, w.exact)
+    x = exactly(w, "x")[None]
     return [
         Condition("h'x >= 0", BilinearForms(x, None, X.exact_facets), ">="),
         Condition("h'A x >= 0", transposed_drift(x, A, X, discrete), ">="),
@@ -109,7 +93,7 @@ def combination_conditions(
     A: Matrix, X: Cone, discrete: bool, w: InstabilityCombination, proof: GeneratorProof
 ) -> list[Condition]:
     """x in X and A x in X (A x - x in X), on generators of a cone that `proof` shows to be proper."""
-    rays, x = own_generators(X), exact_row(w.x, w.exact)
+    rays, x = own_generators(X), exactly(w, "x")[None]
     if w.weights is None or w.weights.shape != (2, rays.shape[0]):
         raise DataError("there must be two weights for every generator.")
     basis, everywhere = Generators(rays, proof.right_inverse), np.ones((rays.shape[0], 1), dtype=bool)
@@ -120,18 +104,13 @@ def combination_conditions(
 
 
 def growing_combination(
-    A: Matrix, X: Cone, discrete: bool, x: InstabilityDirection, proof: GeneratorProof
+    A: Matrix, X: Cone, discrete: bool, x: Matrix, proof: GeneratorProof
 ) -> InstabilityCombination | None:
     """Weights that show growth along x, not yet proven; None if there are none."""
-    row, shift = exact_row(x.x, x.exact), np.eye(X.dim, dtype=int).astype(object) * int(discrete)
+    shift = np.eye(X.dim, dtype=int).astype(object) * int(discrete)
     moved = Matrix.from_fractions(A.plain().fractions() - shift)
-    found = [combinations(X, proof, M, row) for M in (Matrix.identity(X.dim), moved)]
+    found = [combinations(X, proof, M, x[None]) for M in (Matrix.identity(X.dim), moved)]
     if found[0] is None or found[1] is None:
         return None
     weights = Matrix.join([found[0].T, found[1].T], -2)
-    return InstabilityCombination(x.x, x.exact, weights)
-
-
-def direction(x: Matrix) -> InstabilityDirection:
-    """A direction along a vector."""
-    return InstabilityDirection(x.values, None if x.is_double else FractionVector(x))
+    return InstabilityCombination(x, None, weights)

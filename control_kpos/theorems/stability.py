@@ -25,18 +25,16 @@ from numpy.typing import ArrayLike, NDArray
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold
-from ..exact.fraction_vector import FractionVector
 from ..exact.intake import choice
 from ..exact.matrix import Matrix, bit_length
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Status
+from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
     ProofOmittedError,
     Prover,
     drift,
-    exact_vector,
     numbers,
 )
 from .generator_coordinates import decide_stability
@@ -44,9 +42,7 @@ from .growing_direction import (
     InstabilityCombination,
     InstabilityDirection,
     combination_conditions,
-    direction,
     drift_forms,
-    exact_row,
     growing_combination,
     instability_conditions,
     transposed_drift,
@@ -93,12 +89,12 @@ class LyapunovCertificate(ClaimOnPositivity):
     claim: ClassVar[str] = "stable"
     no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _SLOW, _SLOW_IN}
 
-    v: NDArray[np.float64] | None = None
+    v: Vector = Vector()
     decay_rate: float = float("nan")
-    v_exact: Sequence[Fraction] | None = None
-    slow_direction: NDArray[np.float64] | None = None
+    v_exact: Fractions = Fractions("v")
+    slow_direction: Vector = Vector()
     decay_rate_bound: float = float("inf")
-    slow_direction_exact: Sequence[Fraction] | None = None
+    slow_direction_exact: Fractions = Fractions("slow_direction")
 
     @property
     def A(self) -> Matrix:
@@ -125,7 +121,7 @@ class LyapunovCertificate(ClaimOnPositivity):
         """The inequalities on v, and on the slow direction if there is one."""
         if self.v is None:
             raise DataError("v is missing.")
-        v = exact_row(self.v, self.v_exact)
+        v = exactly(self, "v")[None]
         rays = self.X.exact_rays
         out = [
             Condition(_POSITIVE, BilinearForms(v, None, rays), ">"),
@@ -133,7 +129,7 @@ class LyapunovCertificate(ClaimOnPositivity):
             Condition(_RATE, drift_forms(v, self.A, rays, self.discrete, self.decay_rate), "<="),
         ]
         if self.slow_direction is not None:
-            x = exact_row(self.slow_direction, self.slow_direction_exact)
+            x = exactly(self, "slow_direction")[None]
             out += _slow_conditions(self.A, self.X, self.discrete, x, self.decay_rate_bound)
         return out
 
@@ -146,10 +142,10 @@ class LyapunovCertificate(ClaimOnPositivity):
         """True if both rates are exactly those that v and the slow direction prove."""
         if self.v is None:
             return True
-        rate = proven_rate(exact_row(self.v, self.v_exact), self.A, self.X.exact_rays, self.discrete)
+        rate = proven_rate(exactly(self, "v")[None], self.A, self.X.exact_rays, self.discrete)
         bound: float | None = float("inf")
         if self.slow_direction is not None:
-            x = exact_row(self.slow_direction, self.slow_direction_exact)
+            x = exactly(self, "slow_direction")[None]
             bound = _proven_bound(self.A, self.X, self.discrete, x)
         return self.decay_rate == rate and self.decay_rate_bound == bound
 
@@ -166,13 +162,13 @@ class LyapunovCertificate(ClaimOnPositivity):
         """Evidence of positivity, and of a witness x (the slow direction) the weights of x and A x (+ bound x) in X."""
         w, out, prover = self.witness, self.positivity.evidence(), Prover()
         if self.slow_direction is not None:
-            z = exact_vector(self.slow_direction, self.slow_direction_exact)
+            z = exactly(self, "slow_direction").fractions()
             slowed = drift(self.A, z, self.discrete, Fraction(self.decay_rate_bound))
             with suppress(ProofOmittedError):  # then the claim is proven without the bound
                 out |= {"ws": prover.vector(self.X, z), "wb": prover.vector(self.X, slowed)}
         if not isinstance(w, InstabilityDirection):
             return out
-        x = exact_vector(w.x, w.exact)
+        x = exactly(w, "x").fractions()
         moved = drift(self.A, x, self.discrete)
         if isinstance(w, InstabilityCombination) and w.weights is not None:
             rays = own_generators(self.X)
@@ -298,7 +294,7 @@ def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, faste
         v = problem.left_vector(0.0)
     except SingularMatrixError:
         v = None
-    if v is not None and _is_lyapunov(exact_row(v), A, X, discrete):
+    if v is not None and _is_lyapunov(Matrix(v[None]), A, X, discrete):
         return (_fastest(positivity, problem) if fastest else None) or _proved(positivity, Matrix(v))
     for x in problem.growing_directions() if not X.is_simplicial else ():
         witness = _growing(positivity, x)
@@ -310,9 +306,7 @@ def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, faste
 def _growing(positivity: PositivityCertificate, x: Matrix) -> InstabilityDirection | None:
     """The proven direction of growth along x, or None."""
     A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
-    witness: InstabilityDirection | None = direction(x)
-    if proof is not None:
-        witness = growing_combination(A, X, discrete, witness, proof)
+    witness = InstabilityDirection(x) if proof is None else growing_combination(A, X, discrete, x, proof)
     return witness if witness is not None and all_hold(_growth_conditions(positivity, witness) or ()) else None
 
 
@@ -325,18 +319,17 @@ def _growth_conditions(positivity: PositivityCertificate, w: InstabilityDirectio
 
 
 def _proved(positivity: PositivityCertificate, v: Matrix, **more: Any) -> LyapunovCertificate:
-    exact = None if v.is_double else FractionVector(v)
-    rate = proven_rate(v[None, :], positivity.A, positivity.X.exact_rays, positivity.discrete)
-    return LyapunovCertificate.settle(positivity=positivity, v=v.values, v_exact=exact, decay_rate=rate, **more)
+    rate = proven_rate(v[None], positivity.A, positivity.X.exact_rays, positivity.discrete)
+    return LyapunovCertificate.settle(positivity=positivity, v=v, decay_rate=rate, **more)
 
 
 def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> LyapunovCertificate | None:
     """The Perron vectors of a stable A, moved inwards just enough to be proven; None if A is not stable."""
     A, X, discrete = positivity.A, positivity.X, positivity.discrete
     best: tuple[float, NDArray[np.float64]] | None = None
-    slow: tuple[float, InstabilityDirection] | None = None
+    slow: tuple[float, Matrix] | None = None
     for v in problem.left_perron_vectors():
-        row = exact_row(v)
+        row = Matrix(v[None])
         if _is_lyapunov(row, A, X, discrete):
             rate = proven_rate(row, A, X.exact_rays, discrete)
             if best is None or rate > best[0]:
@@ -344,18 +337,14 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
     if best is None:
         return None
     for candidate in problem.right_perron_vectors() if positivity.generator_proof is None else ():
-        x = direction(candidate)
-        bound = _proven_bound(A, X, discrete, candidate[None, :])
+        bound = _proven_bound(A, X, discrete, candidate[None])
         if bound is not None and (slow is None or bound < slow[0]):
-            slow = bound, x
+            slow = bound, candidate
         if slow is not None and slow[0] <= best[0] + 1e-9 * abs(best[0]):
             break
     if slow is None:
         return _proved(positivity, Matrix(best[1]))
-    bound, x = slow
-    return _proved(
-        positivity, Matrix(best[1]), decay_rate_bound=bound, slow_direction=x.x, slow_direction_exact=x.exact
-    )
+    return _proved(positivity, Matrix(best[1]), decay_rate_bound=slow[0], slow_direction=slow[1])
 
 
 # -- inequalities

@@ -14,17 +14,13 @@ import numpy as np
 
 from ...errors import DataError
 from ...exact.condition import Condition, all_hold
-from ...proof.certificate import Certificate, Status
+from ...exact.matrix import Matrix
+from ...proof.certificate import Certificate, Fractions, Status, VectorPair, exactly
 from ...proof.weights import ProofOmittedError
 from .. import conditions as on
 from .. import files
 from ..blocks import Floats
-from ..certificate import (
-    PerNode,
-    dissipation,
-    flat,
-    per_node,
-)
+from ..certificate import NodeVector, dissipation, node_vectors
 from ..certify import (
     growth_witness,
     loop_weights,
@@ -33,11 +29,9 @@ from ..certify import (
 )
 from ..model import NetworkModel
 from ..witnesses import (
-    Exact,
     LoopWeights,
     NetworkInstability,
     below_abscissa,
-    exact_vectors,
     positive_parts,
 )
 from .descent import Progress, descend, slow_state
@@ -73,21 +67,25 @@ class AbscissaCertificate(Certificate):
     model: NetworkModel
     lower: float = -np.inf
     upper: float = np.inf
-    v: PerNode | None = None
-    r: PerNode | None = None
-    q: PerNode | None = None
+    v: NodeVector = NodeVector(0)
+    r: NodeVector = NodeVector(1)
+    q: NodeVector = NodeVector(2)
     below: NetworkInstability | None = None
-    loop_weights: LoopWeights = None
-    exact: Exact = None
+    loop_weights: VectorPair = VectorPair()
+    exact: Fractions = Fractions("v", "r", "q")
+
+    @property
+    def _loop(self) -> LoopWeights:
+        return None if self.loop_weights is None else exactly(self, "loop_weights")
 
     def conditions(self) -> Sequence[Condition]:
-        if self.v is None or self.r is None or self.q is None or self.below is None:
+        if self.below is None:
             raise DataError("one side of the bracket is missing.")
         if self.below.rate != self.lower or not np.any(self.below.x):
             raise DataError("below does not belong to the lower end.")
         model = self.model
-        v, r, q = exact_vectors([flat(x, model, k) for k, x in enumerate((self.v, self.r, self.q))], self.exact)
-        lower = below_abscissa(model, self.below, self.loop_weights)
+        v, r, q = node_vectors(self)
+        lower = below_abscissa(model, self.below, self._loop)
         if lower is None:
             raise DataError("loop_weights are missing although some D is not zero.")
         upper = dissipation(model, v, r, q, -self.upper, discrete=False)
@@ -117,9 +115,7 @@ class AbscissaCertificate(Certificate):
         """Weights for positivity and the coupling, v, q, r for the upper end, and the motion for the lower one."""
         if self.v is None or self.r is None or self.q is None:
             raise ProofOmittedError("no bracket is claimed")
-        parts = [flat(x, self.model, k) for k, x in enumerate((self.v, self.r, self.q))]
-        vectors = dict(zip("VRQ", exact_vectors(parts, self.exact), strict=True))
-        return files.evidence(self.model, self.below, vectors, self.loop_weights, np.ones(self.model.n_nodes))
+        return files.evidence(self.model, self.below, node_vectors(self), self._loop, np.ones(self.model.n_nodes))
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and (self.v is None or self.below is None):
@@ -178,9 +174,9 @@ def _proven(model: NetworkModel, relative: float, progress: Progress | None, loo
             model=model,
             lower=lower,
             upper=upper,
-            v=per_node(v, model, 0),
-            r=per_node(r, model, 1),
-            q=per_node(q, model, 2),
+            v=Matrix(v),
+            r=Matrix(r),
+            q=Matrix(q),
             below=growth_witness(model, x, lower),
             loop_weights=loop,
         )

@@ -15,13 +15,12 @@ import numpy as np
 from ...errors import TooLargeError
 from ...exact.matrix import Integers, Matrix, bit_length
 from .. import conditions as on
-from ..certificate import NetworkCertificate, per_node
+from ..certificate import NetworkCertificate
 from ..model import NetworkModel
 from ..witnesses import (
     AlgebraicLoop,
     LoopWeights,
     NetworkInstability,
-    with_exact,
 )
 from .pencil import NetworkPencil, Outcome
 
@@ -114,24 +113,21 @@ def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> 
 
 
 def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:
-    """v, r, q and exact of a stable outcome."""
-    model, (W, factor) = network.model, network.W
+    """v, r, q of a stable outcome."""
+    W, factor = network.W
     _, v, r = found
     q = W.T.apply(r) * -factor.numerator
-    vectors, exact = with_exact(_over_power_of_two([v * factor.denominator, r * factor.denominator, q]))
-    v_, r_, q_ = (per_node(part, model, kind) for kind, part in enumerate(vectors))
-    return {"v": v_, "r": r_, "q": q_, "exact": exact}
+    return dict(zip("vrq", _over_power_of_two([v * factor.denominator, r * factor.denominator, q]), strict=True))
 
 
 def _growing(network: NetworkPencil, found: Outcome, rate: float) -> NetworkInstability:
-    (x_, u_, y_), exact = with_exact(_together(*network.signals(found[1], found[2])))
-    return NetworkInstability(x_, u_, y_, rate, exact)
+    return NetworkInstability(*_together(*network.signals(found[1], found[2])), rate)
 
 
 def _algebraic(network: NetworkPencil, port: Integers) -> AlgebraicLoop:
     _, u, y = network.signals(np.zeros(network.model.totals[0], dtype=object), port)
-    (y_, u_), exact = with_exact(_together(y, u))
-    return AlgebraicLoop(y_, u_, np.unique(network.model.owners(2)[y_ != 0]), exact)
+    loop = _together(y, u)
+    return AlgebraicLoop(*loop, np.unique(network.model.owners(2)[loop[0].values != 0]))
 
 
 def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
@@ -148,7 +144,7 @@ def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
         share = min([share, *(Fraction(a) / b for a, b in zip(spare.ravel(), cost.ravel(), strict=True) if b > 0)])
     p = p + inner * share
     size = 1 << bit_length(t)
-    return tuple(Fraction(value) / size for value in p), tuple(Fraction(value, size) for value in t.tolist())
+    return Matrix.from_fractions(p / Fraction(size)), Matrix.over(t, size)
 
 
 def _row_sum(rows: Any) -> Integers:
