@@ -73,8 +73,6 @@ class NodeVector(Vector):
 
     def hold(self, value: Any) -> Any:
         """See `Vector`."""
-        if isinstance(value, Matrix):
-            return value
         flat = np.ravel(value) if isinstance(value, np.ndarray) else np.concatenate([np.ravel(part) for part in value])
         return super().hold(flat)
 

@@ -9,8 +9,8 @@ A_cl x in X exists and is found at a shift just above the abscissa.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TypeAlias
+from collections.abc import Iterator, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -97,17 +97,9 @@ def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCer
 
 def settle(model: NetworkModel, data: Data, loop: LoopWeights) -> NetworkCertificate:
     """The certificate for v, r, q with the decay rate they prove and sigma = 1."""
-    v, r, q = data
-    rate = provable_rate(model, v, q, discrete=model.discrete)
-    return NetworkCertificate.settle(
-        model=model,
-        v=Matrix(v),
-        r=Matrix(r),
-        q=Matrix(q),
-        sigma=np.ones(model.n_nodes),
-        decay_rate=max(rate, 0.0),
-        loop_weights=loop,
-    )
+    v, r, q = map(Matrix, data)
+    rate, sigma = max(provable_rate(model, v, q, discrete=model.discrete), 0.0), np.ones(model.n_nodes)
+    return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop)
 
 
 def candidates(model: NetworkModel, shift: float) -> Iterator[Data]:
@@ -128,73 +120,59 @@ def candidates(model: NetworkModel, shift: float) -> Iterator[Data]:
 
 def supply_rates(model: NetworkModel, v: Floats) -> Data:
     """v, r >= B'v - D'q and q <= -W'r in the orders of U* and Y*, by a few units in the last place."""
-    r = q = np.zeros(0)
-    rounds = 1
-    parts = model.split(v, 0)
-    r = _raise_inputs(model, parts, None)
-    if model.has_feedthrough:
-        r = direct_loop(model).solve(r, True, 1e-15)
-        rounds = 60
-    for _ in range(rounds):
-        q = _lower_outputs(model, r)
-        if not model.has_feedthrough:
-            break
-        new = _raise_inputs(model, parts, q)
-        settled = bool((np.abs(new - r) <= 4 * HALF_ULP * np.abs(new)).all())
-        r = new
-        if settled:
+    r = moved(model, "U", [("B", v)], dual=True)
+    if not model.has_feedthrough:
+        return v, r, _lower_outputs(model, r)
+    r, q = direct_loop(model).solve(r, True, 1e-15), np.zeros(0)
+    for _ in range(60):
+        before, q = r, _lower_outputs(model, r)
+        r = moved(model, "U", [("B", v), ("D", -q)], dual=True)
+        if (np.abs(r - before) <= 4 * HALF_ULP * np.abs(r)).all():
             break
     return v, r, q
 
 
-def _raise_inputs(model: NetworkModel, v: list[Floats], q: Floats | None) -> Floats:
-    qs = [None] * len(v) if q is None else model.split(q, 2)
-    out = []
-    for s, v_g, q_g in zip(model.stacks, v, qs, strict=True):
-        r = np.einsum("jn,jnm->jm", v_g, s.B.values)
-        size = np.einsum("jn,jnm->jm", np.abs(v_g), np.abs(s.B.values))
-        if q_g is not None:
-            r = r - np.einsum("jq,jqm->jm", q_g, s.D.values)
-            size = size + np.einsum("jq,jqm->jm", np.abs(q_g), np.abs(s.D.values))
-        count = sum(s.sizes)
-        out.append(r + nudge(s.U, size, 8 * (2 * count + 24), dual=True))
-    return model.join(out, 1)
-
-
 def _lower_outputs(model: NetworkModel, r: Floats) -> Floats:
-    heard, size = model.WT @ r, abs(model.WT) @ np.abs(r)
-    longest = int(np.diff(model.WT.indptr).max(initial=0))
-    out = []
-    for s, h, z in zip(model.stacks, model.split(heard, 2), model.split(size, 2), strict=True):
-        out.append(-(h + nudge(s.Y, z, 8 * (2 * longest + 2 * s.sizes[2] + 24), dual=True)))
-    return model.join(out, 2)
+    longest = int(np.diff(model.WT.indptr).max(initial=0)) + max(s.sizes[2] for s in model.stacks)
+    return -inwards(model, "Y", model.WT @ r, abs(model.WT) @ np.abs(r), longest, dual=True)
 
 
-def nudge(cone: Cone, size: Floats, units: float, *, dual: bool) -> Floats:
-    """An interior vector of the (dual) cone that outweighs `units` roundings of numbers of that size, per node."""
-    if isinstance(cone, Orthant):
-        return units * HALF_ULP * size
-    rows = (on.rays(cone) if dual else on.facets(cone)).values
-    point = np.asarray((cone.dual if dual else cone).interior_point)
-    point = point * (np.abs(rows).sum(axis=1) / (rows @ point)).max()
-    return units * HALF_ULP * size.max(axis=1, keepdims=True, initial=0.0) * point
+def moved(model: NetworkModel, name: str, terms: Sequence[tuple[str, Floats]], *, dual: bool) -> Floats:
+    """The sum of products M'x of all nodes (of M x if not `dual`), raised in the order of the dual cones (lowered)."""
+    value = sum(model.times(matrix, x, transposed=dual) for matrix, x in terms)
+    size = sum(model.times(matrix, np.abs(x), transposed=dual, absolute=True) for matrix, x in terms)
+    return inwards(model, name, value, size, max(sum(s.sizes) for s in model.stacks), dual=dual)
 
 
-def provable_rate(model: NetworkModel, v: Floats, q: Floats, *, discrete: bool) -> float:
+def inwards(model: NetworkModel, name: str, value: Any, size: Any, count: int, *, dual: bool) -> Floats:
+    """Sums of `count` products, raised in the order of the dual cones U* or Y* of the nodes, or lowered in U or Y.
+
+    What is added is interior to the cones and outweighs the roundings of numbers of that size.
+    """
+    units, kind = 8 * (2 * count + 24) * HALF_ULP * (1 if dual else -1), "XUY".index(name)
+    parts = []
+    for s, x, z in zip(model.stacks, model.split(value, kind), model.split(size, kind), strict=True):
+        cone: Cone = getattr(s, name)
+        if not isinstance(cone, Orthant):
+            rows = (s.rays[kind] if dual else on.facets(cone)).values
+            point = np.asarray((cone.dual if dual else cone).interior_point)
+            point = point * (np.abs(rows).sum(axis=1) / (rows @ point)).max()
+            z = z.max(axis=1, keepdims=True, initial=0.0) * point
+        parts.append(x + units * z)
+    return model.join(parts, kind)
+
+
+def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) -> float:
     """min over nodes and generators of -(v'A - q'C)x / v'x, less the error bound of the kernel; may be negative."""
     rate = np.inf
     for s, v_g, q_g in zip(model.stacks, model.split(v, 0), model.split(q, 2), strict=True):
-        forms = on.decrease_forms(s, Matrix(v_g), Matrix(q_g), 0.0, discrete)
-        room = 16 * (2 * (s.sizes[0] + s.sizes[2]) + 24) * HALF_ULP
+        forms = on.decrease_forms(s, v_g, q_g, 0.0, discrete)
+        room, rays = 16 * (2 * (s.sizes[0] + s.sizes[2]) + 24) * HALF_ULP, s.rays[0].values
         with np.errstate(all="ignore"):
-            value = np.einsum("jn,kn->jk", v_g, s.X.rays)[:, None, :]
-            size = forms.magnitudes
-            first = (-forms.values - room * size) / value
+            value, gross = ((f(v_g.values) @ f(rays).T)[:, None, :] for f in (np.asarray, np.abs))
+            first = (-forms.values - room * forms.magnitudes) / value
             # the rate term adds rate * |v|'|x| to the size of the numbers
-            first = (
-                first - room * np.abs(first) * np.einsum("jn,kn->jk", np.abs(v_g), np.abs(s.X.rays))[:, None, :] / value
-            )
-            rate = min(rate, float(first.min()))
+            rate = min(rate, float((first - room * np.abs(first) * gross / value).min()))
     return rate if np.isfinite(rate) else 0.0
 
 
@@ -246,21 +224,10 @@ def loop_weights(model: NetworkModel) -> LoopWeights:
     """p and t that prove rho(W D) < 1, or None (also if there is no feedthrough)."""
     if not model.has_feedthrough:
         return None
-    e = model.join([np.tile(s.Y.dual.interior_point, (len(s), 1)) for s in model.stacks], 2)
+    e = model.at_all([s.Y.dual.interior_point for s in model.stacks], 2)
     with np.errstate(all="ignore"):
-        d_e = model.join(
-            [np.einsum("jq,jqm->jm", e_g, s.D.values) for e_g, s in zip(model.split(e, 2), model.stacks, strict=True)],
-            1,
-        )
-        t = direct_loop(model).solve(d_e, True, 1e-13)
-        p = e + model.WT @ t
-        ts = []
-        for s, p_g in zip(model.stacks, model.split(p, 2), strict=True):
-            size = np.einsum("jq,jqm->jm", np.abs(p_g), np.abs(s.D.values))
-            ts.append(
-                np.einsum("jq,jqm->jm", p_g, s.D.values) + nudge(s.U, size, 8 * (2 * sum(s.sizes) + 24), dual=True)
-            )
-    t = model.join(ts, 1)
+        p = e + model.WT @ direct_loop(model).solve(model.times("D", e, transposed=True), True, 1e-13)
+        t = moved(model, "U", [("D", p)], dual=True)
     if not (np.isfinite(p).all() and np.isfinite(t).all()):
         return None
     weights = Matrix(p), Matrix(t)
@@ -269,7 +236,7 @@ def loop_weights(model: NetworkModel) -> LoopWeights:
 
 def algebraic_witness(model: NetworkModel) -> AlgebraicLoop | None:
     """y in Y with D W y - y in Y, by power iteration on the feedthrough loop."""
-    y = model.join([np.tile(s.Y.interior_point, (len(s), 1)) for s in model.stacks], 2)
+    y = model.at_all([s.Y.interior_point for s in model.stacks], 2)
     D = model.block_matrices[3]
     shift = 1e-3
     for step in range(2000):
@@ -306,30 +273,15 @@ def _growing_outputs(model: NetworkModel, D: sp.csr_array, y: Floats) -> Floats 
 
 def lower_received(model: NetworkModel, y: Floats) -> Floats:
     """W y, less a few units in the last place in the order of U."""
-    size = abs(model.W) @ np.abs(y)
     longest = int(np.diff(model.W.indptr).max(initial=0))
-    u = model.W @ y
-    out = [
-        u_g - nudge(s.U, z, 8 * (2 * longest + 24), dual=False)
-        for s, u_g, z in zip(model.stacks, model.split(u, 1), model.split(size, 1), strict=True)
-    ]
-    return model.join(out, 1)
+    return inwards(model, "U", model.W @ y, abs(model.W) @ np.abs(y), longest, dual=False)
 
 
 def growth_witness(model: NetworkModel, x: Floats, rate: float) -> NetworkInstability:
     """x with lower bounds on its inputs and outputs."""
-    xs = model.split(x, 0)
-    u = np.zeros(model.totals[1])
-    y = np.zeros(model.totals[2])
+    u = y = np.zeros(model.totals[1])
     for _ in range(60 if model.has_feedthrough else 1):
-        parts = []
-        for s, x_g, u_g in zip(model.stacks, xs, model.split(u, 1), strict=True):
-            value = np.einsum("jqn,jn->jq", s.C.values, x_g) + np.einsum("jqm,jm->jq", s.D.values, u_g)
-            size = np.einsum("jqn,jn->jq", np.abs(s.C.values), np.abs(x_g)) + np.einsum(
-                "jqm,jm->jq", np.abs(s.D.values), np.abs(u_g)
-            )
-            parts.append(value - nudge(s.Y, size, 8 * (2 * sum(s.sizes) + 24), dual=False))
-        y = model.join(parts, 2)
+        y = moved(model, "Y", [("C", x), ("D", u)], dual=False)
         u = lower_received(model, y)
     return NetworkInstability(x, u, y, rate)
 

@@ -89,11 +89,6 @@ def after(*vectors: Matrix) -> Matrix:
     return Matrix.join(vectors, -1)[None, :]
 
 
-def rays(cone: Cone) -> Matrix:
-    """Generators in dense form."""
-    return cone.exact_rays.dense()
-
-
 def facets(cone: Cone) -> Matrix:
     """Facet normals in dense form."""
     return cone.exact_facets.dense()
@@ -103,12 +98,14 @@ def positivity(model: NetworkModel, g: int) -> list[Condition]:
     """Theorem 1 for every node of a stack: forms of shape (N, facets, generators)."""
     s = model.stacks[g]
     out = []
-    state = stacked(facets(s.X), s.A, rays(s.X))
+    X, U, _ = s.rays
+    own, outer = facets(s.X), facets(s.Y)
+    state = stacked(own, s.A, X)
     where = None if model.discrete else np.broadcast_to(s.X.incidence, (len(s), s.X.n_facets, s.X.n_rays))
     out.append(Condition(titled(STATE, model, g), state, ">=", where))
-    for name, target, matrix, source in ((INPUT, s.X, s.B, s.U), (OUTPUT, s.Y, s.C, s.X), (DIRECT, s.Y, s.D, s.U)):
+    for name, target, matrix, source in ((INPUT, own, s.B, U), (OUTPUT, outer, s.C, X), (DIRECT, outer, s.D, U)):
         if not (name == DIRECT and s.D.is_zero):
-            out.append(Condition(titled(name, model, g), stacked(facets(target), _shared(matrix), rays(source)), ">="))
+            out.append(Condition(titled(name, model, g), stacked(target, _shared(matrix), source), ">="))
     return out
 
 
@@ -148,14 +145,14 @@ def coupling(model: NetworkModel) -> list[Condition]:
             model.coupling, u0[j][:, None] + np.arange(target.sizes[1]), y0[k][:, None] + np.arange(source.sizes[2])
         )
         name = COUPLING if len(model.stacks) == 1 else f"{COUPLING} [stack {gk} to {gj}]"
-        out.append(Condition(name, stacked(facets(target.U), blocks, rays(source.Y)), ">="))
+        out.append(Condition(name, stacked(facets(target.U), blocks, source.rays[2]), ">="))
     return out
 
 
 def storage(model: NetworkModel, g: int, v: Matrix) -> Condition:
     """v_j'x > 0 on the generators of X_j; v of shape (N, n)."""
     s = model.stacks[g]
-    return Condition(titled(STORAGE, model, g), stacked(beside(v), None, rays(s.X)), ">")
+    return Condition(titled(STORAGE, model, g), stacked(beside(v), None, s.rays[0]), ">")
 
 
 def decrease_forms(s: NodeStack, v: Matrix, q: Matrix, rate: float, discrete: bool) -> BilinearForms:
@@ -171,7 +168,7 @@ def decrease_forms(s: NodeStack, v: Matrix, q: Matrix, rate: float, discrete: bo
     if not q.is_zero:
         left.append(-q)
         middle.append(s.C)
-    return stacked(beside(*left), Matrix.join(middle, -2), rays(s.X))
+    return stacked(beside(*left), Matrix.join(middle, -2), s.rays[0])
 
 
 def decrease(model: NetworkModel, g: int, v: Matrix, q: Matrix, rate: float, *, discrete: bool) -> Condition:
@@ -189,19 +186,19 @@ def supply(model: NetworkModel, g: int, v: Matrix, q: Matrix, r: Matrix, name: s
     if not s.D.is_zero:
         left.append(-q)
         middle.append(s.D)
-    return Condition(titled(name, model, g), stacked(beside(*left), Matrix.join(middle, -2), rays(s.U)), "<=")
+    return Condition(titled(name, model, g), stacked(beside(*left), Matrix.join(middle, -2), s.rays[1]), "<=")
 
 
 def loop_direct(model: NetworkModel, g: int, p: Matrix, t: Matrix) -> Condition:
     """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
     s = model.stacks[g]
     middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[1])[None])], -2)
-    return Condition(titled(LOOP_DIRECT, model, g), stacked(beside(p, t), middle, rays(s.U)), "<=")
+    return Condition(titled(LOOP_DIRECT, model, g), stacked(beside(p, t), middle, s.rays[1]), "<=")
 
 
 def output_generators(model: NetworkModel) -> Matrix:
     """Generators of the product of the Y_k as sparse rows of length sum q_k."""
-    return _rows_of_product(model, [(s.Y, rays(s.Y)) for s in model.stacks], 2)
+    return _rows_of_product(model, [(s.Y, s.rays[2]) for s in model.stacks], 2)
 
 
 def input_facets(model: NetworkModel) -> Matrix:
@@ -304,7 +301,7 @@ def loop_gain(model: NetworkModel, p: Matrix, t: Matrix) -> Iterator[Condition]:
     """p and t prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
     for g, (p_g, t_g) in enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True)):
         s = model.stacks[g]
-        yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(beside(p_g), None, rays(s.Y)), ">")
+        yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(beside(p_g), None, s.rays[2]), ">")
         yield loop_direct(model, g, p_g, t_g)
     yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
 

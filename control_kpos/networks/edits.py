@@ -177,7 +177,8 @@ def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Inde
     with np.errstate(all="ignore"):
         for candidate in _storages(model, v, np.flatnonzero(origin < 0)):
             data = supply_rates(model, candidate)
-            if np.isfinite(candidate).all() and provable_rate(model, data[0], data[2], discrete=model.discrete) > 0:
+            falls = provable_rate(model, Matrix(candidate), Matrix(data[2]), discrete=model.discrete) > 0
+            if falls and np.isfinite(candidate).all():
                 draft = settle(model, data, loop)
                 return draft if draft.status is Status.PROVED else None
     return None

@@ -18,15 +18,13 @@ from ..exact.linalg import solve_exactly
 from ..exact.matrix import Integers, Matrix
 from ..exact.sparse_integers import SparseIntegers
 from ..theorems.generator_coordinates import block_diagonal, sparse_integers
-from .model import NetworkModel
+from .model import BLOCKS, NetworkModel
 
 # States up to which a closed loop is multiplied out exactly; above, its doubles are what there is.
 EXACT_STATES = 300
 # Products of entries up to which this is done, and inputs if feedthrough terms close a loop.
 _MOST_PRODUCTS = 500_000
 _MOST_LOOPING = 40
-# Which signals the rows and columns of A, B, C and D belong to.
-_KINDS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
 
 
 class TooManyProductsError(Exception):
@@ -65,7 +63,7 @@ def scales(model: NetworkModel) -> tuple[int, int]:
 
 def blocks(model: NetworkModel, name: str, scale: int, *, beside: bool = False) -> SparseIntegers:
     """A, B, C or D of all nodes times the scale; with `beside`, as part of [A, B] or [C, D]."""
-    (i, j), (n, m, _) = _KINDS[name], model.totals
+    (i, j), (n, m, _) = BLOCKS[name], model.totals
     first, width = (j * n, n + m) if beside else (0, model.totals[j])
     own = []
     for s, places in zip(model.stacks, model.places, strict=True):

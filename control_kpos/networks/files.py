@@ -21,7 +21,7 @@ from ..proof import weights as proofs
 from ..proof.certificate import exactly
 from ..proof.encoding import number_text
 from .blocks import Index, take_blocks
-from .model import NetworkModel
+from .model import BLOCKS, NetworkModel
 from .nodes import NodeStack
 from .witnesses import (
     AlgebraicLoop,
@@ -33,7 +33,6 @@ from .witnesses import (
 )
 
 _KINDS = ("X", "U", "Y")
-_BLOCKS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
 _DENSE = 4 * 10**6
 # What has to lie in a cone for each kind of witness.
 _PLACED = {"growth": "xzWC", "loop": "yWC", "motion": "xzu", "weights": "y"}
@@ -46,7 +45,7 @@ def describe(model: NetworkModel) -> dict[str, Any]:
         stack[index] = g
     labels = any(s.names for s in model.stacks)
     return {
-        **{name: _side_by_side(model, name) for name in _BLOCKS},
+        **{name: _side_by_side(model, name) for name in BLOCKS},
         **{name: product_cone(model, kind) for kind, name in enumerate(_KINDS)},
         "W": model.coupling,
         "discrete": model.discrete,
@@ -82,7 +81,7 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         if not (sizes[index] == (X.dim, U.dim, Y.dim)).all():
             raise DataError("the sizes of the nodes are not those of their cones.")
         places = [offsets[index, kind][:, None] + np.arange(C.dim) for kind, C in enumerate((X, U, Y))]
-        a, b, c, d = (take_blocks(contents[name], places[i], places[j]) for name, (i, j) in _BLOCKS.items())
+        a, b, c, d = (take_blocks(contents[name], places[i], places[j]) for name, (i, j) in BLOCKS.items())
         own = tuple(str(names[j]) for j in index) if names else ()
         stacks.append(NodeStack(a, b, c, d, X, U, Y, contents["dt"], own))
     model = NetworkModel(tuple(stacks), tuple(members), contents["W"], contents["dt"])
@@ -105,7 +104,7 @@ def product_cone(model: NetworkModel, kind: int) -> Cone:
 
 def _side_by_side(model: NetworkModel, name: str) -> Matrix:
     """The block-diagonal matrix of all nodes, sparse; dense if the data are fractions."""
-    rows, columns = _BLOCKS[name]
+    rows, columns = BLOCKS[name]
     stacks = [getattr(s, name) for s in model.stacks]
     if all(m.is_double for m in stacks):
         return Matrix(model.blocks([m.values for m in stacks], rows, columns))
@@ -120,7 +119,7 @@ def _side_by_side(model: NetworkModel, name: str) -> Matrix:
 
 def _same_blocks(model: NetworkModel, contents: dict[str, Any]) -> bool:
     """True if the matrices have no entries outside the blocks of the nodes."""
-    for name in _BLOCKS:
+    for name in BLOCKS:
         given, blocks = contents[name], _side_by_side(model, name)
         if given.shape != blocks.shape or _count(given) != _count(blocks):
             return False
@@ -152,7 +151,7 @@ def evidence(
         normal = facets, broken.facet, model.offsets[target], witness.node
         ray = _first_ray(model, source, witness.node) + broken.ray
         return {**out, **_violation(model, name, normal, cones[_KINDS[target]], ray)}
-    A, B, C, D = (_side_by_side(model, name) for name in _BLOCKS)
+    A, B, C, D = (_side_by_side(model, name) for name in BLOCKS)
     X, U, Y = (cones[name] for name in _KINDS)
     prover = proofs.Prover()
     out["P"] = prover.inclusion(X, A, X, invariance=not model.discrete)

@@ -92,7 +92,7 @@ def certify_rates(model: NetworkModel, q: Matrix, r: Matrix) -> NetworkCertifica
     common: dict[str, Any] = {"model": model, "loop_weights": loop, "q": q, "r": r}
     if witness is not None or v is None:
         return NetworkCertificate.settle(**common, witness=witness)
-    rate = max(provable_rate(model, v, q.values, discrete=model.discrete), 0.0)
+    rate = max(provable_rate(model, Matrix(v), q, discrete=model.discrete), 0.0)
     weighted = {**common, "v": Matrix(v), "decay_rate": rate}
     gains = balance_matrix(model, q.values, r.values)
     found = NetworkCertificate.settle(**common)

@@ -26,12 +26,14 @@ from ..exact.intake import items
 from ..exact.matrix import Matrix
 from ..proof.encoding import register_record
 from ..systems.statespace import ConeStateSpace
-from .blocks import Floats, Index, block_diagonal
+from .blocks import Floats, Index, apply, block_diagonal
 from .nodes import NodeStack, Timebase
 
 # Doubles, or fractions.
 Number = TypeVar("Number", bound=np.generic)
 
+# Which signals the rows and columns of the matrices of a node belong to: states (0), inputs (1) or outputs (2).
+BLOCKS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
 # Signals of networks with at most this many nodes carry names.
 READABLE = 10_000
 
@@ -59,7 +61,7 @@ class NetworkModel:
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(np.asarray(k).astype(np.intp) for k in self.members))
 
-    @property
+    @cached_property
     def discrete(self) -> bool:
         return bool(self.dt)
 
@@ -83,7 +85,7 @@ class NetworkModel:
             out.append(np.concatenate([[0], np.cumsum(size)]))
         return out[0], out[1], out[2]
 
-    @property
+    @cached_property
     def totals(self) -> tuple[int, int, int]:
         """All states, inputs and outputs."""
         x, u, y = self.offsets
@@ -117,6 +119,31 @@ class NetworkModel:
         out: Any = np.zeros(self.totals[kind], dtype=parts[0].dtype)
         for part, p in zip(parts, self.places, strict=True):
             out[p[kind]] = part
+        return out
+
+    def times(self, name: str, x: Floats, *, transposed: bool = False, absolute: bool = False) -> Floats:
+        """A x, B u, C x or D u of all nodes (transposed: A'v and so on; absolute: |A| x), without forming matrices."""
+        stacks = [getattr(s, name).values for s in self.stacks]
+        return self.apply([np.abs(m) for m in stacks] if absolute else stacks, x, *BLOCKS[name], transposed=transposed)
+
+    def apply(
+        self, stacks: Sequence[Floats], x: Floats, rows: int, columns: int, *, transposed: bool = False
+    ) -> Floats:
+        """M_j x_j of every node for stacks of matrices from signals of one kind to those of another."""
+        if transposed:
+            rows, columns = columns, rows
+        parts = zip(stacks, self.split(x, columns), strict=True)
+        return self.join([apply(m, part, transposed=transposed) for m, part in parts], rows)
+
+    def at_all(self, vectors: Sequence[Floats], kind: int) -> Floats:
+        """One vector of every stack, repeated for all of its nodes."""
+        return self.join([np.tile(x, (len(s), 1)) for s, x in zip(self.stacks, vectors, strict=True)], kind)
+
+    def peaks(self, x: Floats) -> Floats:
+        """The largest absolute value of the states of every node."""
+        out = np.zeros(self.n_nodes)
+        for index, part in zip(self.members, self.split(x, 0), strict=True):
+            out[index] = np.abs(part).max(axis=1)
         return out
 
     def owners(self, kind: int) -> Index:
@@ -159,8 +186,9 @@ class NetworkModel:
     @cached_property
     def block_matrices(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array, sp.csr_array]:
         """Block-diagonal A, B, C, D of all nodes, sparse."""
-        kinds = (("A", 0, 0), ("B", 0, 1), ("C", 2, 0), ("D", 2, 1))
-        a, b, c, d = (self.blocks([getattr(s, name).values for s in self.stacks], i, j) for name, i, j in kinds)
+        a, b, c, d = (
+            self.blocks([getattr(s, name).values for s in self.stacks], *kinds) for name, kinds in BLOCKS.items()
+        )
         return a, b, c, d
 
     def name_of(self, node: int) -> str:

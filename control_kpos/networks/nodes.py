@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -52,10 +53,15 @@ class NodeStack:
     def __len__(self) -> int:
         return self.A.shape[0]
 
-    @property
+    @cached_property
     def sizes(self) -> tuple[int, int, int]:
         """States, inputs and outputs of one node."""
         return self.A.shape[-1], self.B.shape[-1], self.C.shape[-2]
+
+    @cached_property
+    def rays(self) -> tuple[Matrix, Matrix, Matrix]:
+        """Generators of X, U and Y in dense form."""
+        return self.X.exact_rays.dense(), self.U.exact_rays.dense(), self.Y.exact_rays.dense()
 
     def take(self, index: Any) -> NodeStack:
         """The nodes at these places, as a stack."""

@@ -20,7 +20,7 @@ from scipy.integrate import solve_ivp
 
 from ..errors import DataError, ShapeError, TooLargeError
 from ..exact.intake import dimensions, real_number, vector
-from .blocks import Floats, Index, apply
+from .blocks import Floats, Index
 from .closed_loop import ClosedLoop
 from .model import NetworkModel
 
@@ -276,7 +276,7 @@ def delayed(
     target, source = W.coords
     steps = (len(times) - 1) * refine
     h = float(times[-1] - times[0]) / steps if steps else 1.0
-    advance = [_linear_hold(s.A.values, s.B.values, h) for s in model.stacks]
+    F, G0, G1 = zip(*(_linear_hold(s.A.values, s.B.values, h) for s in model.stacks), strict=True)
     lag = np.minimum(delays / h, steps + 1)  # y does not change before t = 0
     reach = int(np.ceil(lag.max(initial=0.0))) + 2
     whole = np.floor(lag).astype(np.intp)
@@ -284,8 +284,7 @@ def delayed(
     M = model.totals[1]
 
     def output(x: Floats, u: Floats) -> Floats:
-        parts = zip(model.stacks, model.split(x, 0), model.split(u, 1), strict=True)
-        return model.join([apply(s.C.values, x_g) + apply(s.D.values, u_g) for s, x_g, u_g in parts], 2)
+        return model.times("C", x) + model.times("D", u)
 
     def arriving(i: int) -> Floats:
         recent, older = past[(i - whole) % reach, source], past[(i - whole - 1) % reach, source]
@@ -300,17 +299,12 @@ def delayed(
     outputs = np.zeros((len(rows), len(times)))
     outputs[:, 0] = y[rows]
     for i in range(1, steps + 1):
-        free = [
-            apply(f, x_g) + apply(g0, u_g)
-            for (f, g0, _), x_g, u_g in zip(advance, model.split(x, 0), model.split(u, 1), strict=True)
-        ]
+        free = model.apply(F, x, 0, 0) + model.apply(G0, u, 0, 1)
         u_new, slot = u, past[(i - 1) % reach]
         past[i % reach] = slot
         for _ in range(3):  # links shorter than a step see the new outputs
             u_new = arriving(i)
-            x = model.join(
-                [f + apply(g1, u_g) for f, (_, _, g1), u_g in zip(free, advance, model.split(u_new, 1), strict=True)], 0
-            )
+            x = free + model.apply(G1, u_new, 0, 1)
             past[i % reach] = slot = output(x, u_new)
             if lag.min(initial=1.0) >= 1:
                 break

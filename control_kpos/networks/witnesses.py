@@ -250,7 +250,7 @@ def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition]:
     columns = np.arange(model.offsets[2][w.source], model.offsets[2][w.source + 1])[None]
     block = take_blocks(model.coupling, rows, columns)[0]
     h = exact_rows(on.facets(model.stacks[gj].U), w.facet)
-    y = exact_rows(on.rays(model.stacks[gk].Y), w.ray)
+    y = exact_rows(model.stacks[gk].rays[2], w.ray)
     return [Condition("h'W y < 0", BilinearForms(h, block, y), "<")]
 
 

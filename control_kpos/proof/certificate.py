@@ -81,15 +81,15 @@ class Vector:
         return None if held is None else self.read(record, held)
 
     def __set__(self, record: Any, value: Any) -> None:
-        vars(record)[self.name] = None if value is None else self.hold(value)
+        vars(record)[self.name] = value if value is None or isinstance(value, Matrix) else self.hold(value)
 
     def read(self, record: Any, held: Any) -> Any:
         """What the field shows of what is held."""
         return held.values
 
     def hold(self, value: Any) -> Any:
-        """What is held for a value."""
-        return value if isinstance(value, Matrix) else Matrix(np.asarray(value, dtype=float))
+        """What is held for a value that is no Matrix."""
+        return Matrix(np.asarray(value, dtype=float))
 
 
 class VectorPair(Vector):
@@ -101,8 +101,10 @@ class VectorPair(Vector):
 
     def hold(self, value: Any) -> Any:
         """See `Vector`."""
-        hold = super().hold
-        return tuple(_of_fractions(part) if isinstance(part, tuple) else hold(part) for part in value)
+        return tuple(
+            part if isinstance(part, Matrix) else _of_fractions(part) if isinstance(part, tuple) else Matrix(part)
+            for part in value
+        )
 
 
 @dataclass(frozen=True)

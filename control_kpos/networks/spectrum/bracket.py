@@ -166,7 +166,8 @@ def _proven(model: NetworkModel, relative: float, progress: Progress | None, loo
     found = AbscissaCertificate.settle(model=model)
     if sides is None:
         return found
-    (v, r, q), x, rate = sides
+    data, x, rate = sides
+    v, r, q = map(Matrix, data)
     upper = -provable_rate(model, v, q, discrete=False)
     for retreat in _RETREATS:
         lower = rate - retreat * relative * abs(rate)
@@ -174,9 +175,9 @@ def _proven(model: NetworkModel, relative: float, progress: Progress | None, loo
             model=model,
             lower=lower,
             upper=upper,
-            v=Matrix(v),
-            r=Matrix(r),
-            q=Matrix(q),
+            v=v,
+            r=r,
+            q=q,
             below=growth_witness(model, x, lower),
             loop_weights=loop,
         )

@@ -21,7 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ...cones import Orthant
-from ..blocks import Floats, Index, apply
+from ..blocks import Floats, Index
 from ..model import NetworkModel
 from ..nodes import NodeStack
 from .port_solves import PortSystem, banded_order, direct_loop
@@ -74,11 +74,8 @@ def is_inside(model: NetworkModel, vector: Floats, *, dual: bool, strict: bool =
 
 def interior(model: NetworkModel, *, dual: bool) -> Floats:
     """An interior point of the product of the X_j, or of their duals, of entries about 1."""
-    parts = []
-    for s in model.stacks:
-        point = (s.X.dual if dual else s.X).interior_point
-        parts.append(np.tile(point / np.abs(point).max(), (len(s), 1)))
-    return model.join(parts, 0)
+    points = [(s.X.dual if dual else s.X).interior_point for s in model.stacks]
+    return model.at_all([point / np.abs(point).max() for point in points], 0)
 
 
 def mix(model: NetworkModel, vector: Floats, floor: float, *, dual: bool) -> Floats:
@@ -185,28 +182,15 @@ def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approa
 
 def rate_scale(model: NetworkModel) -> float:
     """A typical rate of the nodes, per unit of time: the largest median of |A_j| over the stacks."""
-    sizes = [float(np.median(np.abs(s.A.values).max(axis=(1, 2)))) for s in model.stacks]
-    return max(*sizes, 1e-300) if len(sizes) > 1 else max(sizes[0], 1e-300)
+    return max(1e-300, *(float(np.median(np.abs(s.A.values).max(axis=(1, 2)))) for s in model.stacks))
 
 
 def apply_loop(model: NetworkModel, x: Floats) -> Floats:
     """A_cl x, through the ports; with feedthrough by fixed-point iteration on u = W (C x + D u)."""
-    parts = model.split(x, 0)
-    y0 = model.join([apply(s.C.values, p) for s, p in zip(model.stacks, parts, strict=True)], 2)
-    u = coupled_inputs(model, y0)
-    out = [
-        apply(s.A.values, p) + apply(s.B.values, w)
-        for s, p, w in zip(model.stacks, parts, model.split(u, 1), strict=True)
-    ]
-    return model.join(out, 0)
-
-
-def coupled_inputs(model: NetworkModel, y0: Floats) -> Floats:
-    """u = W y, y = y0 + D u."""
-    u = model.W @ y0
-    if not model.has_feedthrough:
-        return u
-    return direct_loop(model).solve(u, False, 1e-15)
+    u = model.W @ model.times("C", x)
+    if model.has_feedthrough:
+        u = direct_loop(model).solve(u, False, 1e-15)
+    return model.times("A", x) + model.times("B", u)
 
 
 def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400) -> Floats | None:
@@ -246,10 +230,7 @@ def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[F
     abscissa is lower by the square of what x is at their boundary, while x cut off there would not do.
     """
     x = found.x / np.abs(found.x).max()
-    size = np.zeros(model.n_nodes)
-    for index, part in zip(model.members, model.split(x, 0), strict=True):
-        size[index] = np.abs(part).max(axis=1)
-    core = size > 1e-7
+    core = model.peaks(x) > 1e-7
     here, place = found, None
     if not core.all():
         part = model.restrict(core)

@@ -75,7 +75,7 @@ def localised_peak(model: NetworkModel, start: float, relative: float, progress:
     near = _first_steps(model, start, progress)
     if near is None:
         return None
-    size = _sizes(model, near.x)
+    size = model.peaks(near.x)
     if size.max() <= 1.001 * np.median(size):  # equal nodes, equally connected
         return None
     links = _links(model)
@@ -89,7 +89,7 @@ def localised_peak(model: NetworkModel, start: float, relative: float, progress:
             before = near.theta
             if progress is not None:
                 progress(f"spectral abscissa at least {before:.9g}, from {np.count_nonzero(mask)} nodes")
-            size = _sizes(model, _lifted(model, mask, near.x))
+            size = model.peaks(_lifted(model, mask, near.x))
             mask = neighbourhood(links, np.flatnonzero(size >= 0.1 * size.max()), reach)
             near = descend(model.restrict(mask), before + 1e-4 * abs(before), relative=0.5 * relative)
             reach *= 2
@@ -138,13 +138,6 @@ def _links(model: NetworkModel) -> sp.csr_array:
     n = model.n_nodes
     one_way = sp.csr_array((np.ones(len(j), dtype=bool), (j, k)), shape=(n, n))
     return sp.csr_array(one_way + one_way.T)
-
-
-def _sizes(model: NetworkModel, x: Floats) -> Floats:
-    size = np.zeros(model.n_nodes)
-    for index, part in zip(model.members, model.split(x, 0), strict=True):
-        size[index] = np.abs(part).max(axis=1)
-    return size
 
 
 def _lifted(model: NetworkModel, mask: NDArray[np.bool_], x: Floats) -> Floats:

@@ -21,13 +21,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 
-from ..blocks import (
-    Floats,
-    Index,
-    apply,
-    inverse,
-    multiply,
-)
+from ..blocks import Floats, Index, inverse, multiply
 from ..model import NetworkModel
 
 # A factorisation in a banded order may take this many entries for each unknown, or this many in all.
@@ -211,6 +205,7 @@ class PortSystem:
         """False if mu is an eigenvalue of a node."""
         return all(np.isfinite(k).all() for k in self.K)
 
+    @np.errstate(all="ignore")
     def dual(
         self, c: Floats, tolerance: float = 1e-9, *, guess: Floats | None = None, near: bool = False
     ) -> tuple[Floats, Floats, Floats]:
@@ -221,53 +216,23 @@ class PortSystem:
         v, r, c : ndarray
             The third is (mu I - A_cl)' v, which differs from the c asked for by the error of the solve.
         """
-        with np.errstate(all="ignore"):
-            return self._dual(c, tolerance, guess, near)
-
-    def _dual(self, c: Floats, tolerance: float, guess: Floats | None, near: bool) -> tuple[Floats, Floats, Floats]:
         model = self.model
-        parts = model.split(c, 0)
-        b = model.join([apply(kb, c_j, transposed=True) for kb, c_j in zip(self.KB, parts, strict=True)], 1)
-        r = self.loop.solve(b, True, tolerance, None if guess is None else self._prices(guess), near)
-        heard = model.split(model.WT @ r, 2)
-        v = [
-            apply(k, c_j, transposed=True) + apply(ck, h, transposed=True)
-            for k, ck, c_j, h in zip(self.K, self.CK, parts, heard, strict=True)
-        ]
-        missed = model.split(model.WT @ (r - (self.loop.TT @ r + b)), 2)
-        reached = [
-            c_j + apply(s.C.values, e, transposed=True) for c_j, e, s in zip(parts, missed, model.stacks, strict=True)
-        ]
-        return model.join(v, 0), r, model.join(reached, 0)
+        b = model.apply(self.KB, c, 0, 1, transposed=True)
+        start = None if guess is None else model.times("B", guess, transposed=True)  # without feedthrough r = B'v
+        r = self.loop.solve(b, True, tolerance, start, near)
+        v = model.apply(self.K, c, 0, 0, transposed=True) + model.apply(self.CK, model.WT @ r, 2, 0, transposed=True)
+        missed = model.WT @ (r - (self.loop.TT @ r + b))
+        return v, r, c + model.times("C", missed, transposed=True)
 
+    @np.errstate(all="ignore")
     def primal(
         self, d: Floats, tolerance: float = 1e-9, *, guess: Floats | None = None, near: bool = False
     ) -> tuple[Floats, Floats]:
         """x and u for a column vector d, from a guess of x; `near`: mu is close to the abscissa."""
-        with np.errstate(all="ignore"):
-            return self._primal(d, tolerance, guess, near)
-
-    def _primal(self, d: Floats, tolerance: float, guess: Floats | None, near: bool) -> tuple[Floats, Floats]:
         model = self.model
-        parts = model.split(d, 0)
-        sent = model.join([apply(ck, d_j) for ck, d_j in zip(self.CK, parts, strict=True)], 2)
-        first = None
-        if guess is not None:
-            first = model.W @ model.join(
-                [apply(s.C.values, g) for s, g in zip(model.stacks, model.split(guess, 0), strict=True)], 2
-            )
-        u = self.loop.solve(model.W @ sent, False, tolerance, first, near)
-        x = [
-            apply(k, d_j) + apply(kb, u_j)
-            for k, kb, d_j, u_j in zip(self.K, self.KB, parts, model.split(u, 1), strict=True)
-        ]
-        return model.join(x, 0), u
-
-    def _prices(self, v: Floats) -> Floats:
-        """B'v, the r that belongs to v where there is no feedthrough."""
-        model = self.model
-        parts = [apply(s.B.values, p, transposed=True) for s, p in zip(model.stacks, model.split(v, 0), strict=True)]
-        return model.join(parts, 1)
+        start = None if guess is None else model.W @ model.times("C", guess)
+        u = self.loop.solve(model.W @ model.apply(self.CK, d, 2, 0), False, tolerance, start, near)
+        return model.apply(self.K, d, 0, 0) + model.apply(self.KB, u, 0, 1), u
 
 
 def direct_loop(model: NetworkModel) -> Loop:

@@ -137,7 +137,7 @@ def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
     inner = model.join([np.tile(_row_sum(on.facets(s.Y)), (len(s), 1)) for s in model.stacks], 2)
     share = Fraction(1)
     for s, p_g, e_g, t_g in zip(model.stacks, model.split(p, 2), model.split(inner, 2), model.split(t, 1), strict=True):
-        D, rays = s.D.fractions(), on.rays(s.U)
+        D, rays = s.D.fractions(), s.rays[1]
         rows = rays.rows_as_integers(np.arange(rays.shape[0])).T
         spare = (t_g - (p_g[:, None, :] @ D)[:, 0]) @ rows
         cost = (e_g[:, None, :] @ D)[:, 0] @ rows

@@ -102,12 +102,10 @@ class Parts:
     def _prices(self, v: Floats, spare: list[Floats]) -> tuple[Floats, Floats]:
         """r >= B'v + D'W'r inside the parts, with room e for what D passes on from others."""
         model = self.inner
-        parts = [apply(s.B.values, p, transposed=True) for s, p in zip(model.stacks, model.split(v, 0), strict=True)]
-        r = model.join(parts, 1)
+        r = model.times("B", v, transposed=True)
         if not model.has_feedthrough:
             return r, np.zeros_like(r)
-        inside = [np.tile(s.U.dual.interior_point, (len(s), 1)) for s in model.stacks]
-        e = model.join(inside, 1)
+        e = model.at_all([s.U.dual.interior_point for s in model.stacks], 1)
         cost = direct_loop(model).solve(e, True, 1e-12)
         share = np.full(int(self.part.max()) + 1, np.inf)
         heard = model.split(model.WT @ cost, 2)
