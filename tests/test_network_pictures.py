@@ -6,7 +6,7 @@ import pytest
 
 import control_kpos as kp
 from control_kpos.plotting import network
-from control_kpos.plotting.graph import graph_layout
+from control_kpos.plotting.network import graph_layout
 
 LINKS, NODES, MARKS = 0, 1, 2
 

@@ -140,3 +140,26 @@ def test_progress_is_reported_and_interruption_leaves_nothing_half_done():
         _ = broken.certificate
     broken._progress = None
     assert broken.certificate.status is Status.REFUTED
+
+
+# -- LAPACK and ARPACK that do not converge
+
+
+@pytest.mark.parametrize("routine", [(np.linalg, "eigvals"), (sp.linalg, "eigs")])
+def test_eigenvalues_that_do_not_converge_are_said_to_be_unknown(routine, monkeypatch):
+    error = (
+        sp.linalg.ArpackNoConvergence("injected", [], []) if "eigs" in routine else np.linalg.LinAlgError("injected")
+    )
+
+    def fail(*_, **__):
+        raise error
+
+    small, large = (kp.feedback_interconnect([lag(2)] * n, 0.3 * kp.examples.ring(n)) for n in (3, 500))
+    monkeypatch.setattr(*routine, fail)
+    with pytest.raises(kp.UndecidedError, match="the poles could not be computed"):
+        large.poles(2) if "eigs" in routine else small.poles()
+    if "eigvals" in routine:
+        with pytest.raises(kp.UndecidedError, match="the poles could not be computed"):
+            small.poles(1)
+        with pytest.raises(kp.UndecidedError, match="the largest weight could not be computed"):
+            kp.scale_free_certificate(lag(2))

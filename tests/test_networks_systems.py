@@ -11,7 +11,7 @@ import pytest
 from network_examples import CONE, cycle, lag, mass, random_masses, sparse_ring
 
 import control_kpos as kp
-from control_kpos.networks.exact_loop import EXACT_STATES
+from control_kpos.networks.closed_loop import EXACT_STATES
 from control_kpos.proof.certificate import Status
 
 SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])  # four rays in R^3: not simplicial

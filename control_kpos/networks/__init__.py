@@ -2,9 +2,8 @@
 
 from .any_size import OutWeightCertificate, scale_free_certificate
 from .certificate import NetworkCertificate
-from .interconnect import feedback_interconnect
 from .model import NetworkModel
-from .network import ConeNetwork
+from .network import ConeNetwork, feedback_interconnect
 from .nodes import NodeStack, stack
 from .spectrum.bracket import AbscissaCertificate
 from .witnesses import (

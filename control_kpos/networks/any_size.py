@@ -32,7 +32,7 @@ from ..proof.weights import ProofOmittedError
 from ..systems.statespace import ConeStateSpace
 from ..theorems.stability import LyapunovCertificate
 from . import conditions as on
-from .blocks import Floats, Index
+from .blocks import Floats, Index, converging
 from .certificate import NetworkCertificate, node_vectors
 from .certify import certify
 from .coupling import is_graph, read_coupling
@@ -269,6 +269,8 @@ def scale_free_certificate(
         several inputs or outputs for which a link has to be given.
     DataError
         A weight that is not a nonnegative number.
+    UndecidedError
+        No weight is given, and LAPACK does not converge.
 
     Notes
     -----
@@ -288,11 +290,12 @@ def scale_free_certificate(
     bare = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
     if weight is None:
         gains = PortSystem(bare, 1.0 if bare.discrete else 0.0).loop.G
-        loops = [
-            np.abs(np.linalg.eigvals(shape.values @ g)).max() if np.isfinite(g).all() else np.inf
-            for G in gains
-            for g in G
-        ]
+        with converging("the largest weight"):
+            loops = [
+                np.abs(np.linalg.eigvals(shape.values @ g)).max() if np.isfinite(g).all() else np.inf
+                for G in gains
+                for g in G
+            ]
         top = float(max(loops))
         weight = (1 - 1e-9) / top if np.isfinite(top) and top > 0 else 1.0
     bound = exact_number(weight, "weight", nonnegative=True)

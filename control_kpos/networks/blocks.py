@@ -1,18 +1,33 @@
-"""Arithmetic on stacks of small matrices: exact concatenation, batched inverses, block-diagonal CSR."""
+"""Arithmetic on stacks of small matrices: batched inverses, block-diagonal CSR; and LAPACK that does not converge."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from ..errors import UndecidedError
 from ..exact.matrix import Doubles, Matrix
 
 Floats: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
+
+
+@contextmanager
+def converging(what: str) -> Iterator[None]:
+    """Where LAPACK or ARPACK fails inside, say what could not be computed."""
+    try:
+        with np.errstate(all="ignore"):
+            yield
+    except (np.linalg.LinAlgError, spla.ArpackError) as error:
+        raise UndecidedError(
+            f"{what} could not be computed ({error}); rescale the data, or move them a little."
+        ) from None
 
 
 def inverse(stack: Floats) -> Floats:

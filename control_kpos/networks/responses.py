@@ -23,7 +23,7 @@ from ..exact.intake import (
 )
 from ..exact.matrix import dense
 from ..progress import Reporter
-from .blocks import Floats, Index
+from .blocks import Floats, Index, converging
 from .dense_on_demand import DenseOnDemand
 from .model import READABLE
 from .simulate import delayed, respond, sample_times
@@ -55,19 +55,23 @@ class NetworkResponses(DenseOnDemand):
         ------
         TooLargeError
             All poles of a network with more than `DENSE_STATES` states.
+        UndecidedError
+            LAPACK or ARPACK does not converge.
 
         Notes
         -----
         With k: ARPACK on the closed loop, shifted to the proven upper end of the abscissa; the eigenvalues
         next to it are found, to about 1e-8, not proven.
         """
-        if k is None:
-            return np.linalg.eigvals(self.A).astype(complex) if self.nstates else np.zeros(0, dtype=complex)
-        k = whole_number(k, "k", least=1, most=self.nstates, outside=ShapeError)
-        if self.nstates <= max(400, 2 * k + 2):
-            values = np.linalg.eigvals(self.sparse_A.toarray()).astype(complex)
-        else:
-            values = rightmost(self, k)
+        if k is not None:
+            k = whole_number(k, "k", least=1, most=self.nstates, outside=ShapeError)
+        with converging("the poles"):
+            if k is None:
+                return np.linalg.eigvals(self.A).astype(complex)
+            if self.nstates <= max(400, 2 * k + 2):
+                values = np.linalg.eigvals(self.sparse_A.toarray()).astype(complex)
+            else:
+                values = rightmost(self, k)
         order = np.lexsort((np.abs(values.imag), -values.real))
         return values[order][:k]
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -87,7 +87,7 @@ class NodeNotDissipative:
     node: int
     q: Vector = Vector(required=True)
     r: Vector = Vector(required=True)
-    violation: SupplyViolation = field()
+    violation: SupplyViolation | None = None
     q_exact: Fractions = Fractions("q")
     r_exact: Fractions = Fractions("r")
 
@@ -146,7 +146,7 @@ class AlgebraicLoop:
 
     y: Vector = Vector(required=True)
     u: Vector = Vector(required=True)
-    nodes: Any = field()
+    nodes: Any = None
     exact: Fractions = Fractions("y", "u")
 
     @property

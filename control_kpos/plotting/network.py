@@ -13,6 +13,7 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse.csgraph import shortest_path
 
 from ..errors import DataError, ShapeError
 from ..exact.intake import exact_matrix, found, whole_number, words
@@ -28,7 +29,6 @@ from .figure import (
     legend_beside,
     set_title,
 )
-from .graph import graph_layout
 
 # More nodes than this are not drawn one by one; of more than that only those that matter get a name.
 MOST_NODES = 400
@@ -38,6 +38,8 @@ _MOST_ARROWS = 60
 _MOST_ENTRIES = 20_000
 _BINS = 400
 _RIGHTMOST = 60
+# Rounds of the layout of a graph.
+_ROUNDS = 150
 
 
 def plot_network(
@@ -187,6 +189,30 @@ def _links(net: ConeNetwork) -> sp.csr_array:
 
 
 # -- drawing
+
+
+def graph_layout(links: sp.csr_array) -> Points:
+    """Coordinates of the nodes, shape (N, 2), by stress majorisation from classical scaling.
+
+    Minimises the sum over pairs of (distance - number of links between)^2; every round is one step of
+    SMACOF with unit weights.  Dense in the number of nodes: for graphs that a person can look at.
+    """
+    n_nodes = links.shape[0]
+    if n_nodes == 1:
+        return np.zeros((1, 2))
+    hops = shortest_path(abs(links), directed=False, unweighted=True)
+    near = np.isfinite(hops)
+    hops[~near] = hops[near].max(initial=1.0) + 2  # parts without links between them stand apart
+    centred = hops**2 - (hops**2).mean(axis=0) - (hops**2).mean(axis=1)[:, None] + (hops**2).mean()
+    values, vectors = np.linalg.eigh(-centred / 2)
+    xy = vectors[:, -1:-3:-1] * np.sqrt(np.maximum(values[-1:-3:-1], 1e-3))
+    # nodes with the same neighbours would stay on top of each other
+    xy = xy + 1e-3 * np.random.default_rng(0).standard_normal(xy.shape)
+    for _ in range(_ROUNDS):
+        far = np.linalg.norm(xy[:, None, :] - xy[None, :, :], axis=2)
+        ratio = np.where(far > 1e-9, hops / np.maximum(far, 1e-9), 0.0)
+        xy = (ratio.sum(axis=1)[:, None] * xy - ratio @ xy) / n_nodes
+    return xy
 
 
 def _draw_graph(ax: Any, net: ConeNetwork, links: sp.csr_array, xy: Points) -> list[list[Any]]:

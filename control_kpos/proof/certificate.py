@@ -129,8 +129,8 @@ class Fractions:
         held = [] if record is None else [vars(record)[name] for name in self.names]
         if all(part is None or part.is_double for part in held):
             return None
-        out = tuple(() if part is None else tuple(part.fractions().tolist()) for part in held)
-        return out if len(out) > 1 else out[0]
+        out = [() if part is None else tuple(part.fractions().tolist()) for part in held]
+        return tuple(out) if len(out) > 1 else out[0]
 
     def __set__(self, record: Any, fractions: Any) -> None:
         if fractions is None:
