@@ -332,7 +332,7 @@ class Cone(ABC):
 
     def _dense(self, matrix: Matrix, name: str) -> NDArray[np.float64]:
         self._refuse_large(matrix.shape, name)
-        return frozen(dense(matrix.values))
+        return frozen(matrix.values.toarray()) if matrix.is_sparse else matrix.values
 
     def _refuse_large(self, shape: tuple[int, ...], name: str) -> None:
         if shape[0] * shape[1] > DENSE_LIMIT:

@@ -295,9 +295,10 @@ class ConeStateSpace(ConeOperations):
     def _matrix(self, name: str) -> Matrix:
         array = getattr(self, name)
         given, exact = self._given.get(name, (None, None))
-        if exact is not None and array is given and np.array_equal(array, exact.values):
-            return exact
-        return exact_matrix(array, name)
+        if exact is None or array is not given or not np.array_equal(array, exact.values):
+            exact = exact_matrix(array, name)
+            self._given[name] = array, exact
+        return exact
 
     def _question(self, *, ports: bool = False) -> System:
         """The system as the theorems take it."""
