@@ -20,7 +20,7 @@ import tampering
 
 import control_kpos as kp
 from control_kpos import checker
-from control_kpos.design.accept import CommonVectorCertificate, GainBoundCertificate
+from control_kpos.design.certificates import CommonVectorCertificate, GainBoundCertificate
 from control_kpos.errors import CertificateFileError, UndecidedError
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof.encoding import Decoder, number

@@ -247,6 +247,11 @@ def test_ports(plant):
     assert d and d.closed_loop.is_cone_positive()
     outside = kp.state_feedback(ct.ss(plant.A, -plant.B, plant.C, 0), X=PAPER, ports=True)
     assert outside.status is kp.Status.REFUTED and outside.check() and "B U" in outside.message
+    pairs = [(plant.A, plant.B), (plant.A, 2 * plant.B)]
+    both = kp.state_feedback(plant, X=PAPER, ports=True, vertices=pairs)
+    assert both and sum(isinstance(part, kp.PositivityCertificate) for part in both.certificate.others) == 2
+    second = kp.state_feedback(plant, X=PAPER, ports=True, vertices=[pairs[0], (plant.A, -plant.B)])
+    assert second.status is kp.Status.REFUTED and second.check() and "B U" in second.message
 
 
 def test_constraints_and_objective_of_the_user(plant):

@@ -1,4 +1,4 @@
-"""From a proposed gain to a certified one.
+"""From a proposed gain to a certified one, and to the result that tells of it.
 
 Solvers propose F in doubles with errors of 1e-9; the closed loop A + B F is formed in rational arithmetic
 from the exact data and an F of few digits, and every demand is proven about that F, or F is not returned.
@@ -6,29 +6,28 @@ from the exact data and an F of few digits, and every demand is proven about tha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from math import lcm
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cones import Cone
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, spend
-from ..exact.condition import Condition
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
-from ..exact.signs import BilinearForms
 from ..proof.answer import first_proven
-from ..proof.certificate import Certificate
-from ..proof.portable_cones import portable_rows
-from ..proof.weights import ProofOmittedError, Prover
-from ..theorems.positivity import PositivityCertificate, cone_positivity
+from ..proof.certificate import Certificate, Status
+from ..systems.statespace import ConeStateSpace
+from ..theorems.positivity import cone_positivity
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
+from .certificates import CommonVectorCertificate, FeedbackCertificate, GainBoundCertificate
 from .plant import Floats, Plant
+from .result import DesignResult
 
 # Significant decimal digits tried for the gain, fewest first.
 _DIGITS = (3, 4, 5, 6, 8, 10, 12, 15)
@@ -38,194 +37,13 @@ _KEPT = 0.5
 _EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 # The same where signs are found in integers, for n^2.2; margins above which floating point finds them.
 _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
+# Relative size of a singular value that counts as zero; operations of a decomposition, for each entry and row.
+_RANK, _EFFORT = 1e-10, 10.0
+# Distance kept from the end of the interval of fractions, which is computed in floating point.
+_GUARD = 1e-9
 
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class GainBoundCertificate(Certificate):
-    """Proof that -bound <= F x_k <= bound at every generator of X, input by input.
-
-    Attributes
-    ----------
-    F : Matrix, shape (m, n)
-    bound : ndarray, shape (m,)
-    X : Cone
-    """
-
-    claim: ClassVar[str] = "gain bound"
-
-    F: Matrix
-    bound: Floats
-    X: Cone
-
-    def conditions(self) -> list[Condition]:
-        """The inequalities that prove the claim."""
-        # [F, -b] [x; 1] with the generators as doubles: their length matters here
-        rays = np.asarray(self.X.rays, dtype=float)
-        right = Matrix(np.hstack([rays, np.ones((len(rays), 1))]))
-        F = self.F.fractions()
-        b = np.array([[Fraction(v)] for v in np.asarray(self.bound).tolist()], dtype=object)
-        upper = Matrix.from_fractions(np.concatenate([F, -b], axis=1))
-        lower = Matrix.from_fractions(np.concatenate([F, b], axis=1))
-        return [
-            Condition("F x - bound <= 0", BilinearForms(upper, None, right), "<="),
-            Condition("F x + bound >= 0", BilinearForms(lower, None, right), ">="),
-        ]
-
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
-
-    def evidence(self) -> dict[str, Any]:
-        """Nothing: generators in files have the lengths that they have here."""
-        rays = self.X.exact_rays
-        if (portable_rows(rays) != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
-            raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
-        return {}
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if self:
-            bound = np.array2string(np.asarray(self.bound), precision=4)
-            return f"Proved: |F x_k| is at most {bound} at every generator of X."
-        return "The gain exceeds its bound at some generator of X."
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FeedbackCertificate(Certificate):
-    """Proof that one gain does everything that was asked: all of its parts are proven.
-
-    Attributes
-    ----------
-    loops : tuple of LyapunovCertificate
-        One for each vertex (A_s + B_s F), each with its proof of invariance.
-    others : tuple of Certificate
-        Gain bound, positivity from input to output, a common vector.
-    """
-
-    claim: ClassVar[str] = "feedback"
-
-    loops: tuple[LyapunovCertificate, ...]
-    others: tuple[Certificate, ...] = ()
-
-    def parts(self) -> tuple[Certificate, ...]:
-        """Proofs that this one rests on."""
-        return self.loops + self.others
-
-    def conditions(self) -> list[Condition]:
-        """None of its own; raises if there is no closed loop."""
-        if not self.loops:
-            raise DataError("a feedback without a closed loop proves nothing.")
-        return []
-
-    def evidence(self) -> dict[str, Any]:
-        """Nothing: every part comes with a proof of its own."""
-        return {}
-
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
-
-    @property
-    def margin(self) -> float:  # type: ignore[override]
-        """The smallest margin of the parts."""
-        return min(part.margin for part in self.parts())
-
-    @property
-    def decay_rate(self) -> float:
-        """Proven for every vertex."""
-        return min(loop.decay_rate for loop in self.loops)
-
-    @property
-    def v(self) -> Floats | None:
-        """Lyapunov vector of the (first) closed loop."""
-        return self.loops[0].v
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if len(self.loops) == 1:
-            return " ".join(part.explain() for part in self.parts())
-        slowest = min(self.loops, key=lambda loop: loop.decay_rate)
-        rest = " ".join(part.explain() for part in self.others)
-        return f"All {len(self.loops)} vertices are proven; the slowest: {slowest.explain()} {rest}"
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CommonVectorCertificate(Certificate):
-    """Proof that one x inside X is mapped inwards by every vertex: stability of the whole convex hull.
-
-    Attributes
-    ----------
-    loops : tuple of PositivityCertificate
-        Invariance under every vertex.
-    x : ndarray, shape (n,)
-        Interior to X, with A_s x interior to -X for every s (A_s x - x in discrete time).  Then x (t) stays in
-        the shrinking order interval between -c(t) x and c(t) x, for any switching among the vertices.
-    """
-
-    claim: ClassVar[str] = "common vector"
-
-    loops: tuple[PositivityCertificate, ...]
-    x: Floats
-
-    def parts(self) -> tuple[Certificate, ...]:
-        """Proofs that this one rests on."""
-        return self.loops
-
-    def conditions(self) -> list[Condition]:
-        """The inequalities that prove the claim."""
-        x = exact_matrix(self.x, "x")
-        X = self.loops[0].X
-        if any(loop.X != X or loop.discrete != self.loops[0].discrete for loop in self.loops):
-            raise DataError("the vertices must be about one cone, and all in continuous or all in discrete time.")
-        out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
-        for s, loop in enumerate(self.loops):
-            A = loop.A
-            if loop.discrete:
-                A = Matrix.from_fractions(A.fractions() - Matrix.identity(X.dim).fractions())
-            out.append(Condition(f"h'A_{s} x < 0", BilinearForms(X.exact_facets, A, x), "<"))
-        return out
-
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
-
-    def contents(self) -> dict[str, Any]:
-        """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
-        first = self.loops[0]
-        return {
-            "A": tuple(loop.A.T for loop in self.loops),
-            "X": first.X.dual,
-            "discrete": first.discrete,
-            "v": self.x,
-        }
-
-    @classmethod
-    def restore(cls, contents: dict[str, Any]) -> CommonVectorCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By the names in files.
-        """
-        X, discrete = contents["X"].dual, contents["discrete"]
-        loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
-        return cls.settle(loops=loops, x=contents["v"])
-
-    def evidence(self) -> dict[str, Any]:
-        """Weights of A_s'h for the generators h of X*."""
-        prover, X = Prover(), self.loops[0].X.dual
-        invariance = not self.loops[0].discrete
-        return {"P": [prover.inclusion(X, loop.A.T, X, invariance=invariance) for loop in self.loops]}
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if self:
-            return (
-                f"Proved: one vector x inside X is mapped into the interior of -X by all {len(self.loops)} vertices, "
-                "so every system in their convex hull, also switching, is exponentially stable."
-            )
-        return "The common vector is not proven for every vertex."
+# From a gain and its first closed loop to the proof of a further demand.
+Demand = Callable[[Floats, Matrix], Certificate]
 
 
 @dataclass(frozen=True)
@@ -236,15 +54,22 @@ class Accepted:
     closed: tuple[Matrix, ...]
     certificate: Certificate
 
+    @property
+    def loops(self) -> Any:
+        """The proofs of stability, one for each vertex."""
+        return getattr(self.certificate, "loops", (self.certificate,))
 
-def closed_loop(A: Matrix, B: Matrix, F: Floats | NDArray[np.object_]) -> Matrix:
-    """A + B F exactly."""
+
+def closed_loop(A: Matrix, B: Matrix, F: Any) -> Matrix:
+    """A + B F exactly; of stacks, for each matrix."""
+    if B.is_zero:
+        return A
     (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), exact_matrix(F, "F").as_integers()
     own, product = Fraction(unit), Fraction(first) * second
     # integers throughout: sums and products of fractions take ten times as long
     common = lcm(own.denominator, product.denominator)
     left, right = int(own * common), int(product * common)
-    return Matrix.from_fractions((a * left + (b @ f) * right) * Fraction(1, common))
+    return Matrix.over(a * left + (b @ f) * right, common)
 
 
 def roundings(F: Floats) -> Iterator[Floats]:
@@ -266,27 +91,30 @@ def accept(
     rate: float = 0.0,
     x: Floats | None = None,
     gain: float = np.inf,
+    also: Demand | None = None,
 ) -> Accepted | None:
     """The first rounding of F for which every demand is proven, or None.
 
     Parameters
     ----------
     plant : Plant
-    F : ndarray, shape (m, n); with plant.C the K of u = K y, shape (m, q)
+    F : ndarray, shape (m, n); of output feedback the K of u = K y, shape (m, q)
     rate : float
         Decay rate to be proven.
     x : ndarray, shape (n,), optional
         Candidate for the common vector of several vertices.
     gain : float
         Roundings whose max |F x_k| exceeds this are passed over.
+    also : callable, optional
+        A further demand, to be proven about F and the first closed loop.
     """
     F = np.asarray(F, dtype=float)
-    shape = (plant.m, plant.n if plant.C is None else plant.C.shape[0])
-    if F.shape != shape or not np.isfinite(F).all():
+    if F.shape != plant.shape or not np.isfinite(F).all():
         return None
     if plant.pattern is not None:
         F = np.where(plant.pattern, F, 0.0)
-    needed = _needed_slack(plant, F)
+    wanted = slack(plant, F)
+    needed = np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)
 
     def prove(candidate: Floats) -> Accepted | None:
         margins = slack(plant, candidate)
@@ -294,7 +122,7 @@ def accept(
             return None
         spend(_effort(plant, margins))
         try:
-            return _prove(plant, candidate, rate, x)
+            return _prove(plant, candidate, rate, x, also)
         except DataError:  # numbers so large that the closed loop is no double
             return None
 
@@ -304,23 +132,69 @@ def accept(
         return None
 
 
-def _needed_slack(plant: Plant, F: Floats) -> Floats:
-    """Margins that a rounding of F must keep."""
-    wanted = slack(plant, F)
-    return np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)
-
-
 def _effort(plant: Plant, margins: Floats) -> float:
     """Operations of one proof, most of them to form A + B F from numbers of any length.
 
     Where margins are so small that signs have to be found in integers, facets in integers take longer.
     """
-    loops = len(plant.A) * (1 if plant.coupling is None else 2)
+    loops = len(plant.vertices) * (1 if plant.coupling is None else 2)
     forms = plant.n**2 + len(plant.facets) * len(plant.rays) / 50
     effort = _EFFORT_PER_ENTRY * forms + _EFFORT_PER_PRODUCT * plant.n**2 * plant.m
-    if plant.X.exact_facets.integer_rows is not None and margins.min(initial=np.inf) < _CLEAR:
+    if margins.min(initial=np.inf) < _CLEAR and plant.X.exact_facets.integer_rows is not None:
         effort += _EFFORT_IN_INTEGERS * plant.n**2.2
     return loops * effort
+
+
+def slack(plant: Plant, F: Floats) -> Floats:
+    """Relative margins of invariance in floating point, for all vertices."""
+    full, rays, facets, out = plant.on_states(F), plant.rays.T, plant.facets, []
+    for A, B in plant.pairs:
+        M = facets @ (A + B @ full) @ rays
+        size = np.abs(facets) @ (np.abs(A) + np.abs(B) @ np.abs(full)) @ np.abs(rays)
+        out.append(np.where(size > 0, M / size, 0.0)[plant.incidence])
+    return np.concatenate(out)
+
+
+def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, also: Demand | None) -> Accepted | None:
+    full = exact_gain(plant, F)
+    closed = tuple(closed_loop(A, B, full) for A, B in plant.vertices)
+    loops = _all_proven(_proven_loop(M, plant, rate) for M in closed)
+    others = _all_proven(_others(plant, full, closed, loops, rate, x)) if loops else None
+    if others is not None and also is not None:
+        others = _all_proven((*others, also(F, closed[0])))
+    if others is None:
+        return None
+    single = len(loops) == 1 and not others
+    certificate = loops[0] if single else FeedbackCertificate.settle(loops=loops, others=others)
+    return Accepted(F, closed, certificate) if certificate else None
+
+
+def _others(
+    plant: Plant, full: Matrix, closed: tuple[Matrix, ...], loops: tuple[Any, ...], rate: float, x: Floats | None
+) -> Iterator[Certificate | None]:
+    """What is demanded besides the stability of every closed loop."""
+    if plant.gain_bound is not None:
+        yield GainBoundCertificate.settle(F=full, bound=plant.gain_bound, X=plant.X)
+    if plant.ports:
+        sys = plant.system
+        out = closed_loop(sys.C, sys.D, full)
+        for M, (_, B) in zip(closed, plant.vertices, strict=True):
+            yield cone_positivity(M, B, out, sys.D, plant.X, sys.U, sys.Y, discrete=plant.discrete)
+    if plant.coupling is not None:
+        for M in closed:
+            yield _proven_loop(closed_loop(M, plant.coupling, np.eye(plant.n)), plant, rate)
+    if len(closed) > 1:
+        yield None if x is None else CommonVectorCertificate.settle(loops=tuple(l.positivity for l in loops), x=x)
+
+
+def _all_proven(parts: Iterable[Certificate | None]) -> Any:
+    """The parts, or None as soon as one is not proven."""
+    proven = []
+    for part in parts:
+        if not part:
+            return None
+        proven.append(part)
+    return tuple(proven)
 
 
 def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | None:
@@ -331,55 +205,128 @@ def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | 
     return loop if loop and loop.decay_rate >= rate else None
 
 
-def slack(plant: Plant, F: Floats) -> Floats:
-    """Relative margins of invariance in floating point, for all vertices."""
-    full, out = plant.on_states(F), []
-    with np.errstate(all="ignore"):
-        for A, B in plant.pairs:
-            M = plant.facets @ (A + B @ full) @ plant.rays.T
-            size = np.abs(plant.facets) @ (np.abs(A) + np.abs(B) @ np.abs(full)) @ np.abs(plant.rays.T)
-            out.append(np.where(size > 0, M / size, 0.0)[plant.incidence])
-    return np.concatenate(out)
+def exact_gain(plant: Plant, F: Floats) -> Matrix:
+    """The gain from states to inputs: F, or F C of output feedback."""
+    K = exact_matrix(F, "F")
+    return K if plant.reads is None else closed_loop(Matrix.zeros(plant.m, plant.n), K, plant.reads)
 
 
-def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None) -> Accepted | None:
-    full = F if plant.C is None else exact_matrix(F, "K").fractions() @ plant.C.fractions()
-    closed = tuple(closed_loop(A, B, full) for A, B in zip(plant.A, plant.B, strict=True))
-    others: list[Certificate] = []
-    if plant.gain_bound is not None:
-        bound = GainBoundCertificate.settle(F=exact_matrix(full, "F"), bound=plant.gain_bound, X=plant.X)
-        if not bound:
-            return None
-        others.append(bound)
-    if plant.ports:
-        sys = plant.system.exact
-        B, C, D = sys.matrices[1:]
-        out = closed_loop(C, D, full)
-        ports = cone_positivity(closed[0], B, out, D, plant.X, sys.U, sys.Y, discrete=plant.discrete)
-        if not ports:
-            return None
-        others.append(ports)
-    loops = []
-    for M in closed:
-        loop = _proven_loop(M, plant, rate)
-        if loop is None:
-            return None
-        loops.append(loop)
-    if plant.coupling is not None:
-        coupled = [Matrix.from_fractions(M.fractions() + plant.coupling.fractions()) for M in closed]
-        for M in coupled:
-            loop = _proven_loop(M, plant, rate)
-            if loop is None:
-                return None
-            others.append(loop)
-    if len(closed) > 1:
-        common = None if x is None else CommonVectorCertificate.settle(loops=tuple(l.positivity for l in loops), x=x)
-        if not common:
-            return None
-        others.append(common)
-    certificate = (
-        loops[0]
-        if len(loops) == 1 and not others
-        else FeedbackCertificate.settle(loops=tuple(loops), others=tuple(others))
+# -- results
+
+
+def undecided(message: str, plant: Plant | None = None, **more: Any) -> DesignResult:
+    """No gain was found, or none proven; with notes about the modes of the plant, if it is given."""
+    notes = () if plant is None else controllability_notes(plant)
+    return DesignResult(status=Status.UNDECIDED, message=message, notes=notes, **more)
+
+
+def beyond_feedback(plant: Plant, message: str, **matrices: Any) -> DesignResult | None:
+    """REFUTED with the message if what no feedback changes leaves the cones: arguments of `cone_positivity` but A."""
+    for _, B in plant.vertices:
+        data = {"B": B, "C": None, "D": None} | matrices
+        positive = cone_positivity(np.eye(plant.n), **data, X=plant.X, discrete=plant.discrete)
+        if positive.status is Status.REFUTED:
+            return DesignResult(status=Status.REFUTED, certificate=positive, message=message)
+    return None
+
+
+def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
+    """The result for an accepted gain."""
+    sys = plant.system
+    loop = ConeStateSpace(
+        found.closed[0],
+        plant.vertices[0][1],
+        closed_loop(sys.C, sys.D, exact_gain(plant, found.F)),
+        sys.D,
+        sys.dt,
+        X=plant.X,
+        U=sys.U,
+        Y=sys.Y,
+        remove_useless_states=False,
+        **plant.names,
     )
-    return Accepted(F, closed, certificate) if certificate else None
+    return DesignResult(
+        status=Status.PROVED,
+        F=found.F,
+        closed_loop=loop,
+        certificate=found.certificate,
+        objective=objective,
+        value=value,
+        limit=limit,
+        decay_rate=proven_rate(found),
+        certified_fraction=certified_fraction(plant, found),
+        notes=controllability_notes(plant),
+    )
+
+
+def proven_rate(found: Accepted) -> float:
+    """Decay rate of the slowest vertex."""
+    return float(getattr(found.certificate, "decay_rate", np.nan))
+
+
+# -- actuators that lose effect
+
+
+def certified_fraction(plant: Plant, found: Accepted) -> float:
+    """Smallest s such that every fraction in [s, 1] of the gain keeps X invariant and the same v decreasing.
+
+    All inequalities of the certificate are linear in s, A + s B F, so these fractions are an interval that ends at 1.
+    """
+    F, loops, extra = plant.on_states(found.F), found.loops, 0.0
+    if plant.coupling is not None:
+        loops = [c for c in found.certificate.parts() if isinstance(c, LyapunovCertificate)][-len(plant.vertices) :]
+        extra = np.asarray(plant.coupling.values)
+    starts = [np.zeros(1)]
+    for (A, B), loop in zip(plant.pairs, loops, strict=True):
+        base, slope = plant.facets @ A @ plant.rays.T, plant.facets @ B @ F @ plant.rays.T
+        starts.append(interval_starts(base[None, plant.incidence], slope[None, plant.incidence]))
+        drift, v = A + extra - (np.eye(plant.n) if plant.discrete else 0.0), np.asarray(loop.v)
+        starts.append(interval_starts(-(v @ drift @ plant.rays.T)[None], -(v @ B @ F @ plant.rays.T)[None]))
+    return float(np.concatenate(starts).max())
+
+
+def interval_starts(constant: Floats, slope: Floats) -> Floats:
+    """Row by row the smallest s in [0, 1] with constant + t slope >= 0 for all t in [s, 1]; at 1 this is known."""
+    size = np.abs(constant) + np.abs(slope)
+    falling = constant < -1e-13 * size
+    ends = np.where(falling, -constant / slope * (1 + _GUARD), 0.0)
+    return np.clip(np.nan_to_num(ends, nan=1.0, posinf=1.0).max(axis=1, initial=0.0), 0.0, 1.0)
+
+
+# -- modes that no feedback moves
+
+
+def controllability_notes(plant: Plant) -> tuple[str, ...]:
+    """One sentence for each uncontrollable mode of the first vertex, as far as the effort allows.
+
+    Eigenvalues s with rank [A - s I, B] < n (Hautus) in floating point: advice, no proof.
+    """
+    A, B = plant.pairs[0]
+    effort = plant.n**2 * (plant.n + plant.m) * _EFFORT
+    if not affords(effort):
+        return ()
+    scale = max(np.abs(A).max(), np.abs(B).max(initial=0.0), np.finfo(float).tiny)
+    with suppress(np.linalg.LinAlgError):
+        modes = np.unique(np.round(np.linalg.eigvals(A) / scale, 9)) * scale
+        upper = (mode for mode in modes if mode.imag >= 0 and affords(effort))
+        fixed = [mode for mode in upper if _loses_rank(np.hstack([A - mode * np.eye(plant.n), B]))]
+        return tuple(_note(mode, plant.discrete) for mode in fixed)
+    return ()
+
+
+def _loses_rank(M: NDArray[Any]) -> bool:
+    """The smallest singular value is rounding."""
+    sizes = np.linalg.svd(M, compute_uv=False)
+    return not sizes[-1] > _RANK * sizes[0]
+
+
+def _note(mode: Any, discrete: bool) -> str:
+    bad = abs(mode) >= 1 if discrete else mode.real >= 0
+    name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
+    consequence = (
+        "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
+        "change the actuators"
+        if bad
+        else "it is stable and stays as it is, which limits the decay rate but not the design"
+    )
+    return f"The mode {name} is not controllable: {consequence}."

@@ -11,139 +11,30 @@ which is linear in xi, z_k = xi_k F x_k and gamma.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..cones import Cone, orthant
+from ..cones import orthant
 from ..errors import DataError, ShapeError
-from ..exact.budget import affords
-from ..exact.condition import Condition
 from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix
 from ..exact.program import Block, Program, Solver
-from ..exact.signs import BilinearForms
 from ..proof.answer import first_proven
-from ..proof.certificate import Certificate, Status
-from ..proof.weights import Prover
-from ..theorems.positivity import PositivityCertificate, cone_positivity
-from .accept import Accepted, FeedbackCertificate, accept, closed_loop, roundings
+from ..theorems.positivity import cone_positivity
+from .accept import Accepted, accept, beyond_feedback, closed_loop, succeed, undecided
+from .certificates import DisturbanceCertificate
 from .plant import Floats, Plant
 from .result import DesignResult
 from .simplicial.inequalities import column_rows
 from .simplicial.program import SimplicialProgram
-from .simplicial.rows import scaled_rows
-from .simplicial.search import succeed, undecided
+from .simplicial.ratio import scaled_rows
 
 LINF_GAIN = "L-infinity gain from w to z"
 # Relative increase of gamma that is spent on a small gain and on margins.
 _SLACK = 1e-3
 # Gains this many times the size of the plant count as unbounded.
 _HUGE = 1e4
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DisturbanceCertificate(Certificate):
-    """Proof that the L-infinity gain from w to z is below `gamma`.
-
-    Attributes
-    ----------
-    positivity : PositivityCertificate
-        Of x' = A x + E w, z = G x + D w with orthants for w and z (closed loop matrices).
-    x : ndarray, shape (n,)
-        A x + E 1 in the interior of -X and G x + D 1 < gamma 1 (A - I for A in discrete time).
-    gamma : float
-    """
-
-    claim: ClassVar[str] = "disturbance gain"
-
-    positivity: PositivityCertificate
-    x: Floats
-    gamma: float
-
-    def parts(self) -> Sequence[Certificate]:
-        """Proofs that this one rests on."""
-        return (self.positivity,)
-
-    def conditions(self) -> Sequence[Condition]:
-        """The inequalities that prove the claim."""
-        p = self.positivity
-        if p.B is None or p.C is None or p.D is None:
-            raise DataError("the positivity certificate must cover w and z.")
-        if orthant(p.B.shape[1]) != p.U or orthant(p.C.shape[0]) != p.Y:
-            raise DataError("w and z must be in orthants.")
-        n, count = p.B.shape
-        A = p.A.fractions()
-        if p.discrete:
-            A = A - np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
-        ones = np.array([[1]] * count, dtype=object)
-        gamma = exact_matrix([[float(self.gamma)]], "gamma").fractions()
-        inner = np.concatenate([A, p.B.fractions() @ ones], axis=1)
-        outer = np.concatenate([p.C.fractions(), p.D.fractions() @ ones - gamma[0, 0]], axis=1)
-        point = Matrix(np.append(np.asarray(self.x, dtype=float), 1.0)[None, :])
-        X = p.X
-        return [
-            Condition("h'x > 0", BilinearForms(X.exact_facets, None, exact_matrix(self.x, "x")), ">"),
-            Condition("h'(A x + E 1) < 0", BilinearForms(X.exact_facets, Matrix.from_fractions(inner), point), "<"),
-            Condition("G x + D 1 - gamma < 0", BilinearForms(Matrix.from_fractions(outer), None, point), "<"),
-        ]
-
-    def contents(self) -> dict[str, Any]:
-        """The dual statement: A', C', B', D' are dissipative on X* with storage x and supply gamma 1'u - 1'y."""
-        p = self.positivity.system()
-        return {
-            "A": p.A.T,
-            "B": p.C.T,
-            "C": p.B.T,
-            "D": p.D.T,
-            "X": p.X.dual,
-            "U": p.Y,
-            "Y": p.U,
-            "discrete": p.discrete,
-            "v": self.x,
-            "q": -np.ones(p.U.dim),
-            "r": float(self.gamma) * np.ones(p.Y.dim),
-        }
-
-    @classmethod
-    def restore(cls, contents: dict[str, Any]) -> DisturbanceCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By the names in files.
-        """
-        if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
-            raise DataError("the supply rate must be gamma 1'u - 1'y.")
-        a, b, c, d = (contents[name].T for name in "ACBD")
-        positivity = PositivityCertificate.settle(
-            A=a, B=b, C=c, D=d, X=contents["X"].dual, U=contents["Y"], Y=contents["U"], discrete=contents["discrete"]
-        )
-        return cls.settle(positivity=positivity, x=contents["v"], gamma=float(contents["r"][0]))
-
-    def evidence(self) -> dict[str, Any]:
-        """Weights of A'h, C'z, B'h and D'z."""
-        parts = self.contents()
-        X, U, Y, prover = parts["X"], parts["U"], parts["Y"], Prover()
-        out = {"P": prover.inclusion(X, parts["A"], X, invariance=not parts["discrete"])}
-        maps = (("N", X, "B", U), ("L", Y, "C", X), ("K", Y, "D", U))
-        return out | {name: prover.inclusion(target, parts[M], source) for name, target, M, source in maps}
-
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if self:
-            return (
-                f"Proved: the L-infinity gain from w to z is below {self.gamma:.6g}: if every |w_i(t)| is at most 1, "
-                f"every |z_i(t)| stays below {self.gamma:.6g} from rest."
-            )
-        return "The bound on the L-infinity gain is not proven."
 
 
 def read_disturbance(data: Sequence[ArrayLike], plant: Plant) -> tuple[Matrix, Matrix, Matrix, Matrix]:
@@ -163,14 +54,14 @@ def read_disturbance(data: Sequence[ArrayLike], plant: Plant) -> tuple[Matrix, M
 
 def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp: Solver) -> DesignResult:
     """The gain of smallest L-infinity gain from w to z (within 0.1 %), then of small size."""
-    if len(plant.A) > 1:
+    if len(plant.vertices) > 1:
         raise DataError("disturbance rejection takes one plant; leave vertices out.")
     E, G, H, D = read_disturbance(data, plant)
-    Z = orthant(G.shape[0])
-    inflow = cone_positivity(np.eye(plant.n), E, None, D, plant.X, orthant(E.shape[1]), Z)
-    if inflow.status is Status.REFUTED:
-        message = "w in the orthant must not leave X or z's orthant directly: E must map into X and D be nonnegative."
-        return DesignResult(status=Status.REFUTED, certificate=inflow, message=message)
+    W, Z = orthant(E.shape[1]), orthant(G.shape[0])
+    message = "w in the orthant must not leave X or z's orthant directly: E must map into X and D be nonnegative."
+    blocked = beyond_feedback(plant, message, B=E, D=D, U=W, Y=Z)
+    if blocked is not None:
+        return blocked
     program = SimplicialProgram(plant, np.ones((plant.n, plant.m), dtype=bool), lp)
     rows = _Rows(program, rate, tuple(np.asarray(M.values) for M in (E, G, H, D)))
     least = rows.program()
@@ -196,8 +87,14 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
             yield from ((gamma, point) for point in (second, x) if point is not None)
 
     def prove(candidate: tuple[float, Floats]) -> Accepted | None:
-        F, inside = program.read(candidate[1])
-        return _certify(plant, F, inside, candidate[0], rate, (E, G, H, D), Z)
+        gamma, (F, inside) = candidate[0], program.read(candidate[1])
+
+        def bounded(gain: Floats, loop: Matrix) -> DisturbanceCertificate:
+            out = closed_loop(G, H, gain)
+            positivity = cone_positivity(loop, E, out, D, plant.X, W, Z, discrete=plant.discrete)
+            return DisturbanceCertificate.settle(positivity=positivity, x=inside, gamma=gamma)
+
+        return accept(plant, F, rate=rate, also=bounded)
 
     found = first_proven(points(), prove)
     if found is None:
@@ -245,27 +142,3 @@ class _Rows:
             return answer["x"] if answer and (answer["x"][: self.n] > 0).all() else None
 
         return next((point for strength in (1.0, 1e-2, 0.0) if (point := solve(strength)) is not None), None)
-
-
-def _certify(
-    plant: Plant, F: Floats, x: Floats, gamma: float, rate: float, data: tuple[Matrix, ...], Z: Cone
-) -> Accepted | None:
-    E, G, H, D = data
-
-    def prove(candidate: Floats) -> Accepted | None:
-        found = accept(plant, candidate, rate=rate)
-        if found is None or not np.array_equal(found.F, candidate):
-            return None
-        W, out = orthant(E.shape[1]), closed_loop(G, H, candidate)
-        positivity = cone_positivity(found.closed[0], E, out, D, plant.X, W, Z, discrete=plant.discrete)
-        if not positivity:
-            return None
-        certificate = DisturbanceCertificate.settle(positivity=positivity, x=x, gamma=float(gamma))
-        if not certificate:
-            return None
-        loops = getattr(found.certificate, "loops", None) or (found.certificate,)
-        others = (*getattr(found.certificate, "others", ()), certificate)
-        joint = FeedbackCertificate.settle(loops=tuple(loops), others=others)
-        return replace(found, certificate=joint) if joint else None
-
-    return first_proven((candidate for candidate in roundings(F) if affords()), prove)

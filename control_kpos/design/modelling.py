@@ -16,12 +16,11 @@ import numpy as np
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, begin, reason, seconds_left
 from ..exact.programs import guarded, program_effort
-from .accept import Accepted, accept
+from .accept import Accepted, accept, succeed, undecided
 from .plant import Floats, Plant
 from .polyhedral.program import GainProgram
 from .result import DesignResult
 from .running import Programs
-from .simplicial.search import succeed, undecided
 
 USER = "objective given"
 _STARTS, _ROUNDS = 4, 6
@@ -90,7 +89,7 @@ def _users_part(cp: Any, F: Any, constraints: Any, objective: Any, plant: Plant)
         cost = (
             objective(F)
             if objective is not None
-            else cp.max(cp.abs(F @ (plant.rays.T if plant.C is None else np.asarray(plant.C.values) @ plant.rays.T)))
+            else cp.max(cp.abs(F @ plant.on_states(np.eye(plant.shape[1])) @ plant.rays.T))
         )
     except (TypeError, ValueError, AttributeError, IndexError) as error:
         raise DataError(f"constraints or objective failed on a cvxpy variable of shape {F.shape}: {error}.") from None

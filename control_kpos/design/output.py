@@ -15,8 +15,9 @@ from ..errors import DataError
 from ..exact.intake import seconds
 from ..exact.matrix import Matrix
 from ..progress import Target
-from ..systems.statespace import ConeStateSpace
-from .plant import as_system, read_plant
+from ..systems.system import System
+from .accept import closed_loop
+from .plant import read_plant, read_system
 from .polyhedral.search import design_by_alternation
 from .result import OBSERVER, DesignResult, dual_words
 from .running import Programs, SolverChoice, within
@@ -90,7 +91,7 @@ def output_feedback(
         plant = read_plant(
             sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, output=True
         )
-        if np.any(np.asarray(plant.system.D)):
+        if not plant.system.D.is_zero:
             raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
         return design_by_alternation(plant, target, lp)
 
@@ -152,31 +153,29 @@ def observer_gain(
     limit, target = seconds(time_limit), read_rate(rate)
 
     def design(lp: Programs) -> DesignResult:
-        system = as_system(sys, X)
-        A, B, C, D = system.exact.matrices
-        dual = ConeStateSpace(*(M.T for M in (A, C, B, D)), system.dt, X=system.X.dual, remove_useless_states=False)
-        plant = read_plant(dual, None, gain_bound=gain_bound)
+        system = read_system(sys, X)
+        A, B, C, D = (M.T for M in system.matrices)
+        plant = read_plant(System.read((A, C, B, D), X=system.X.dual, dt=system.dt), None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
         result = by(plant, target, lp)
-        return _as_observer(result, system, result.F.T) if result else result
+        return _as_observer(result, sys, system, result.F.T) if result else result
 
     return replace(within(limit, design, solver=solver, progress=progress), law=OBSERVER)
 
 
-def _as_observer(result: DesignResult, system: ConeStateSpace, L: Any) -> DesignResult:
-    A, B, C, D = (m.fractions() for m in system.exact.matrices)
-    gain = Matrix(np.asarray(L, dtype=float)).fractions()
-    n, q = system.nstates, system.noutputs
-    inputs = np.concatenate([B + gain @ D, -gain], axis=1)
-    labels = {"inputs": [*system.input_labels, *system.output_labels], "states": system.state_labels}
+def _as_observer(result: DesignResult, sys: StateSpace, system: System, L: Any) -> DesignResult:
+    A, B, C, D = system.matrices
+    gain, (n, m, q) = Matrix(np.ascontiguousarray(L)), system.sizes
+    inputs = Matrix.join([closed_loop(B, gain, D), -gain], axis=-1).values
     observer = StateSpace(
-        Matrix.from_fractions(A + gain @ C).values,
-        Matrix.from_fractions(inputs).values,
+        closed_loop(A, gain, C).values,
+        inputs,
         np.eye(n),
-        np.zeros((n, system.ninputs + q)),
+        np.zeros((n, m + q)),
         system.dt,
         remove_useless_states=False,
-        **labels,
+        inputs=[*sys.input_labels, *sys.output_labels],
+        states=sys.state_labels,
     )
     objective = dual_words(result.objective.replace("F x_k", "F'h_k"))
     return replace(result, F=L, closed_loop=observer, objective=objective, law=OBSERVER)

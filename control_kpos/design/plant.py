@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 from typing import Any
@@ -12,16 +12,14 @@ import numpy as np
 from control import StateSpace
 from numpy.typing import ArrayLike, NDArray
 
-from ..cones import Cone, as_cone
+from ..cones import Cone
 from ..errors import (
-    ConeMismatchError,
     DataError,
     NotProperConeError,
     ShapeError,
 )
 from ..exact.intake import exact_matrix, flag, found, items, require_shape
 from ..exact.matrix import Integers, Matrix
-from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
 
 Floats = NDArray[np.float64]
@@ -31,6 +29,8 @@ _LONGEST = 200
 # Operations of a decision in rational arithmetic, for each entry of its rows, and of the check of its multipliers.
 EFFORT_PER_ENTRY, EFFORT_TO_CHECK = 3e4, 1e4
 
+_LABELS = {"inputs": "input_labels", "outputs": "output_labels", "states": "state_labels"}
+
 
 @dataclass(frozen=True, eq=False)
 class Plant:
@@ -38,14 +38,12 @@ class Plant:
 
     Attributes
     ----------
-    system : ConeStateSpace
-        The nominal plant, with C, D, U, Y and the names of its signals.
-    X : Cone
-    A, B : tuple of Matrix
-        Vertices; one pair without uncertainty.
-    C : Matrix or None
-        For u = K C x.
-    discrete : bool
+    system : System
+        With C, D, U, Y; its A and B count only where they are the first vertex.
+    vertices : tuple of (Matrix, Matrix)
+        (A_s, B_s); one pair without uncertainty.
+    reads : Matrix or None
+        C of output feedback, u = K C x.
     gain_bound : ndarray, shape (m,), or None
         |F x_k| <= gain_bound at every generator x_k of X, input by input.
     pattern : ndarray of bool, shape (m, n) or (m, q), or None
@@ -54,33 +52,34 @@ class Plant:
         True: B U in X and (C + D F) X in Y are demanded as well.
     coupling : Matrix or None
         Stability is asked of A + B F + coupling, invariance of A + B F.
+    names : mapping
+        Labels of inputs, outputs and states.
     """
 
-    system: ConeStateSpace
-    X: Cone
-    A: tuple[Matrix, ...]
-    B: tuple[Matrix, ...]
-    C: Matrix | None = None
-    discrete: bool = False
+    system: System
+    vertices: tuple[tuple[Matrix, Matrix], ...]
+    reads: Matrix | None = None
     gain_bound: Floats | None = None
     pattern: NDArray[np.bool_] | None = None
     ports: bool = False
     coupling: Matrix | None = None
+    names: Mapping[str, Any] = field(default_factory=dict)
 
-    @property
-    def n(self) -> int:
-        """States."""
-        return self.A[0].shape[0]
+    def __post_init__(self) -> None:
+        n, m = self.vertices[0][1].shape
+        shape = m, n if self.reads is None else self.reads.shape[0]
+        vars(self).update(n=n, m=m, shape=shape, X=self.system.X, discrete=bool(self.system.dt))
 
-    @property
-    def m(self) -> int:
-        """Inputs."""
-        return self.B[0].shape[1]
+    n: int = field(init=False)
+    m: int = field(init=False)
+    shape: tuple[int, int] = field(init=False)
+    X: Cone = field(init=False)
+    discrete: bool = field(init=False)
 
     @cached_property
     def pairs(self) -> list[tuple[Floats, Floats]]:
         """(A_s, B_s) as doubles."""
-        return [(np.asarray(A.values), np.asarray(B.values)) for A, B in zip(self.A, self.B, strict=True)]
+        return [(np.asarray(A.values), np.asarray(B.values)) for A, B in self.vertices]
 
     @cached_property
     def rays(self) -> Floats:
@@ -119,7 +118,7 @@ class Plant:
 
     def on_states(self, F: Floats) -> Floats:
         """The gain from states to inputs: F, or F C of output feedback, in doubles."""
-        return F if self.C is None else F @ np.asarray(self.C.values)
+        return F if self.reads is None else F @ np.asarray(self.reads.values)
 
     def gain_of(self, F: Floats) -> float:
         """max |F x_k| over inputs and generators x_k of X; of F C x_k for output feedback."""
@@ -143,42 +142,32 @@ def read_plant(
     DataError, ShapeError, ConeMismatchError, NotProperConeError
         Naming the argument, what was found and what to do.
     """
-    system = as_system(sys, X)
-    cone = system.X
-    cone.require_proper("X")
-    A, B, C, _ = system.exact.matrices
-    n, m = B.shape
+    system = read_system(sys, X)
+    system.X.require_proper("X")
+    n, m, q = system.sizes
     if m == 0:
         raise ShapeError("the system has no inputs: there is nothing to feed back to.")
-    plants = [(A, B)]
+    pairs = [(system.A, system.B)]
     if vertices is not None:
-        plants = [_vertex(v, s, n, m) for s, v in enumerate(items(vertices, "vertices"))]
-        if not plants:
+        pairs = [_vertex(v, s, n, m) for s, v in enumerate(items(vertices, "vertices"))]
+        if not pairs:
             raise ShapeError("vertices is empty; give at least one pair (A, B), or leave it out.")
-    width = C.shape[0] if output else n
     return Plant(
         system,
-        cone,
-        tuple(a for a, _ in plants),
-        tuple(b for _, b in plants),
-        C if output else None,
-        bool(system.dt),
-        _bound(gain_bound, m),
-        _pattern(structure, m, width),
+        tuple(pairs),
+        system.C if output else None,
+        read_bound(gain_bound, m),
+        _pattern(structure, m, q if output else n),
         flag(ports, "ports"),
+        names={} if isinstance(sys, System) else {key: getattr(sys, label) for key, label in _LABELS.items()},
     )
 
 
-def as_system(sys: Any, X: Cone | ArrayLike | None) -> ConeStateSpace:
-    """sys with the cone X, if one is given."""
-    if not isinstance(sys, StateSpace):
+def read_system(sys: Any, X: Cone | ArrayLike | None) -> System:
+    """The exact data of sys, with the cone X if one is given."""
+    if not isinstance(sys, (StateSpace, System)):
         raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace, or a control.StateSpace and X=.")
-    if X is None:
-        return sys if isinstance(sys, ConeStateSpace) else ConeStateSpace(sys)
-    cone = as_cone(X, "X")
-    if cone.dim != sys.nstates:
-        raise ConeMismatchError(f"X has dimension {cone.dim}, but the system has {sys.nstates} states.")
-    return ConeStateSpace(sys, X=cone)
+    return System.read(sys, X=X)
 
 
 def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:
@@ -192,7 +181,8 @@ def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:
     return A, B
 
 
-def _bound(bound: ArrayLike | None, m: int) -> Floats | None:
+def read_bound(bound: ArrayLike | None, m: int, *, positive: bool = False) -> Floats | None:
+    """A bound on |F x| for each of m inputs, from one number or m of them; 0 is allowed unless `positive`."""
     if bound is None:
         return None
     # the doubles below: what is proven for them holds for the bound that was given
@@ -201,8 +191,9 @@ def _bound(bound: ArrayLike | None, m: int) -> Floats | None:
         values = np.full(m, values[0])
     if values.shape != (m,):
         raise ShapeError(f"gain_bound has {values.size} entries; give one number, or one for each of the {m} inputs.")
-    if not (values >= 0).all():
-        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| cannot be negative.")
+    if not (values > 0 if positive else values >= 0).all():
+        rule = "must be positive" if positive else "cannot be negative"
+        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| {rule}.")
     return values
 
 

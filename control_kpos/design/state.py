@@ -13,8 +13,7 @@ from ..errors import DataError
 from ..exact.intake import choice, exact_number, is_number, seconds
 from ..exact.matrix import Matrix
 from ..progress import Target
-from ..proof.certificate import Status
-from ..theorems.positivity import cone_positivity
+from .accept import beyond_feedback
 from .disturbance import reject_disturbance
 from .modelling import design_with_constraints
 from .plant import (
@@ -69,7 +68,7 @@ def state_feedback(
         True where F may differ from zero.
     vertices : sequence of (A_s, B_s), or of systems, optional
         One F for all of them, and for their convex hull, with one common vector as proof.  They replace A and B
-        of `sys`.
+        of `sys`, whose own A and B are served only if they are among them; `closed_loop` is that of the first.
     disturbance : (E, G), (E, G, H) or (E, G, H, D), optional
         Minimise the L-infinity gain from w to z in x' = (A + B F) x + E w, z = (G + H F) x + D w instead of the gain
         F; w and z in orthants, and positivity from w to z is part of the design.
@@ -143,7 +142,8 @@ def state_feedback(
         own = constraints is not None or objective is not None
         if own and (target == "max" or disturbance is not None):
             raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
-        blocked = _inputs_leave_cone(plant)
+        message = "B U is not inside X, and no feedback changes that; choose another X or U, or ports=False."
+        blocked = beyond_feedback(plant, message, U=plant.system.U) if ports else None
         if blocked is not None:
             return blocked
         if own:
@@ -178,15 +178,3 @@ def read_rate(rate: Any) -> float | str:
         return choice(rate, "rate", ("max",))
     asked = exact_number(rate, "rate", nonnegative=True)
     return float(Matrix.from_fractions(np.array([asked], dtype=object)).rounded(up=True)[0])
-
-
-def _inputs_leave_cone(plant: Plant) -> DesignResult | None:
-    """B U in X does not depend on F: if it fails, ports=True is impossible."""
-    if not plant.ports:
-        return None
-    eye = np.eye(plant.n)
-    certificate = cone_positivity(eye, plant.B[0], None, None, plant.X, plant.system.U, discrete=plant.discrete)
-    if certificate.status is not Status.REFUTED:
-        return None
-    message = "B U is not inside X, and no feedback changes that; choose another X or U, or ports=False."
-    return DesignResult(status=Status.REFUTED, certificate=certificate, message=message)

@@ -12,26 +12,24 @@ serves all of them, which is sufficient only.
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...exact.budget import affords, reason, spend
-from ...exact.program import Block, Program, Solver
-from ...exact.programs import Solution
+from ...exact.budget import spend
+from ...exact.program import Solver
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
-from ..simplicial.ratio import first_point, minimise_ratio, satisfies
+from ..simplicial.ratio import RatioProgram
 from .units import input_units, state_units
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Relative to the size of the nodes: decay demanded beyond the required one, margins of invariance, widest first.
-_STRICT, MARGINS = 1e-6, (1e-1, 1e-3, 1e-6)
+# Margins of invariance relative to the size of the nodes, widest first.
+MARGINS = (1e-1, 1e-3, 1e-6)
 # From this many variables on, the interior point method without crossover is faster than the simplex method.
 _LARGE = 4000
 # Operations to set up and scale a program, for each entry of its rows; with one gain for all, where few rows differ.
@@ -78,7 +76,7 @@ class Geometry:
         return (self.lengths / self.units)[:, :, None] * self.input_units[:, None, :]
 
 
-class NetworkProgram:
+class NetworkProgram(RatioProgram):
     """Rows over (xi, z) of all nodes.
 
     Parameters
@@ -96,6 +94,8 @@ class NetworkProgram:
         Of the generators at which gains are measured, stack by stack.
     """
 
+    tolerance = 1e-3
+
     def __init__(
         self,
         model: NetworkModel,
@@ -105,6 +105,7 @@ class NetworkProgram:
         margin: float = MARGINS[-1],
         lengths: list[Floats] | None = None,
     ) -> None:
+        super().__init__(lp, model.discrete)
         entries = sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks)
         spend(entries * _EFFORT_PER_ENTRY[uniform])
         self.model, self.uniform, self.margin, self.lengths = model, uniform, margin, lengths
@@ -222,96 +223,17 @@ class NetworkProgram:
         index = np.arange(len(owners))
         return sp.csr_array((np.ones(len(owners)), (index, owners)), shape=(len(owners), self.size))
 
-    def theta(self, rate: float) -> float:
-        """Factor of xi on the right of the drift rows."""
-        return (1.0 if self.model.discrete else 0.0) - rate - _STRICT * self.scale
-
-    def fixed(self, rate: float | None, gain: float | None = None) -> sp.csr_array:
-        """Rows that must not be positive; `gain` is relative to the bound, or absolute without one."""
-        parts = [-self.closed]
-        if gain is None and self.bound is not None:
-            gain = 1.0
-        if gain is not None:
-            parts.append(self.slope - gain * (1 - 1e-9) * self.level)
-        if rate is not None:
-            parts.append(self.decreasing(rate))
-        return sp.csr_array(sp.vstack(parts, format="csr"))
-
-    def start(self, rate: float | None, gain: float | None = None) -> tuple[Floats | None, str]:
-        """Any solution, or what the solver said."""
-        if not affords():
-            return None, f"{reason()} was reached"
-        fixed = self.fixed(rate, gain)
-        if gain is None and self.bound is None:
-            answer = first_point(fixed, self.slope, self.owner, self.lp)
-        else:
-            answer = self._bounded_point(rate, 1.0 if gain is None else gain)
-        if not answer:
-            return None, answer.message or answer.outcome
-        x = answer["x"]
-        if not (x[self.owner] > 0).all() or not satisfies(fixed, x):
-            return None, "the solver returned a point that violates the program"
-        return x, ""
-
-    def _bounded_point(self, rate: float | None, gain: float) -> Solution:
-        """Any solution, with z = p - b xi and 0 <= p <= 2 b xi for the bound b: one row per entry instead of two."""
-        half = self.slope[: self.slope.shape[0] // 2]
-        columns, bound = half.indices, gain * (1 - 1e-9) / half.data
-        n, owners = int(self.owner.max()) + 1, self.owner[half.indices]
-        shift = sp.eye_array(self.size, format="csr") - sp.csr_array(
-            (bound, (columns, owners)), shape=(self.size, self.size)
-        )
-        rows = [-self.closed]
-        if rate is not None:
-            rows.append(self.decreasing(rate))
-        count = np.arange(len(columns))
-        above = sp.csr_array(
-            (
-                np.concatenate([np.ones(len(columns)), -2 * bound]),
-                (np.tile(count, 2), np.concatenate([columns, owners])),
-            ),
-            shape=(len(columns), self.size),
-        )
-        rows = sp.csr_array(sp.vstack(rows, format="csr") @ shift)
-        low = np.concatenate([np.ones(n), np.zeros(self.size - n)])
-        answer = Solution("failed", np.empty(0))
-        for spread in (1e4, np.inf):
-            high = np.concatenate([np.full(n, spread), np.full(self.size - n, np.inf)])
-            program = Program(x=Block(self.size, low=low, high=high))
-            program.below(0.0, x=rows)
-            program.below(0.0, x=above)
-            answer = program.solve(self.lp)
-            if answer.outcome != "infeasible":
-                break
-        return replace(answer, x=shift @ answer["x"]) if answer else answer
+    @cached_property
+    def bounds(self) -> sp.csr_array:
+        """Rows of the gain bound, which may be reached but for rounding: must not be positive."""
+        if self.bound is None:
+            return sp.csr_array((0, self.size))
+        return sp.csr_array(self.slope - (1 - 1e-9) * self.level)
 
     def decreasing(self, rate: float) -> sp.csr_array:
         """Rows that must be negative for the decay rate."""
-        rows = sp.csr_array(self.drift - self.theta(rate) * self.weights)
+        rows = sp.csr_array(super().decreasing(rate))
         return _distinct(rows) if self.uniform else rows
-
-    def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:
-        """Point of smallest gain, relative to the bound if there is one."""
-        x, gain = minimise_ratio(
-            self.fixed(rate), self.slope, self.level, self.owner, self.lp, start=start, tolerance=1e-3
-        )
-        return x, max(gain, 0.0)
-
-    def largest_rate(self, start: Floats, gain: float | None = None) -> tuple[Floats, float]:
-        """Point of largest decay rate."""
-        base = 1.0 if self.model.discrete else 0.0
-        fixed = self.fixed(None, gain)
-        x, theta = minimise_ratio(
-            fixed,
-            self.drift,
-            self.weights,
-            self.owner,
-            self.lp,
-            start=start,
-            stop=base - 1e5 * self.scale,
-            tolerance=1e-3,
-        )
-        return x, base - theta
 
     def gains(self, x: Floats) -> list[Floats]:
         """F per stack, shape (N, m, n)."""

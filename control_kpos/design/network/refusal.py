@@ -7,7 +7,7 @@ that it has no solution.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -21,14 +21,15 @@ from ...exact.matrix import Matrix, dense
 from ...networks.certificate import NetworkCertificate
 from ...networks.certify import violation
 from ...networks.model import NetworkModel
-from ...networks.nodes import NodeStack
 from ...proof.certificate import Status
-from ...systems.statespace import ConeStateSpace
+from ...systems.system import System
+from ..accept import undecided
 from ..plant import Plant, read_plant
 from ..result import DesignResult, Nearest
 from ..running import EFFORT, Programs
+from ..simplicial.ratio import Failure
 from ..simplicial.refusal import NoFeedback, decide
-from ..simplicial.search import BELOW, design_on_simplicial, undecided
+from ..simplicial.search import BELOW, design_on_simplicial
 from .program import NetworkProgram
 
 Floats = NDArray[np.float64]
@@ -43,7 +44,6 @@ def explain_failure(
     program: NetworkProgram,
     bound: Floats | None,
     rate: float,
-    message: str,
     cones: Mapping[int, Cone],
     lp: Programs,
 ) -> DesignResult:
@@ -51,8 +51,6 @@ def explain_failure(
 
     Parameters
     ----------
-    message : str
-        What the solver said.
     cones : mapping of int to Cone
         Of the nodes that have a cone object of their own; the others have that of their stack.
     """
@@ -67,7 +65,9 @@ def explain_failure(
         message = "the demands on the network as a whole exclude each other."
         return DesignResult(status=Status.REFUTED, certificate=proof, message=message, nearest=nearest)
     lead = "no common gain was found" if program.uniform else "the linear program has no solution"
-    return undecided(f"{lead} ({message}).", nearest=nearest)
+    failure = program.start(rate)
+    reason = failure.reason if isinstance(failure, Failure) else "but for other margins"
+    return undecided(f"{lead} ({reason}).", nearest=nearest)
 
 
 def beyond_gains(model: NetworkModel) -> DesignResult | None:
@@ -88,13 +88,13 @@ def _nearest(
 ) -> Nearest | None:
     with suppress(OutOfBudgetError):
         if rate > 0:
-            start, _ = program.start(0.0)
-            if start is not None:
+            start = program.start(0.0)
+            if not isinstance(start, Failure):
                 return Nearest(decay_rate=program.largest_rate(start)[1])
         if bound is not None:
             free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
-            start, _ = free.start(rate)
-            if start is not None:
+            start = free.start(rate)
+            if not isinstance(start, Failure):
                 return Nearest(gain_bound=free.smallest_gain(rate, start)[1])
     return None
 
@@ -120,7 +120,8 @@ def _blocking_node(
             if len(seen) > _NODES_TRIED:
                 return None
             lp.stage(f"{model.name_of(j)} alone")
-            plant = read_plant(node_system(s, place), X, gain_bound=None if bounds is None else bounds[g][place])
+            node = System(s.A[place], s.B[place], s.C[place], s.D[place], s.X, s.U, s.Y, s.dt)
+            plant = read_plant(node, X, gain_bound=None if bounds is None else bounds[g][place])
             result = _alone(plant, rate, lp)
             if result is None:
                 continue
@@ -144,13 +145,6 @@ def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
     return None
 
 
-def node_system(s: NodeStack, place: int) -> ConeStateSpace:
-    """One node of a stack."""
-    return ConeStateSpace(
-        *(M[place] for M in (s.A, s.B, s.C, s.D)), s.dt, X=s.X, U=s.U, Y=s.Y, remove_useless_states=False
-    )
-
-
 def _no_local_gains(
     model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
 ) -> NoFeedback | None:
@@ -167,32 +161,28 @@ def _no_local_gains(
 def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int, Cone]) -> Plant:
     """The network as one plant: A and B block diagonal, B W C as coupling, a block diagonal pattern for F."""
     factors: list[Any] = [None] * model.n_nodes
-    sizes = np.zeros((model.n_nodes, 3), dtype=int)
     blocks: list[Any] = [None] * model.n_nodes
     for s, index in zip(model.stacks, model.members, strict=True):
-        A, B, C = (M.fractions() for M in (s.A, s.B, s.C))
+        data = [M.fractions() for M in (s.A, s.B, s.C)]
         for place, j in enumerate(index.tolist()):
-            factors[j], sizes[j] = cones.get(j, s.X), s.sizes
-            blocks[j] = A[place], B[place], C[place]
-    n, m, q = sizes.sum(axis=0)
-    whole = [np.full(shape, 0, dtype=object) for shape in ((n, n), (n, m), (q, n))]
-    pattern = np.zeros((m, n), dtype=bool)
-    ends = np.cumsum(sizes, axis=0)
-    for parts, size, end in zip(blocks, sizes, ends, strict=True):
-        x, u, y = (slice(stop - length, stop) for stop, length in zip(end, size, strict=True))
-        for target, place, part in zip(whole, ((x, x), (x, u), (y, x)), parts, strict=True):
-            target[place] = part
-        pattern[u, x] = True
+            factors[j], blocks[j] = cones.get(j, s.X), [M[place] for M in data]
+    A, B, C = (_block_diagonal(parts) for parts in zip(*blocks, strict=True))
     W = model.coupling
     links = (Matrix(dense(W.values)) if W.is_double else W).fractions()
-    A, B, C = whole
+    pair = Matrix.from_fractions(A), Matrix.from_fractions(B)
     return Plant(
-        None,  # type: ignore[arg-type]
-        product(factors),
-        (Matrix.from_fractions(A),),
-        (Matrix.from_fractions(B),),
-        discrete=model.discrete,
+        System.read(pair, X=product(factors), dt=model.discrete),
+        (pair,),
         gain_bound=bound,
-        pattern=pattern,
+        pattern=_block_diagonal([np.ones(b.T.shape, dtype=int) for _, b, _ in blocks]).astype(bool),
         coupling=Matrix.from_fractions(B @ links @ C),
     )
+
+
+def _block_diagonal(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
+    """The blocks along the diagonal, zeros elsewhere, in any kind of numbers."""
+    rows, columns = (np.cumsum([0, *(part.shape[axis] for part in parts)]) for axis in (0, 1))
+    out = np.full((rows[-1], columns[-1]), 0, dtype=object)
+    for part, i, k in zip(parts, rows, columns, strict=False):
+        out[i : i + part.shape[0], k : k + part.shape[1]] = part
+    return out

@@ -14,7 +14,6 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from ...cones import Cone, orthant
@@ -23,14 +22,13 @@ from ...exact.intake import exact_number, seconds
 from ...exact.matrix import Matrix
 from ...networks.any_size import out_weight_certificate
 from ...progress import Target
-from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
-from ...theorems.positivity import cone_positivity
 from ...theorems.stability import LyapunovCertificate
+from ..accept import beyond_feedback, undecided
 from ..plant import Plant, read_plant, require_simplicial
 from ..result import DesignResult
 from ..running import Programs, SolverChoice, within
-from ..simplicial.search import design_on_simplicial, undecided
+from ..simplicial.search import design_on_simplicial
 from ..state import read_rate
 
 
@@ -92,19 +90,17 @@ def scale_free_feedback(
 
 def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -> DesignResult:
     system = plant.system
-    if (system.ninputs, system.noutputs) != (1, 1):
-        raise ShapeError(
-            f"scale-free design takes one input and one output; the node has {system.ninputs} and {system.noutputs}."
-        )
-    if np.any(np.asarray(system.D)):
+    _, m, q = system.sizes
+    if (m, q) != (1, 1):
+        raise ShapeError(f"scale-free design takes one input and one output; the node has {m} and {q}.")
+    if not system.D.is_zero:
         raise DataError("scale-free design needs D = 0.")
     require_simplicial(plant.X, "scale-free design")
-    B, C, D = system.exact.matrices[1:]
-    ports = cone_positivity(np.eye(plant.n), B, C, D, plant.X, orthant(1), orthant(1), discrete=plant.discrete)
-    if ports.status is Status.REFUTED:
-        message = "B must lie in X and C in X*, which no feedback changes; choose another cone."
-        return DesignResult(status=Status.REFUTED, certificate=ports, message=message)
-    product = weight * (B.fractions() @ C.fractions())
+    message = "B must lie in X and C in X*, which no feedback changes; choose another cone."
+    blocked = beyond_feedback(plant, message, C=system.C, D=system.D, U=orthant(1), Y=orthant(1))
+    if blocked is not None:
+        return blocked
+    product = weight * (system.B.fractions() @ system.C.fractions())
     plant = replace(plant, coupling=Matrix.from_fractions(product))
     result = design_on_simplicial(plant, target, lp)
     if not result:

@@ -19,7 +19,7 @@ from ...errors import (
     ShapeError,
 )
 from ...exact.budget import OutOfBudgetError, affords, reason, spend
-from ...exact.intake import exact_matrix, flag, items, seconds
+from ...exact.intake import flag, items, seconds
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.coupling import read_coupling
@@ -28,12 +28,13 @@ from ...networks.network import ConeNetwork
 from ...networks.nodes import NodeStack
 from ...progress import Target
 from ...proof.answer import first_proven
-from ...proof.certificate import Status
+from ...proof.certificate import Status, exactly
 from ...systems.statespace import ConeStateSpace
-from ..actuator_loss import loss_of_positivity, node_fractions
+from ..accept import closed_loop, interval_starts, undecided
+from ..plant import read_bound
 from ..result import DesignResult
 from ..running import Programs, SolverChoice, within
-from ..simplicial.search import undecided
+from ..simplicial.ratio import Failure
 from ..state import read_rate
 from .program import MARGINS, NetworkProgram
 from .refusal import beyond_gains, explain_failure
@@ -158,8 +159,7 @@ def _designed(
     refused = beyond_gains(model) if affords(_effort(model)) else None
     if refused is not None or result.message != _NO_POINT:
         return result if refused is None else refused
-    program = at_margin(MARGINS[-1])
-    return explain_failure(model, program, bound, rate, program.start(rate)[1], cones, lp)
+    return explain_failure(model, at_margin(MARGINS[-1]), bound, rate, cones, lp)
 
 
 def _effort(model: NetworkModel) -> float:
@@ -184,20 +184,8 @@ def _require_nodes(model: NetworkModel, uniform: bool) -> None:
 
 
 def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
-    if bound is None:
-        return None
-    # the doubles below: what is proven for them holds for the bound that was given
-    values = exact_matrix(bound, "gain_bound", ndim=1).rounded(up=False)
-    total = model.totals[1]
-    if values.shape == (1,):
-        values = np.full(total, values[0])
-    if values.shape != (total,):
-        raise ShapeError(
-            f"gain_bound has {values.size} entries; give one number, or one for each of the {total} inputs."
-        )
-    if not (values > 0).all():
-        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| must be positive.")
-    if (values > _LARGEST_BOUND).any():
+    values = read_bound(bound, model.totals[1], positive=True)
+    if values is not None and (values > _LARGEST_BOUND).any():
         raise DataError(
             f"gain_bound is {values.max():g}, which is no bound; leave it out, or take at most {_LARGEST_BOUND:g}."
         )
@@ -208,8 +196,8 @@ def _design(
     model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
 ) -> DesignResult:
     """Gains from one program, proven; UNDECIDED with the message _NO_POINT if the program has no solution."""
-    start, _ = program.start(rate)
-    if start is None:
+    start = program.start(rate)
+    if isinstance(start, Failure):
         return undecided(_NO_POINT)
     points, limit = [start], 1.0
     if bound is None:
@@ -233,8 +221,8 @@ def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: flo
     with suppress(OutOfBudgetError):
         for margin in _WIDE if limit > 0 else ():
             wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
-            point, _ = wide.start(rate, limit * (1 + _SLACK))
-            if point is not None:
+            point = wide.start(rate, limit * (1 + _SLACK))
+            if not isinstance(point, Failure):
                 return point
     return None
 
@@ -310,9 +298,7 @@ def _closed(model: NetworkModel, gains: list[Floats]) -> tuple[NetworkModel, boo
     stacks = []
     for s, F in zip(model.stacks, gains, strict=True):
         if exact:
-            A, B = s.A.fractions(), s.B.fractions()
-            K = Matrix(np.ascontiguousarray(F)).fractions()
-            loop = Matrix.from_fractions(np.array([a + b @ k for a, b, k in zip(A, B, K, strict=True)], dtype=object))
+            loop = closed_loop(s.A, s.B, Matrix(np.ascontiguousarray(F)))
         else:
             loop = Matrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
         stacks.append(replace(s, A=loop))
@@ -363,3 +349,41 @@ def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -
         for j, f in zip(index.tolist(), F, strict=True):
             slots[j] = f
     return tuple(slots)
+
+
+def node_fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -> tuple[Floats, Floats]:
+    """Smallest fractions of the local gains that keep the node invariant, and the network certified, node by node.
+
+    All nodes may be weakened at once.
+    """
+    v = exactly(certificate, "v").values
+    block_b, block_c = model.block_matrices[1], model.block_matrices[2]
+    received = block_c.T @ (model.WT @ (block_b.T @ v))
+    invariant, certified = np.zeros(model.n_nodes), np.zeros(model.n_nodes)
+    for s, index, F, v_j, c_j in zip(
+        model.stacks, model.members, gains, model.split(v, 0), model.split(received, 0), strict=True
+    ):
+        rays = np.asarray(s.X.rays)
+        facets = np.asarray(s.X.facets)
+        A, BF = np.asarray(s.A.values), np.einsum("jam,jmb->jab", np.asarray(s.B.values), F)
+        where = np.ones_like(s.X.incidence) if model.discrete else np.asarray(s.X.incidence)
+        constant = np.einsum("ia,jab,kb->jik", facets, A, rays, optimize=True)[:, where]
+        slope = np.einsum("ia,jab,kb->jik", facets, BF, rays, optimize=True)[:, where]
+        drift = A - np.eye(s.sizes[0]) if model.discrete else A
+        fall = -(np.einsum("ja,jab,kb->jk", v_j, drift, rays, optimize=True) + c_j @ rays.T)
+        fall_slope = -np.einsum("ja,jab,kb->jk", v_j, BF, rays, optimize=True)
+        invariant[index] = interval_starts(constant, slope)
+        certified[index] = np.maximum(invariant[index], interval_starts(fall, fall_slope))
+    return invariant, certified
+
+
+def loss_of_positivity(model: NetworkModel, invariant: Floats, fraction: Floats) -> str:
+    """What to warn of: the node whose invariance suffers first from a weaker gain."""
+    if not invariant.any():
+        return ""
+    first = int(np.argmax(invariant))
+    return (
+        f"below {100 * fraction[first]:.4g} % of its local gain, {model.name_of(first)} is no longer certified to stay "
+        "in its state cone, and then nothing is certified about the network; weakened gains break positivity at "
+        f"{np.count_nonzero(invariant)} of {model.n_nodes} nodes (certified_fraction holds the limit of each)."
+    )

@@ -19,12 +19,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...exact.budget import affords
-from ...exact.program import Block, Program, Solver
+from ...exact.program import SMALL, Block, Program, Solver
 from ..plant import Floats, Plant
-from ..simplicial.rows import products, scaled_rows, solved, stacked
+from ..simplicial.ratio import scaled_rows, solved, spend_on_entries, stacked
 
 _RHO = 1e-2
 _SHIFTS = (1.0, 0.1, 0.01, 1e-4)
@@ -57,8 +58,8 @@ class GainProgram:
 
     def __init__(self, plant: Plant, lp: Solver) -> None:
         self.plant, self.lp = plant, lp
-        self.read = np.eye(plant.n) if plant.C is None else np.asarray(plant.C.values)
-        self.shape = (plant.m, len(self.read))
+        self.read = plant.on_states(np.eye(plant.shape[1]))
+        self.shape = plant.shape
         pattern = np.ones(self.shape, dtype=bool) if plant.pattern is None else plant.pattern
         self.free = np.flatnonzero(pattern.ravel())
         # generators seen by the gain, and drifts A_s (A_s - I in discrete time)
@@ -83,7 +84,7 @@ class GainProgram:
             rows.append(self.coefficients((plant.facets @ B)[i], k))
             constants.append((plant.facets @ A @ plant.rays.T)[i, k])
         if plant.ports:
-            C, D = (np.asarray(M.values) for M in plant.system.exact.matrices[2:])
+            C, D = (np.asarray(M.values) for M in plant.system.matrices[2:])
             facets = np.asarray(plant.system.Y.facets)
             a, b = (index.ravel() for index in np.indices((len(facets), len(plant.rays))))
             rows.append(self.coefficients((facets @ D)[a], b))
@@ -258,3 +259,21 @@ class GainProgram:
     def strict(self) -> float:
         """Decay demanded beyond the required one."""
         return _STRICT * self.plant.scale
+
+
+def products(left: Floats, right: Floats, k: NDArray[np.intp], free: NDArray[np.intp]) -> Any:
+    """Rows of left_r' L right_k(r) over the entries `free` of L in row-major order; sparse where they are many.
+
+    Parameters
+    ----------
+    left, right : ndarray, shapes (R, m), (p, q)
+    k : ndarray of int, shape (R,)
+    free : ndarray of int, shape (f,)
+    """
+    (count, m), width = left.shape, right.shape[1]
+    if count * m * width <= SMALL:
+        return (left[:, :, None] * right[k][:, None, :]).reshape(count, m * width)[:, free]
+    spend_on_entries(float(np.count_nonzero(left, axis=1) @ np.count_nonzero(right, axis=1)[k]))
+    first = sp.kron(sp.csr_array(left), np.ones((1, width)), format="csr")
+    second = sp.kron(np.ones((1, m)), sp.csr_array(right)[k], format="csr")
+    return sp.csr_array(first.multiply(second))[:, free]

@@ -145,17 +145,16 @@ class NoInvariance(Certificate):
 
 def no_invariance(plant: Plant) -> NoInvariance | None:
     """The proof, if there is one within reach of exact arithmetic within the time limit."""
-    width = plant.n if plant.C is None else plant.C.shape[0]
-    pattern = np.ones((plant.m, width)) if plant.pattern is None else plant.pattern.astype(float)
+    pattern = np.ones(plant.shape) if plant.pattern is None else plant.pattern.astype(float)
     data = {
-        "A": plant.A,
-        "B": plant.B,
-        "R": Matrix.identity(plant.n) if plant.C is None else plant.C,
+        "A": tuple(A for A, _ in plant.vertices),
+        "B": tuple(B for _, B in plant.vertices),
+        "R": Matrix.identity(plant.n) if plant.reads is None else plant.reads,
         "pattern": pattern,
         "X": plant.X,
         "discrete": plant.discrete,
     }
-    pairs = np.prod(plant.X.incidence.shape) * len(plant.A)
+    pairs = np.prod(plant.X.incidence.shape) * len(plant.vertices)
     entries = pairs * (1 + pattern.sum())
     if not affords(entries * EFFORT_PER_ENTRY):
         return None

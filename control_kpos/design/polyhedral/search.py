@@ -18,8 +18,7 @@ from ...exact.program import Block, Program
 from ...exact.programs import program_effort
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
-from ..accept import Accepted, accept
-from ..modes import controllability_notes
+from ..accept import Accepted, accept, controllability_notes, succeed, undecided
 from ..plant import Floats, Plant
 from ..result import DesignResult, Nearest
 from ..running import Programs
@@ -30,8 +29,6 @@ from ..simplicial.search import (
     SMALLEST_GAIN,
     UNLIMITED,
     exact_design,
-    succeed,
-    undecided,
     without_feedback,
 )
 from .program import GainProgram, Iterate
@@ -61,8 +58,7 @@ def design_by_alternation(
     if program.any_invariant() is False:
         proof = no_invariance(plant)
         if proof is not None:
-            notes = tuple(controllability_notes(plant))
-            message = "invariance alone is impossible."
+            notes, message = controllability_notes(plant), "invariance alone is impossible."
             return DesignResult(status=Status.REFUTED, certificate=proof, message=message, notes=notes)
     if rate == "max":
         return _fastest(plant, program, lp, hints)
@@ -110,8 +106,8 @@ def _unstructured_refutation(plant: Plant, rate: float, lp: Programs) -> DesignR
     """On a simplicial cone: a proof that not even an unrestricted F = (all of F, all states) does it."""
     if not plant.X.is_simplicial:
         return None
-    result = exact_design(replace(plant, pattern=None, C=None), rate, lp)
-    return None if result.status is not Status.REFUTED else replace(result, notes=tuple(controllability_notes(plant)))
+    result = exact_design(replace(plant, pattern=None, reads=None), rate, lp)
+    return None if result.status is not Status.REFUTED else replace(result, notes=controllability_notes(plant))
 
 
 def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) -> Iterator[Floats]:
@@ -153,7 +149,7 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floa
 
 def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
     """A vector inside X that every vertex may map inwards: a candidate for the common vector."""
-    if len(plant.A) == 1:
+    if len(plant.vertices) == 1:
         return None
     return common_vector(plant, lp, [A + B @ plant.on_states(gain) for A, B in plant.pairs])
 

@@ -23,7 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .rows import entry_rows, solved, stacked
+from .ratio import solved, stacked
 
 Rows = NDArray[Any]
 
@@ -134,7 +134,9 @@ def column_rows(constant: Rows, slope: Rows, k: NDArray[np.intp], n: int) -> Row
     columns = np.concatenate([k[:, None], n + m * k[:, None] + np.arange(m)], axis=1)
     data = np.concatenate([constant[:, None], slope], axis=1)
     if data.dtype != object:
-        return entry_rows(data.astype(float), columns, n * (1 + m))
+        held = data != 0
+        indptr = np.concatenate([[0], np.cumsum(held.sum(axis=1))])
+        return sp.csr_array((data[held].astype(float), columns[held], indptr), shape=(count, n * (1 + m)))
     rows = np.zeros((count, n * (1 + m)), dtype=object)
     rows[np.arange(count)[:, None], columns] = data
     return rows
@@ -163,6 +165,13 @@ def gain_rows(n: int, m: int, lengths: Rows, bound: Rows | None) -> tuple[Rows, 
     slope[index, n + index] = 1
     labels = [("gain", int(b), int(a)) for a, b in zip(k, j, strict=True)]
     return stacked(slope, -slope), stacked(level, level), labels + labels
+
+
+def output_rows(C: Rows, D: Rows, facets: Rows, rays: Rows) -> tuple[Rows, list[tuple[Any, ...]]]:
+    """Rows of (C + D F) t_k in Y, with facets of Y."""
+    i, k = (index.ravel() for index in np.indices((len(facets), len(rays))))
+    rows = column_rows((facets @ C @ rays.T)[i, k], (facets @ D)[i], k, len(rays))
+    return rows, [("output", int(a), int(b)) for a, b in zip(i, k, strict=True)] if rows.dtype == object else []
 
 
 def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:

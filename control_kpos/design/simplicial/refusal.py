@@ -26,13 +26,9 @@ from ...proof.certificate import Certificate
 from ...proof.encoding import register_record
 from ...proof.portable_cones import portable_rows
 from ...proof.weights import ProofOmittedError, columns, require_portable
+from ...systems.system import System
 from ..plant import EFFORT_PER_ENTRY, EFFORT_TO_CHECK, Plant, column_freedom, exact_geometry
-from .inequalities import (
-    Inequalities,
-    column_rows,
-    feedback_inequalities,
-    gain_rows,
-)
+from .inequalities import Inequalities, feedback_inequalities, gain_rows, output_rows
 from .repair import repaired_multipliers
 
 # Operations of a product of fractions, of data as they are given and with facets that have thousands of digits.
@@ -134,10 +130,13 @@ class NoFeedback(Certificate):
 
     def inequalities(self) -> Inequalities:
         """The exact inequalities that have no solution."""
-        return exact_inequalities(self._plant(), self.ports)
+        return exact_inequalities(self._plant())
 
     def _plant(self) -> Plant:
-        return Plant(None, self.X, self.A, self.B, None, self.discrete, self.gain_bound, None, False, self.coupling)  # type: ignore[arg-type]
+        C_D, Y = ((), None) if self.ports is None else (self.ports[:2], self.ports[2])
+        system = System.read((self.A[0], self.B[0], *C_D), X=self.X, Y=Y, dt=self.discrete)
+        pairs, ports = tuple(zip(self.A, self.B, strict=True)), self.ports is not None
+        return Plant(system, pairs, gain_bound=self.gain_bound, ports=ports, coupling=self.coupling)
 
     def evidence(self) -> dict[str, Any]:
         """The combinations of facets that the multipliers make: of X for every generator and vertex, of Y, of X again.
@@ -155,7 +154,7 @@ class NoFeedback(Certificate):
         plant, n = self._plant(), self.X.dim
         facets, _ = exact_geometry(plant)
         Y = None if self.ports is None else self.ports[2]
-        outer = np.zeros((0, 0), dtype=object) if Y is None else Y.exact_facets.rows_as_integers(np.arange(Y.n_facets))
+        outer = np.zeros((0, 0), dtype=object) if Y is None else _facets(Y)
         L, G = np.zeros((len(self.A), n, n), dtype=object), np.zeros((n, outer.shape[1]), dtype=object)
         for weight, (kind, *place) in zip(w.closed, self.inequalities().labels, strict=True):
             if kind == "positivity":
@@ -192,11 +191,11 @@ class NoFeedback(Certificate):
         )
 
 
-def _entries(plant: Plant, ports: tuple[Matrix, Matrix, Cone] | None) -> int:
+def _entries(plant: Plant) -> int:
     """About as many as `exact_inequalities` has."""
     n, m = plant.n, plant.m
-    rows = n * n * len(plant.A) + (0 if plant.gain_bound is None else 2 * n * m)
-    return (rows + (0 if ports is None else ports[2].n_facets * n)) * n * (1 + m)
+    rows = n * n * len(plant.vertices) + (0 if plant.gain_bound is None else 2 * n * m)
+    return (rows + (plant.system.Y.n_facets * n if plant.ports else 0)) * n * (1 + m)
 
 
 def _theta(rate: float, discrete: bool) -> Fraction:
@@ -214,10 +213,10 @@ def homogeneous_rows(
     return rows[:, kept], kept
 
 
-def exact_inequalities(plant: Plant, ports: tuple[Matrix, Matrix, Cone] | None = None) -> Inequalities:
+def exact_inequalities(plant: Plant) -> Inequalities:
     """The inequalities of a design in integers and fractions."""
     facets, rays = exact_geometry(plant)
-    pairs = [(_rational(A), _rational(B)) for A, B in zip(plant.A, plant.B, strict=True)]
+    pairs = [(_rational(A), _rational(B)) for A, B in plant.vertices]
     drift = None
     if plant.coupling is not None:
         drift = [(A + _rational(plant.coupling), B) for A, B in pairs]
@@ -227,21 +226,14 @@ def exact_inequalities(plant: Plant, ports: tuple[Matrix, Matrix, Cone] | None =
         bound = np.array([Fraction(b) * slack for b in plant.gain_bound.tolist()], dtype=object)
         slope, level, labels = gain_rows(q.n, q.m, _lengths(plant.X, rays), bound)
         q = q.with_closed(level - slope, labels)
-    if ports is not None:
-        C, D, Y = ports
-        q = q.with_closed(
-            *output_rows(_rational(C), _rational(D), Y.exact_facets.rows_as_integers(np.arange(Y.n_facets)), rays)
-        )
+    if plant.ports:
+        C, D = (_rational(M) for M in plant.system.matrices[2:])
+        q = q.with_closed(*output_rows(C, D, _facets(plant.system.Y), rays))
     return q
 
 
-def output_rows(
-    C: NDArray[Any], D: NDArray[Any], facets: NDArray[Any], rays: NDArray[Any]
-) -> tuple[NDArray[Any], list[tuple[Any, ...]]]:
-    """Rows of (C + D F) t_k in Y."""
-    i, k = (index.ravel() for index in np.indices((len(facets), len(rays))))
-    rows = column_rows((facets @ C @ rays.T)[i, k], (facets @ D)[i], k, len(rays))
-    return rows, [("output", int(a), int(b)) for a, b in zip(i, k, strict=True)] if rows.dtype == object else []
+def _facets(Y: Cone) -> NDArray[np.object_]:
+    return Y.exact_facets.rows_as_integers(np.arange(Y.n_facets))
 
 
 def _rational(M: Matrix) -> NDArray[np.object_]:
@@ -255,11 +247,7 @@ def _lengths(X: Cone, integer_rays: NDArray[np.object_]) -> NDArray[np.object_]:
     return np.array([Fraction(integer_rays[k, j]) / Fraction(rays[k, j]) for k, j in enumerate(largest)], dtype=object)
 
 
-def decide(
-    plant: Plant,
-    rate: float,
-    ports: tuple[Matrix, Matrix, Cone] | None = None,
-) -> tuple[NoFeedback | None, NDArray[np.object_] | None]:
+def decide(plant: Plant, rate: float) -> tuple[NoFeedback | None, NDArray[np.object_] | None]:
     """Exactly one of a proof that no gain exists and an exact solution; neither if that takes too long.
 
     Returns
@@ -269,12 +257,12 @@ def decide(
         (xi, z) over integer generators.
     """
     free = column_freedom(plant)
-    entries, long = _entries(plant, ports), plant.X.exact_facets.integer_rows is not None
-    products = len(plant.A) * plant.n**3 * _EFFORT_PER_PRODUCT[long]
+    entries, long = _entries(plant), plant.X.exact_facets.integer_rows is not None
+    products = len(plant.vertices) * plant.n**3 * _EFFORT_PER_PRODUCT[long]
     if free is None or not affords(entries * EFFORT_PER_ENTRY + products):
         return None, None
     spend(entries * EFFORT_PER_ENTRY + products)
-    q = exact_inequalities(plant, ports)
+    q = exact_inequalities(plant)
     rows, kept = homogeneous_rows(q, _theta(rate, plant.discrete), free)
     first = len(q.closed)
     strict = np.arange(len(rows)) >= first
@@ -288,15 +276,15 @@ def decide(
         ends = np.cumsum([first, len(q.drift), q.n])
         groups = [tuple(part) for part in np.split(multipliers, ends[:-1])]
         certificate = NoFeedback.settle(
-            A=plant.A,
-            B=plant.B,
+            A=tuple(A for A, _ in plant.vertices),
+            B=tuple(B for _, B in plant.vertices),
             X=plant.X,
             discrete=plant.discrete,
             rate=rate,
             gain_bound=plant.gain_bound,
             free=free.astype(float),
             coupling=plant.coupling,
-            ports=ports,
+            ports=(*plant.system.matrices[2:], plant.system.Y) if plant.ports else None,
             witness=Multipliers(*groups),
         )
         return certificate, None

@@ -13,21 +13,17 @@ from typing import Any
 
 import numpy as np
 
-from ...cones import Cone
 from ...errors import DataError
 from ...exact.budget import OutOfBudgetError, affords
-from ...exact.matrix import Matrix
 from ...proof.answer import first_proven
-from ...proof.certificate import Certificate, Status
-from ...systems.statespace import ConeStateSpace
-from ..accept import Accepted, accept, closed_loop
-from ..actuator_loss import certified_fraction
-from ..modes import controllability_notes
+from ...proof.certificate import Status
+from ..accept import Accepted, accept, controllability_notes, proven_rate, succeed, undecided
 from ..plant import Plant, column_freedom, exact_geometry
 from ..result import DesignResult, Nearest
 from ..running import Programs
 from .inequalities import gain_from_columns
-from .program import Failure, SimplicialProgram
+from .program import SimplicialProgram
+from .ratio import Failure
 from .refusal import decide
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
@@ -66,10 +62,9 @@ def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> Desig
 
 def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
     """The result with gain 0, if that does what is asked."""
-    if rate == "max" or len(plant.A) > 1:
+    if rate == "max" or len(plant.vertices) > 1:
         return None
-    width = plant.n if plant.C is None else plant.C.shape[0]
-    found = accept(plant, np.zeros((plant.m, width)), rate=float(rate))
+    found = accept(plant, np.zeros(plant.shape), rate=float(rate))
     return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
 
 
@@ -120,14 +115,14 @@ def _smallest(
     found = first_proven(points(), prove)
     if found is None:
         return exact_design(plant, rate, lp, infimum)
-    value = plant.gain_of(found.F) if objective == SMALLEST_GAIN else _proven_rate(found.certificate)
+    value = plant.gain_of(found.F) if objective == SMALLEST_GAIN else proven_rate(found)
     return succeed(plant, found, objective, value, infimum)
 
 
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
     """Decide by exact arithmetic: a proof that there is no gain, or a rational one rounded to doubles."""
     lp.stage("deciding in exact arithmetic")
-    proof, x = decide(plant, rate * BELOW, port_data(plant))
+    proof, x = decide(plant, rate * BELOW)
     if proof is not None:
         message = "the demands contradict each other."
         return DesignResult(status=Status.REFUTED, certificate=proof, message=message)
@@ -175,7 +170,7 @@ def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProg
         return result
     if failure.solver and result.status is not Status.REFUTED:
         return undecided(f"the solver failed: {failure.reason}.")
-    return replace(result, nearest=_nearest(plant, rate, program), notes=tuple(controllability_notes(plant)))
+    return replace(result, nearest=_nearest(plant, rate, program), notes=controllability_notes(plant))
 
 
 def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest | None:
@@ -192,58 +187,3 @@ def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest |
             if not isinstance(start, Failure):
                 bound = unbounded.smallest_gain(rate, start)[1]
     return None if slowest is None and bound is None else Nearest(slowest, bound)
-
-
-def port_data(plant: Plant) -> tuple[Matrix, Matrix, Cone] | None:
-    """(C, D, Y) if outputs are to stay in Y."""
-    if not plant.ports:
-        return None
-    C, D = plant.system.exact.matrices[2:]
-    return C, D, plant.system.Y
-
-
-def undecided(message: str, plant: Plant | None = None, **more: Any) -> DesignResult:
-    """No gain was found, or none proven; with notes about the modes of the plant, if it is given."""
-    notes = () if plant is None else tuple(controllability_notes(plant))
-    return DesignResult(status=Status.UNDECIDED, message=message, notes=notes, **more)
-
-
-def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
-    """The result for an accepted gain."""
-    sys = plant.system
-    C, D = sys.exact.matrices[2:]
-    full = found.F if plant.C is None else found.F @ np.asarray(plant.C.values)
-    loop = ConeStateSpace(
-        found.closed[0],
-        plant.B[0],
-        closed_loop(C, D, full if plant.C is None else _exact_product(found.F, plant.C)),
-        D,
-        sys.dt,
-        X=plant.X,
-        U=sys.U,
-        Y=sys.Y,
-        inputs=sys.input_labels,
-        outputs=sys.output_labels,
-        states=sys.state_labels,
-        remove_useless_states=False,
-    )
-    return DesignResult(
-        status=Status.PROVED,
-        F=found.F,
-        closed_loop=loop,
-        certificate=found.certificate,
-        objective=objective,
-        value=value,
-        limit=limit,
-        decay_rate=_proven_rate(found.certificate),
-        certified_fraction=certified_fraction(plant, found),
-        notes=tuple(controllability_notes(plant)),
-    )
-
-
-def _exact_product(K: Any, C: Matrix) -> Any:
-    return Matrix.from_fractions(Matrix(np.asarray(K, dtype=float)).fractions() @ C.fractions())
-
-
-def _proven_rate(certificate: Certificate) -> float:
-    return float(getattr(certificate, "decay_rate", np.nan))

@@ -10,12 +10,11 @@ from __future__ import annotations
 import numpy as np
 
 from ...exact.program import Solver
-from ..accept import accept
+from ..accept import accept, succeed, undecided
 from ..plant import Plant
 from ..polyhedral.program import GainProgram
 from ..result import DesignResult
-from .rows import stacked
-from .search import succeed, undecided
+from .ratio import stacked
 
 FIRST_FOUND = "sum of h_i'(A + B F)x_k, in the first step; max |F x_k| at the generators of X"
 # Bound on |F x_k| if none is given, relative to the sizes of A and B.

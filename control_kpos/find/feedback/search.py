@@ -21,9 +21,8 @@ from numpy.typing import NDArray
 from ...cones import PolyhedralCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
-from ...design.accept import accept, slack
+from ...design.accept import accept, slack, succeed
 from ...design.plant import read_plant
-from ...design.simplicial.search import succeed
 from ...errors import DataError, ShapeError
 from ...exact.budget import OutOfBudgetError, affords, ended_by, seconds_left, spend
 from ...exact.intake import items, seconds, whole_number

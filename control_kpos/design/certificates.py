@@ -1,0 +1,313 @@
+"""What is proven about a gain: its bound, every closed loop, a common vector of several, the gain from disturbances."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+
+from ..cones import Cone, orthant
+from ..errors import DataError
+from ..exact.condition import Condition
+from ..exact.intake import exact_matrix
+from ..exact.matrix import Matrix
+from ..exact.signs import BilinearForms
+from ..proof.certificate import Certificate
+from ..proof.portable_cones import portable_rows
+from ..proof.weights import ProofOmittedError, Prover
+from ..theorems.positivity import PositivityCertificate
+from ..theorems.stability import LyapunovCertificate
+from .plant import Floats
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class GainBoundCertificate(Certificate):
+    """Proof that -bound <= F x_k <= bound at every generator of X, input by input.
+
+    Attributes
+    ----------
+    F : Matrix, shape (m, n)
+    bound : ndarray, shape (m,)
+    X : Cone
+    """
+
+    claim: ClassVar[str] = "gain bound"
+
+    F: Matrix
+    bound: Floats
+    X: Cone
+
+    def conditions(self) -> list[Condition]:
+        """The inequalities that prove the claim."""
+        # [F, -b] [x; 1] with the generators as doubles: their length matters here
+        rays = np.asarray(self.X.rays, dtype=float)
+        right = Matrix(np.hstack([rays, np.ones((len(rays), 1))]))
+        F = self.F.fractions()
+        b = np.array([[Fraction(v)] for v in np.asarray(self.bound).tolist()], dtype=object)
+        upper = Matrix.from_fractions(np.concatenate([F, -b], axis=1))
+        lower = Matrix.from_fractions(np.concatenate([F, b], axis=1))
+        return [
+            Condition("F x - bound <= 0", BilinearForms(upper, None, right), "<="),
+            Condition("F x + bound >= 0", BilinearForms(lower, None, right), ">="),
+        ]
+
+    def refutation(self) -> None:
+        """None: there is no witness against this claim."""
+        return
+
+    def evidence(self) -> dict[str, Any]:
+        """Nothing: generators in files have the lengths that they have here."""
+        rays = self.X.exact_rays
+        if (portable_rows(rays) != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
+            raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
+        return {}
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if self:
+            bound = np.array2string(np.asarray(self.bound), precision=4)
+            return f"Proved: |F x_k| is at most {bound} at every generator of X."
+        return "The gain exceeds its bound at some generator of X."
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class FeedbackCertificate(Certificate):
+    """Proof that one gain does everything that was asked: all of its parts are proven.
+
+    Attributes
+    ----------
+    loops : tuple of LyapunovCertificate
+        One for each vertex (A_s + B_s F), each with its proof of invariance.
+    others : tuple of Certificate
+        Gain bound, positivity from input to output, a common vector.
+    """
+
+    claim: ClassVar[str] = "feedback"
+
+    loops: tuple[LyapunovCertificate, ...]
+    others: tuple[Certificate, ...] = ()
+
+    def parts(self) -> tuple[Certificate, ...]:
+        """Proofs that this one rests on."""
+        return self.loops + self.others
+
+    def conditions(self) -> list[Condition]:
+        """None of its own; raises if there is no closed loop."""
+        if not self.loops:
+            raise DataError("a feedback without a closed loop proves nothing.")
+        return []
+
+    def evidence(self) -> dict[str, Any]:
+        """Nothing: every part comes with a proof of its own."""
+        return {}
+
+    def refutation(self) -> None:
+        """None: there is no witness against this claim."""
+        return
+
+    @property
+    def margin(self) -> float:  # type: ignore[override]
+        """The smallest margin of the parts."""
+        return min(part.margin for part in self.parts())
+
+    @property
+    def decay_rate(self) -> float:
+        """Proven for every vertex."""
+        return min(loop.decay_rate for loop in self.loops)
+
+    @property
+    def v(self) -> Floats | None:
+        """Lyapunov vector of the (first) closed loop."""
+        return self.loops[0].v
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if len(self.loops) == 1:
+            return " ".join(part.explain() for part in self.parts())
+        slowest = min(self.loops, key=lambda loop: loop.decay_rate)
+        rest = " ".join(part.explain() for part in self.others)
+        return f"All {len(self.loops)} vertices are proven; the slowest: {slowest.explain()} {rest}"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class CommonVectorCertificate(Certificate):
+    """Proof that one x inside X is mapped inwards by every vertex: stability of the whole convex hull.
+
+    Attributes
+    ----------
+    loops : tuple of PositivityCertificate
+        Invariance under every vertex.
+    x : ndarray, shape (n,)
+        Interior to X, with A_s x interior to -X for every s (A_s x - x in discrete time).  Then x (t) stays in
+        the shrinking order interval between -c(t) x and c(t) x, for any switching among the vertices.
+    """
+
+    claim: ClassVar[str] = "common vector"
+
+    loops: tuple[PositivityCertificate, ...]
+    x: Floats
+
+    def parts(self) -> tuple[Certificate, ...]:
+        """Proofs that this one rests on."""
+        return self.loops
+
+    def conditions(self) -> list[Condition]:
+        """The inequalities that prove the claim."""
+        x = exact_matrix(self.x, "x")
+        X = self.loops[0].X
+        if any(loop.X != X or loop.discrete != self.loops[0].discrete for loop in self.loops):
+            raise DataError("the vertices must be about one cone, and all in continuous or all in discrete time.")
+        out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
+        for s, loop in enumerate(self.loops):
+            A = loop.A
+            if loop.discrete:
+                A = Matrix.from_fractions(A.fractions() - Matrix.identity(X.dim).fractions())
+            out.append(Condition(f"h'A_{s} x < 0", BilinearForms(X.exact_facets, A, x), "<"))
+        return out
+
+    def refutation(self) -> None:
+        """None: there is no witness against this claim."""
+        return
+
+    def contents(self) -> dict[str, Any]:
+        """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
+        first = self.loops[0]
+        return {
+            "A": tuple(loop.A.T for loop in self.loops),
+            "X": first.X.dual,
+            "discrete": first.discrete,
+            "v": self.x,
+        }
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> CommonVectorCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        X, discrete = contents["X"].dual, contents["discrete"]
+        loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
+        return cls.settle(loops=loops, x=contents["v"])
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights of A_s'h for the generators h of X*."""
+        prover, X = Prover(), self.loops[0].X.dual
+        invariance = not self.loops[0].discrete
+        return {"P": [prover.inclusion(X, loop.A.T, X, invariance=invariance) for loop in self.loops]}
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if self:
+            return (
+                f"Proved: one vector x inside X is mapped into the interior of -X by all {len(self.loops)} vertices, "
+                "so every system in their convex hull, also switching, is exponentially stable."
+            )
+        return "The common vector is not proven for every vertex."
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class DisturbanceCertificate(Certificate):
+    """Proof that the L-infinity gain from w to z is below `gamma`.
+
+    Attributes
+    ----------
+    positivity : PositivityCertificate
+        Of x' = A x + E w, z = G x + D w with orthants for w and z (closed loop matrices).
+    x : ndarray, shape (n,)
+        A x + E 1 in the interior of -X and G x + D 1 < gamma 1 (A - I for A in discrete time).
+    gamma : float
+    """
+
+    claim: ClassVar[str] = "disturbance gain"
+
+    positivity: PositivityCertificate
+    x: Floats
+    gamma: float
+
+    def parts(self) -> Sequence[Certificate]:
+        """Proofs that this one rests on."""
+        return (self.positivity,)
+
+    def conditions(self) -> Sequence[Condition]:
+        """The inequalities that prove the claim."""
+        p = self.positivity
+        if p.B is None or p.C is None or p.D is None:
+            raise DataError("the positivity certificate must cover w and z.")
+        if orthant(p.B.shape[1]) != p.U or orthant(p.C.shape[0]) != p.Y:
+            raise DataError("w and z must be in orthants.")
+        n, count = p.B.shape
+        A = p.A.fractions()
+        if p.discrete:
+            A = A - np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
+        ones = np.array([[1]] * count, dtype=object)
+        gamma = exact_matrix([[float(self.gamma)]], "gamma").fractions()
+        inner = np.concatenate([A, p.B.fractions() @ ones], axis=1)
+        outer = np.concatenate([p.C.fractions(), p.D.fractions() @ ones - gamma[0, 0]], axis=1)
+        point = Matrix(np.append(np.asarray(self.x, dtype=float), 1.0)[None, :])
+        X = p.X
+        return [
+            Condition("h'x > 0", BilinearForms(X.exact_facets, None, exact_matrix(self.x, "x")), ">"),
+            Condition("h'(A x + E 1) < 0", BilinearForms(X.exact_facets, Matrix.from_fractions(inner), point), "<"),
+            Condition("G x + D 1 - gamma < 0", BilinearForms(Matrix.from_fractions(outer), None, point), "<"),
+        ]
+
+    def contents(self) -> dict[str, Any]:
+        """The dual statement: A', C', B', D' are dissipative on X* with storage x and supply gamma 1'u - 1'y."""
+        p = self.positivity.system()
+        return {
+            "A": p.A.T,
+            "B": p.C.T,
+            "C": p.B.T,
+            "D": p.D.T,
+            "X": p.X.dual,
+            "U": p.Y,
+            "Y": p.U,
+            "discrete": p.discrete,
+            "v": self.x,
+            "q": -np.ones(p.U.dim),
+            "r": float(self.gamma) * np.ones(p.Y.dim),
+        }
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> DisturbanceCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
+            raise DataError("the supply rate must be gamma 1'u - 1'y.")
+        a, b, c, d = (contents[name].T for name in "ACBD")
+        positivity = PositivityCertificate.settle(
+            A=a, B=b, C=c, D=d, X=contents["X"].dual, U=contents["Y"], Y=contents["U"], discrete=contents["discrete"]
+        )
+        return cls.settle(positivity=positivity, x=contents["v"], gamma=float(contents["r"][0]))
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights of A'h, C'z, B'h and D'z."""
+        parts = self.contents()
+        X, U, Y, prover = parts["X"], parts["U"], parts["Y"], Prover()
+        out = {"P": prover.inclusion(X, parts["A"], X, invariance=not parts["discrete"])}
+        maps = (("N", X, "B", U), ("L", Y, "C", X), ("K", Y, "D", U))
+        return out | {name: prover.inclusion(target, parts[M], source) for name, target, M, source in maps}
+
+    def refutation(self) -> None:
+        """None: there is no witness against this claim."""
+        return
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if self:
+            return (
+                f"Proved: the L-infinity gain from w to z is below {self.gamma:.6g}: if every |w_i(t)| is at most 1, "
+                f"every |z_i(t)| stays below {self.gamma:.6g} from rest."
+            )
+        return "The bound on the L-infinity gain is not proven."
