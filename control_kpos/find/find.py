@@ -96,7 +96,7 @@ def find_cone(
     -----
     One matrix: decided by the spectrum (`control_kpos.find.impossible.existence`), built from its modes
     (`explicit`); 0.1 s at n = 30.  With vectors and half-spaces: orbits of rays (`orbit`).  A family: cheap
-    refutations (`filters`), then linear programs that turn the rays (`commutator`, `moving`).
+    refutations (`filters`), then linear programs that turn the rays (`descent`).
 
     Examples
     --------

@@ -15,7 +15,8 @@ from ..cones import PolyhedralCone
 from ..exact.budget import spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
-from ..exact.programs import program_effort, solve
+from ..exact.program import widest
+from ..exact.programs import program_effort
 from ..exact.signs import BilinearForms
 from ..proof.proposed_weights import Frame
 
@@ -165,8 +166,6 @@ def extreme_generators(
 def _separator(points: Array, i: int, others: NDArray[np.intp]) -> tuple[bool, Array | None]:
     """Whether x_i may be extreme, and g with g'x_i < 0 < g'x_j for the others if one was found.
 
-    It maximises d subject to g'x_j >= d, g'x_i = -d, |g| <= 1.
-
     Most of the others are far away: the program starts from the nearest ones, and those it forgets join.
     """
     n = points.shape[1]
@@ -174,23 +173,13 @@ def _separator(points: Array, i: int, others: NDArray[np.intp]) -> tuple[bool, A
     active = np.zeros(len(others), dtype=bool)
     active[near[: 10 * n]] = True
     while True:
-        count = int(active.sum())
-        spend(program_effort(count + 1, n + 1))
-        matrix = np.block([[-points[others[active]], np.ones((count, 1))], [points[[i]], np.ones((1, 1))]])
-        answer = solve(
-            [0.0] * n + [-1.0],
-            A_ub=matrix,
-            b_ub=np.zeros(count + 1),
-            bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
-        )
-        if not answer:
-            return True, None
-        if answer.x[-1] <= 1e-9:
+        spend(program_effort(int(active.sum()) + 1, n + 1))
+        g, margin = widest(np.concatenate([points[others[active]], -points[[i]]]))
+        if margin <= 1e-9:
             return False, None
-        g = answer.x[:-1]
         height = np.where(active, np.inf, points[others] @ g)
         forgotten = np.argsort(height)[: 4 * n]
-        forgotten = forgotten[height[forgotten] < 0.5 * answer.x[-1]]
+        forgotten = forgotten[height[forgotten] < 0.5 * margin]
         if not forgotten.size:
             return True, g
         active[forgotten] = True

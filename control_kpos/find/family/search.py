@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...exact.budget import OutOfBudgetError, affords
 from ...exact.matrix import Matrix
-from ...exact.programs import solve
+from ...exact.program import widest
 from ...proof.proposed_weights import pointing_functional
 from ..certificate import ConeCertificate
 from ..generators import extreme_generators
@@ -20,8 +20,7 @@ from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import Modes, balancing_units, modes
 from ..one_matrix.search import Analysis
 from ..question import Candidate, Proven, Question
-from .commutator import simplicial_descent
-from .moving import moving_descent
+from .descent import moving_descent, simplicial_descent
 
 Array = NDArray[np.float64]
 
@@ -109,10 +108,13 @@ class FamilySearch:
 
 def _moved(matrices: Array, R: Array, w: Array, discrete: bool) -> tuple[Array, float]:
     """Rays and margin after a descent from one start."""
-    if R.shape[1] == R.shape[0]:
-        return simplicial_descent(matrices, R, discrete=discrete)
-    place = moving_descent(matrices, R, w, discrete=discrete)
-    return (R, -np.inf) if place is None else (place.X, place.margin)
+    simplicial = R.shape[1] == R.shape[0]
+    place = (
+        simplicial_descent(matrices, R, discrete=discrete)
+        if simplicial
+        else moving_descent(matrices, R, w, discrete=discrete)
+    )
+    return (R, -np.inf) if place is None else (place.R, place.margin)
 
 
 def with_separators(found: Proven) -> Proven:
@@ -207,14 +209,6 @@ def _roundings(R: Array, units: Array, margin: float) -> Iterator[Matrix]:
 def common_vector(matrices: Array, rays: Array, *, discrete: bool) -> Array | None:
     """v with v'x > 0 and v'A_s x < 0 (discrete time: < v'x) on every generator, by a linear program."""
     unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    n = rays.shape[1]
     moved = np.concatenate([unit @ A.T - (unit if discrete else 0) for A in matrices])
-    moved = moved / np.maximum(np.abs(moved).max(), 1e-300)
-    rows = np.block([[-unit, np.ones((len(unit), 1))], [moved, np.ones((len(moved), 1))]])
-    answer = solve(
-        np.append(np.zeros(n), -1.0),
-        A_ub=rows,
-        b_ub=np.zeros(len(rows)),
-        bounds=(np.full(n + 1, -1.0), np.full(n + 1, 1.0)),
-    )
-    return answer.x[:-1] if answer and answer.x[-1] > 1e-12 else None
+    v, margin = widest(np.concatenate([unit, -moved / np.maximum(np.abs(moved).max(), 1e-300)]))
+    return v if margin > 1e-12 else None

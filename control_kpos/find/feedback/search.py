@@ -1,11 +1,10 @@
 """Cone and feedback together: place isolated real poles, take their cone, polish the gain.
 
-If (A, B) is controllable, poles can be placed at real distinct numbers, and the simplicial cone of that
-spectrum is invariant; so a cone and a gain always exist.  They may be fragile: perturbed
-loops keep a cone only if the dominant pole stays real and well separated.  From pole patterns with an
-isolated dominant pole, from gentle to aggressive, cone and gain are therefore moved together (`joint`) until all
-vertices are served.  At the cone the smallest gain is then found by the linear program of
-`design.simplicial`, for all vertices at once.
+If (A, B) is controllable, poles can be placed at real distinct numbers, and the simplicial cone of that spectrum is
+invariant; so a cone and a gain always exist.  They may be fragile: perturbed loops keep a cone only if the dominant
+pole stays real and well separated.  From pole patterns with an isolated dominant pole, from gentle to aggressive, cone
+and gain are therefore moved together (`descent`) until all vertices are served.  At the cone the smallest gain is then
+found by the linear program of `design.simplicial`, for all vertices at once.
 """
 
 from __future__ import annotations
@@ -33,11 +32,11 @@ from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
+from ..family.descent import simplicial_descent
 from ..find import ended, square, within_limits
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import modes
 from ..question import ConeAnswer
-from .joint import joint_descent
 from .placement import placed
 
 Array = NDArray[np.float64]
@@ -200,9 +199,9 @@ def _search(served: list[System], seed: int, report: Callable[[str], None]) -> C
         try:
             R = _starting_cone(matrices[0] + inputs[0] @ F, discrete)
             if R is not None and robust:
-                R, F, margin = joint_descent(matrices, inputs, R, F, discrete=discrete)
-                report(f"poles {k}: margin {margin:.3g}")
-                R = R if margin > 0 else None
+                place = simplicial_descent(matrices, R, discrete=discrete, inputs=inputs, F=F)
+                report(f"poles {k}: margin {place.margin:.3g}")
+                R, F = place.R if place.margin > 0 else None, place.F
             found = None if R is None or not _is_within_reach(R) else _polished(served, R, F)
         except OutOfBudgetError:
             if not affords():
