@@ -17,7 +17,7 @@ from control_kpos.design.network.program import _distinct
 from control_kpos.design.polyhedral import program as rows
 from control_kpos.design.result import DesignResult
 from control_kpos.design.running import EFFORT, within
-from control_kpos.design.simplicial import ratio
+from control_kpos.design.simplicial import program
 from control_kpos.exact.budget import OutOfBudgetError, begin, budget, spend
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.find.feedback.placement import placed
@@ -180,11 +180,11 @@ def test_products_are_the_same_dense_and_sparse(seed, count, m, width):
 
 def test_programs_too_large_for_the_time_are_not_set_up():
     with budget(1e9):
-        ratio.spend_on_entries(1e5)
+        program.spend_on_entries(1e5)
         with pytest.raises(OutOfBudgetError):
-            ratio.spend_on_entries(5e7)
+            program.spend_on_entries(5e7)
     with budget(), pytest.raises(OutOfBudgetError):  # memory ends as well
-        ratio.spend_on_entries(1e10)
+        program.spend_on_entries(1e10)
 
 
 def test_rows_that_repeat_count_once():

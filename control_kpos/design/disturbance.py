@@ -27,8 +27,7 @@ from .certificates import DisturbanceCertificate
 from .plant import Floats, Plant
 from .result import DesignResult
 from .simplicial.inequalities import column_rows
-from .simplicial.program import SimplicialProgram
-from .simplicial.ratio import scaled_rows
+from .simplicial.program import SimplicialProgram, scaled_rows
 
 LINF_GAIN = "L-infinity gain from w to z"
 # Relative increase of gamma that is spent on a small gain and on margins.

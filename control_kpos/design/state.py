@@ -22,11 +22,10 @@ from .plant import (
     read_plant,
     require_simplicial,
 )
-from .polyhedral.search import design_by_alternation
+from .polyhedral.search import design_by_alternation, design_in_two_steps
 from .result import DesignResult
 from .running import Programs, SolverChoice, within
 from .simplicial.search import design_on_simplicial, first_gain
-from .simplicial.two_step import design_in_two_steps
 
 Method = Literal["auto", "one-shot", "first", "alternation", "two-step"]
 _METHODS = ("auto", "one-shot", "first", "alternation", "two-step")

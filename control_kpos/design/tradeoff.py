@@ -18,8 +18,7 @@ from ..progress import Reporter, Target
 from .plant import Plant, column_freedom, read_plant, require_simplicial
 from .result import DesignResult
 from .running import Programs, operations
-from .simplicial.program import SimplicialProgram
-from .simplicial.ratio import Failure
+from .simplicial.program import Failure, SimplicialProgram
 from .state import state_feedback
 
 _POINTS = 12

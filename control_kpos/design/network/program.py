@@ -22,7 +22,7 @@ from ...exact.budget import spend
 from ...exact.program import Solver
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
-from ..simplicial.ratio import RatioProgram
+from ..simplicial.program import RatioProgram
 from .units import input_units, state_units
 
 Floats = NDArray[np.float64]

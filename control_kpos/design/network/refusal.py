@@ -27,7 +27,7 @@ from ..accept import undecided
 from ..plant import Plant, read_plant
 from ..result import DesignResult, Nearest
 from ..running import EFFORT, Programs
-from ..simplicial.ratio import Failure
+from ..simplicial.program import Failure
 from ..simplicial.refusal import NoFeedback, decide
 from ..simplicial.search import BELOW, design_on_simplicial
 from .program import NetworkProgram

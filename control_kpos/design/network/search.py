@@ -34,7 +34,7 @@ from ..accept import closed_loop, interval_starts, undecided
 from ..plant import read_bound
 from ..result import DesignResult
 from ..running import Programs, SolverChoice, within
-from ..simplicial.ratio import Failure
+from ..simplicial.program import Failure
 from ..state import read_rate
 from .program import MARGINS, NetworkProgram
 from .refusal import beyond_gains, explain_failure

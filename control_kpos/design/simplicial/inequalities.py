@@ -23,8 +23,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .ratio import solved, stacked
-
 Rows = NDArray[Any]
 
 
@@ -142,29 +140,15 @@ def column_rows(constant: Rows, slope: Rows, k: NDArray[np.intp], n: int) -> Row
     return rows
 
 
-def gain_rows(n: int, m: int, lengths: Rows, bound: Rows | None) -> tuple[Rows, Rows, list[tuple[Any, ...]]]:
-    """Rows of |z_kj| <= bound_j lengths_k xi_k, as slope x <= theta * level x.
-
-    Returns
-    -------
-    slope, level : ndarray or csr_array, shape (2 n m, n + n m)
-        With `bound` None, level is that of a common bound 1.
-    labels : list
-        Empty for doubles.
-    """
+def gain_rows(n: int, m: int, lengths: Rows, bound: Rows) -> tuple[Rows, list[tuple[Any, ...]]]:
+    """Exact rows bound_j lengths_k xi_k - |z_kj| >= 0, and what they say."""
     k, j = np.divmod(np.arange(n * m), m)
-    index, width = np.arange(n * m), n * (1 + m)
-    sizes = lengths[k] if bound is None else lengths[k] * bound[j]
-    if sizes.dtype != object:
-        slope = sp.csr_array((np.ones(n * m), (index, n + index)), shape=(n * m, width))
-        level = sp.csr_array((sizes.astype(float), (index, k)), shape=(n * m, width))
-        return stacked(slope, -slope), stacked(level, level), []
-    level = np.zeros((n * m, width), dtype=object)
-    level[index, k] = sizes
-    slope = np.zeros_like(level)
+    index = np.arange(n * m)
+    level, slope = np.zeros((2, n * m, n * (1 + m)), dtype=object)
+    level[index, k] = lengths[k] * bound[j]
     slope[index, n + index] = 1
     labels = [("gain", int(b), int(a)) for a, b in zip(k, j, strict=True)]
-    return stacked(slope, -slope), stacked(level, level), labels + labels
+    return stacked(level - slope, level + slope), labels + labels
 
 
 def output_rows(C: Rows, D: Rows, facets: Rows, rays: Rows) -> tuple[Rows, list[tuple[Any, ...]]]:
@@ -183,3 +167,18 @@ def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:
 def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
     """F with F t_k = G[:, k]."""
     return solved(rays, G.T).T
+
+
+def solved(M: Rows, right: Rows) -> Rows:
+    """x with M x = right; not a number if floating point finds M singular."""
+    try:
+        return np.asarray(np.linalg.solve(M, right), dtype=float)
+    except np.linalg.LinAlgError:
+        return np.full(right.shape, np.nan)
+
+
+def stacked(*parts: Any) -> Any:
+    """One below the other."""
+    if any(sp.issparse(part) for part in parts):
+        return sp.csr_array(sp.vstack([sp.csr_array(part) for part in parts], format="csr"))
+    return np.concatenate(parts)

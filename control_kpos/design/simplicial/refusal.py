@@ -224,8 +224,7 @@ def exact_inequalities(plant: Plant) -> Inequalities:
     if plant.gain_bound is not None:
         slack = 1 + Fraction(1, 10**9)
         bound = np.array([Fraction(b) * slack for b in plant.gain_bound.tolist()], dtype=object)
-        slope, level, labels = gain_rows(q.n, q.m, _lengths(plant.X, rays), bound)
-        q = q.with_closed(level - slope, labels)
+        q = q.with_closed(*gain_rows(q.n, q.m, _lengths(plant.X, rays), bound))
     if plant.ports:
         C, D = (_rational(M) for M in plant.system.matrices[2:])
         q = q.with_closed(*output_rows(C, D, _facets(plant.system.Y), rays))

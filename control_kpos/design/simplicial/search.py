@@ -17,13 +17,12 @@ from ...errors import DataError
 from ...exact.budget import OutOfBudgetError, affords
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
-from ..accept import Accepted, accept, controllability_notes, proven_rate, succeed, undecided
+from ..accept import Accepted, accept, controllability_notes, proven_rate, slack, succeed, undecided
 from ..plant import Plant, column_freedom, exact_geometry
 from ..result import DesignResult, Nearest
 from ..running import Programs
 from .inequalities import gain_from_columns
-from .program import SimplicialProgram
-from .ratio import Failure
+from .program import Failure, SimplicialProgram
 from .refusal import decide
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
@@ -62,9 +61,10 @@ def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> Desig
 
 def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
     """The result with gain 0, if that does what is asked."""
-    if rate == "max" or len(plant.vertices) > 1:
+    nothing = np.zeros(plant.shape)
+    if rate == "max" or len(plant.vertices) > 1 or not (slack(plant, nothing) > -1e-9).all():
         return None
-    found = accept(plant, np.zeros(plant.shape), rate=float(rate))
+    found = accept(plant, nothing, rate=float(rate))
     return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
 
 
@@ -98,7 +98,7 @@ def _smallest(
         return exact_design(plant, rate, lp)
     x, infimum = program.smallest_gain(rate, start)
     allowed = infimum * (1 + GAIN_SLACK)
-    fast, reachable = program.largest_rate(x, allowed, tolerance=0.05)
+    fast, reachable = program.largest_rate(x, allowed, tolerance=0.25)
     reachable = min(reachable, rate + plant.scale)
     target = rate + _RATE_PART * max(reachable - rate, 0.0)
 
@@ -106,7 +106,7 @@ def _smallest(
         """The first meets the target with room to spare; the others are fallbacks, each closer to the boundary."""
         yield program.centred(target, allowed, fast)
         yield program.centred(rate, allowed, x)
-        yield from (fast, x, start)
+        yield start
 
     def prove(point: Any) -> Accepted | None:
         F, inside = program.read(point)
