@@ -10,8 +10,7 @@ import pytest
 
 import control_kpos as kp
 from control_kpos.design.certificates import GainBoundCertificate
-from control_kpos.design.polyhedral.refusal import PairMultipliers
-from control_kpos.design.simplicial.refusal import Multipliers
+from control_kpos.design.refusal import Multipliers, PairMultipliers
 from control_kpos.exact.intake import exact_matrix
 
 PAPER = [[0, 1], [1, -2]]

@@ -9,8 +9,8 @@ import pytest
 import control_kpos as kp
 from control_kpos.design.plant import read_plant
 from control_kpos.design.polyhedral.program import GainProgram
+from control_kpos.design.refusal import Multipliers
 from control_kpos.design.running import Programs
-from control_kpos.design.simplicial.refusal import Multipliers
 
 PAPER = [[0, 1], [1, -2]]
 

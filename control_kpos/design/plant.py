@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -19,15 +18,10 @@ from ..errors import (
     ShapeError,
 )
 from ..exact.intake import exact_matrix, flag, found, items, require_shape
-from ..exact.matrix import Integers, Matrix
+from ..exact.matrix import Matrix
 from ..systems.system import System
 
 Floats = NDArray[np.float64]
-
-# Bits of the integers in exact generators and facets; beyond, powers of two are divided out.
-_LONGEST = 200
-# Operations of a decision in rational arithmetic, for each entry of its rows, and of the check of its multipliers.
-EFFORT_PER_ENTRY, EFFORT_TO_CHECK = 3e4, 1e4
 
 _LABELS = {"inputs": "input_labels", "outputs": "output_labels", "states": "state_labels"}
 
@@ -228,24 +222,6 @@ def column_freedom(plant: Plant) -> NDArray[np.bool_] | None:
             return None
         free[:, j] = [bool(row[np.flatnonzero(reach[:, k])[0]]) for k in range(plant.n)]
     return free
-
-
-def exact_geometry(plant: Plant) -> tuple[Integers, Integers]:
-    """Exact facets, in the order of `Plant.facets`, and rays, each row up to a positive factor."""
-    X = plant.X
-    facets = X.exact_facets.rows_as_integers(plant.facet_order)
-    rays = X.exact_rays.rows_as_integers(np.arange(X.n_rays))
-    return within_doubles(facets), within_doubles(rays)
-
-
-def within_doubles(rows: Integers) -> Integers:
-    """Long integers divided by a power of two: facets of many generators have thousands of bits."""
-    out = np.array(rows, dtype=object)
-    for i, row in enumerate(out):
-        length = max(int(x).bit_length() for x in row)
-        if length > _LONGEST:
-            out[i] = [Fraction(int(x), 2**length) for x in row]
-    return out
 
 
 def require_simplicial(X: Cone, what: str) -> None:

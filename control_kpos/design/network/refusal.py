@@ -25,10 +25,10 @@ from ...proof.certificate import Status
 from ...systems.system import System
 from ..accept import undecided
 from ..plant import Plant, read_plant
+from ..refusal import NoFeedback, decide
 from ..result import DesignResult, Nearest
 from ..running import EFFORT, Programs
 from ..simplicial.program import Failure
-from ..simplicial.refusal import NoFeedback, decide
 from ..simplicial.search import BELOW, design_on_simplicial
 from .program import NetworkProgram
 

@@ -274,7 +274,6 @@ def products(left: Floats, right: Floats, k: NDArray[np.intp], free: NDArray[np.
     (count, m), width = left.shape, right.shape[1]
     if count * m * width <= SMALL:
         return (left[:, :, None] * right[k][:, None, :]).reshape(count, m * width)[:, free]
-    spend_on_entries(float(np.count_nonzero(left, axis=1) @ np.count_nonzero(right, axis=1)[k]))
-    first = sp.kron(sp.csr_array(left), np.ones((1, width)), format="csr")
-    second = sp.kron(np.ones((1, m)), sp.csr_array(right)[k], format="csr")
-    return sp.csr_array(first.multiply(second))[:, free]
+    spend_on_entries(float(m * np.count_nonzero(right, axis=1)[k].sum()))
+    seen = sp.csr_array(right)[k]
+    return sp.csr_array(sp.hstack([scaled_rows(seen, column) for column in left.T], format="csr")[:, free])

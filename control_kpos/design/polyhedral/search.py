@@ -20,6 +20,7 @@ from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept, controllability_notes, succeed, undecided
 from ..plant import Floats, Plant
+from ..refusal import no_invariance
 from ..result import DesignResult, Nearest
 from ..running import Programs
 from ..simplicial.inequalities import stacked
@@ -33,7 +34,6 @@ from ..simplicial.search import (
     without_feedback,
 )
 from .program import GainProgram, Iterate
-from .refusal import no_invariance
 
 FIRST_FOUND = "sum of h_i'(A + B F)x_k, in the first step; max |F x_k| at the generators of X"
 # Bound on |F x_k| in the two-step method if none is given, relative to the sizes of A and B.

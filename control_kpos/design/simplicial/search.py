@@ -18,12 +18,11 @@ from ...exact.budget import OutOfBudgetError, affords
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept, controllability_notes, proven_rate, slack, succeed, undecided
-from ..plant import Plant, column_freedom, exact_geometry
+from ..plant import Plant, column_freedom
+from ..refusal import decide
 from ..result import DesignResult, Nearest
 from ..running import Programs
-from .inequalities import gain_from_columns
 from .program import Failure, SimplicialProgram
-from .refusal import decide
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
 LARGEST_RATE = "largest decay rate"
@@ -122,27 +121,16 @@ def _smallest(
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
     """Decide by exact arithmetic: a proof that there is no gain, or a rational one rounded to doubles."""
     lp.stage("deciding in exact arithmetic")
-    proof, x = decide(plant, rate * BELOW)
+    proof, F = decide(plant, rate * BELOW)
     if proof is not None:
         message = "the demands contradict each other."
         return DesignResult(status=Status.REFUTED, certificate=proof, message=message)
-    if x is None:
+    if F is None:
         return undecided(_UNPROVEN)
-    found = _accept_exact(plant, rate, x)
+    found = accept(plant, F, rate=rate)
     if found is None:
         return undecided("gains in fractions exist, but none that doubles can express was proven; relax the demands.")
     return succeed(plant, found, SMALLEST_GAIN, plant.gain_of(found.F), infimum)
-
-
-def _accept_exact(plant: Plant, rate: float, x: Any) -> Accepted | None:
-    """An exact solution rounded to doubles, and proven, or None."""
-    n, m = plant.n, plant.m
-    try:
-        G = np.array([[float(x[n + k * m + j] / x[k]) for k in range(n)] for j in range(m)])
-        T = np.array([[float(v) for v in row] for row in exact_geometry(plant)[1]])
-    except OverflowError:
-        return None
-    return accept(plant, gain_from_columns(G, T), rate=rate)
 
 
 def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignResult:
