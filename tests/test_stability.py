@@ -313,3 +313,16 @@ def test_equations_that_are_singular_in_doubles_give_no_warning(A):
     """Both equations of the border are divided by 0 here; warnings are errors in these tests."""
     certificate = kp.linear_lyapunov(A, kp.orthant(len(A)))
     assert certificate.status is kp.Status.REFUTED and certificate.check()
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_units_of_the_states_decide_nothing(seed):
+    """Rows without a diagonal entry have no size of their own: units 150 digits apart must not hide the verdict."""
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(2, 6))
+    A = rng.integers(0, 4, (n, n)) * (rng.random((n, n)) < 0.7) * 1.0
+    np.fill_diagonal(A, -rng.integers(0, 12, n) * (rng.random(n) < 0.6))
+    far = 2.0 ** rng.integers(-250, 251, n)
+    certificate = kp.linear_lyapunov(A * far[:, None] / far, kp.orthant(n))
+    assert certificate.status is kp.linear_lyapunov(A, kp.orthant(n)).status is not kp.Status.UNDECIDED
+    assert certificate.check()

@@ -119,16 +119,16 @@ class SparseIntegers:
         kept = self.data != 0
         return SparseIntegers.of(self.rows[kept], self.indices[kept], self.data[kept], (self.height, self.width))
 
-    def in_units(self, exponents: NDArray[np.int64]) -> SparseIntegers:
-        """Columns times 2**exponents, and every row times a power of two that makes them integers."""
+    def in_units(self, exponents: NDArray[np.int64], diagonal: Integers) -> tuple[SparseIntegers, Integers]:
+        """A square matrix and a diagonal one, columns times 2**exponents, rows times a power of two for integers."""
         if not exponents.any():
-            return self
-        own = exponents[self.indices]
-        lowest = np.zeros(self.height, dtype=np.int64)
+            return self, diagonal
+        own, lowest = exponents[self.indices], exponents.copy()
         filled = np.flatnonzero(np.diff(self.indptr))
-        lowest[filled] = np.minimum.reduceat(own, self.indptr[filled])
+        lowest[filled] = np.minimum(lowest[filled], np.minimum.reduceat(own, self.indptr[filled]))
         shift = (own - lowest[self.rows]).astype(object)
-        return SparseIntegers(self.data << shift, self.indices, self.indptr, self.width)
+        scaled = SparseIntegers(self.data << shift, self.indices, self.indptr, self.width)
+        return scaled, diagonal << (exponents - lowest).astype(object)
 
     def toarray(self) -> Integers:
         """All entries."""

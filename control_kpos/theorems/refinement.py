@@ -77,10 +77,10 @@ class Frame:
     """
 
     def __init__(self, N: SparseIntegers, units: NDArray[np.int64]) -> None:
-        self.units, self.N = units, N.in_units(units)
-        self._own = mantissas(_sizes(N))
-        self.size = _sizes(self.N)
-        self._size = mantissas(self.size)
+        own = _sizes(N)
+        self.units = units
+        self.N, self.size = N.in_units(units, own)
+        self._own, self._size = mantissas(own), mantissas(self.size)
         mantissa, exponent = mantissas(self.N.data)
         rows = self.N.rows
         with np.errstate(all="ignore"):
@@ -238,12 +238,11 @@ class _Mirrored:
 
 
 def _sizes(N: SparseIntegers) -> Integers:
-    """-N_ii where that is positive, else the largest entry of the row: D."""
+    """D = |N_ii|, or the largest of these where N_ii = 0: the same for N' and in all units of the unknowns."""
     diagonal = np.zeros(N.height, dtype=object)
     own = N.rows == N.indices
-    diagonal[N.rows[own]] = -N.data[own]
-    for i in np.flatnonzero(diagonal <= 0):
-        diagonal[i] = max(1, *(abs(v) for v in N.data[N.indptr[i] : N.indptr[i + 1]].tolist()))
+    diagonal[N.rows[own]] = np.abs(N.data[own])
+    diagonal[diagonal == 0] = max(1, diagonal.max(initial=0))
     return diagonal
 
 
