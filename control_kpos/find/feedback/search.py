@@ -261,54 +261,31 @@ def _controllable(A: Array, B: Array) -> int:
 
 def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
     """Gains that place real distinct poles, the dominant one isolated."""
-    n, rng = len(A), np.random.default_rng(seed)
-    values = np.linalg.eigvals(A)
+    found = (placed(A, B, poles) for poles in _poles(np.linalg.eigvals(A), discrete, robust, seed))
+    return (F for F in found if F is not None)
+
+
+def _poles(values: NDArray[np.complex128], discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
+    """Where to place the poles: close to where they are, then at a few sizes, and at random for several plants."""
+    n, rng = len(values), np.random.default_rng(seed)
     if discrete:
-        for top, ratio in ((0.8, 0.8), (0.6, 0.6), (0.5, 0.4), (0.9, 0.9), (0.3, 0.5)):
-            yield from _placed(A, B, top * ratio ** np.arange(n))
+        for top, ratio in ((0.8, 0.8), (0.5, 0.4), (0.9, 0.9)):
+            yield top * ratio ** np.arange(n)
         for _ in range(_RANDOM if robust else 0):
-            yield from _placed(A, B, rng.uniform(0.1, 0.95) * np.cumprod(rng.uniform(0.2, 0.95, n)))
+            yield rng.uniform(0.1, 0.95) * np.cumprod(rng.uniform(0.2, 0.95, n))
         return
     size = float(np.median(np.abs(values))) or 1.0
     size = max(size, 1e-3 * (float(np.abs(values).max()) or 1.0))
-    patterns = [
-        (1.0, 1.6),
-        (1.0, 1.25),
-        (0.5, 2.0),
-        (0.3, 1.3),
-        (2.0, 1.5),
-        (1.0, 1.1),
-        (4.0, 1.3),
-        (8.0, 1.4),
-        (20.0, 1.3),
-    ]
-    if robust:
-        patterns = [(0.3, 2.5), (0.1, 3.0), (1.0, 2.0), (0.3, 4.0), (1.0, 4.0), (3.0, 3.0), (0.5, 1.5), (10.0, 2.0)]
-    # Close to where the poles are: real, at the open-loop distances, a little apart.
+    # Real, at the open-loop distances, a little apart; for several plants with the dominant pole alone on the right.
     near = np.sort(np.abs(values)) + 1e-2 * size
     for k in range(1, n):
         near[k] = max(near[k], (1.4 if robust else 1.15) * near[k - 1])
-    if not robust:
-        yield from _placed(A, B, -near)
-    elif n > 1:
-        for front, back in ((0.5, 1.0), (0.25, 1.0), (0.5, 1.6), (0.1, 1.0), (0.2, 2.5)):
-            yield from _placed(A, B, -np.concatenate([[front * near[0]], back * near[1:]]))
-    for first, ratio in patterns:
-        if robust:
-            # The dominant pole alone on the right, the others a factor apart further left.
-            poles = -size * first * np.concatenate([[1.0], 3.0 * ratio ** (1 + np.arange(n - 1) / 2)])
-        else:
-            poles = -size * first * ratio ** np.arange(n)
-        yield from _placed(A, B, poles)
+    for front in (0.5, 0.25, 0.1) if robust else (1.0,):
+        yield -near * np.append(front, np.ones(n - 1))
+    for first, ratio in ((1.0, 1.6), (0.3, 1.3), (4.0, 1.3)):
+        yield -size * first * ratio ** np.arange(n)
     for _ in range(_RANDOM if robust else 0):
-        poles = -size * 10 ** rng.uniform(-1.5, 1) * np.cumprod(np.append(1.0, rng.uniform(1.2, 4, n - 1)))
-        yield from _placed(A, B, poles)
-
-
-def _placed(A: Array, B: Array, poles: NDArray[np.floating]) -> Iterator[Array]:
-    F = placed(A, B, np.asarray(poles, dtype=float))
-    if F is not None:
-        yield F
+        yield -size * 10 ** rng.uniform(-1.5, 1) * np.cumprod(np.append(1.0, rng.uniform(1.2, 4, n - 1)))
 
 
 def _starting_cone(A: Array, discrete: bool) -> Array | None:
