@@ -35,7 +35,7 @@ from control_kpos.exact.polynomials import (
 from control_kpos.exact.roots import real_roots_above, roots_beyond
 from control_kpos.find import ConeCertificate, find_cone
 from control_kpos.find.impossible.existence import SpectralObstruction
-from control_kpos.find.one_matrix.search import analysis
+from control_kpos.find.one_matrix.modes import analysis
 
 
 def pair(gap: float, frequency: float) -> np.ndarray:

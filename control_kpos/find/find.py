@@ -29,6 +29,7 @@ from .impossible.existence import spectral_obstruction
 from .impossible.filters import family_obstruction
 from .impossible.port_obstruction import port_obstruction
 from .one_matrix import search as one_matrix
+from .one_matrix.modes import analysis
 from .one_matrix.repeated import repeated_cones
 from .ports import search as ports
 from .question import Candidate, FoundCone, Proven, Question, prove
@@ -264,7 +265,7 @@ class _OneMatrix:
 
     def __init__(self, question: Question) -> None:
         self.question = question
-        self.analysis = one_matrix.analysis(question.searched[0], discrete=question.discrete)
+        self.analysis = analysis(question.searched[0], discrete=question.discrete)
         self.fewest_rays = self.analysis.fewest_rays
 
     def candidates(self) -> Iterator[Candidate]:

@@ -17,8 +17,7 @@ from ...proof.proposed_weights import pointing_functional
 from ..certificate import ConeCertificate
 from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone
-from ..one_matrix.modes import Modes, balancing_units, modes
-from ..one_matrix.search import Analysis
+from ..one_matrix.modes import Analysis, Modes, balancing_units, modes
 from ..question import Candidate, Proven, Question
 from .descent import moving_descent, simplicial_descent
 

@@ -261,23 +261,25 @@ def _controllable(A: Array, B: Array) -> int:
 
 def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
     """Gains that place real distinct poles, the dominant one isolated."""
-    found = (placed(A, B, poles) for poles in _poles(np.linalg.eigvals(A), discrete, robust, seed))
+    found = (
+        placed(A, B, np.asarray(poles, dtype=float))
+        for poles in _poles(np.abs(np.linalg.eigvals(A)), discrete, robust, seed)
+    )
     return (F for F in found if F is not None)
 
 
-def _poles(values: NDArray[np.complex128], discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
+def _poles(moduli: Array, discrete: bool, robust: bool, seed: int) -> Iterator[NDArray[np.floating]]:
     """Where to place the poles: close to where they are, then at a few sizes, and at random for several plants."""
-    n, rng = len(values), np.random.default_rng(seed)
+    n, rng = len(moduli), np.random.default_rng(seed)
     if discrete:
         for top, ratio in ((0.8, 0.8), (0.5, 0.4), (0.9, 0.9)):
             yield top * ratio ** np.arange(n)
         for _ in range(_RANDOM if robust else 0):
             yield rng.uniform(0.1, 0.95) * np.cumprod(rng.uniform(0.2, 0.95, n))
         return
-    size = float(np.median(np.abs(values))) or 1.0
-    size = max(size, 1e-3 * (float(np.abs(values).max()) or 1.0))
+    size = max(float(np.median(moduli)) or 1.0, 1e-3 * (float(moduli.max()) or 1.0))
     # Real, at the open-loop distances, a little apart; for several plants with the dominant pole alone on the right.
-    near = np.sort(np.abs(values)) + 1e-2 * size
+    near = np.sort(moduli) + 1e-2 * size
     for k in range(1, n):
         near[k] = max(near[k], (1.4 if robust else 1.15) * near[k - 1])
     for front in (0.5, 0.25, 0.1) if robust else (1.0,):

@@ -109,24 +109,6 @@ class ModalCone:
         return Matrix(P) if sp.issparse(P) else Matrix(P[None])
 
 
-def fewest_rays(others: NDArray[np.complex128], dominant: float, n: int) -> int:
-    """Lower bound max(n, p_i) on the number of generators of any invariant polyhedral cone.
-
-    P is an N x N matrix with nonnegative off-diagonal entries whose spectrum holds that of A, hence
-    N >= pi / atan(gap / frequency) for every complex pair (Dmitriev and Dynkin; for a discrete-time
-    cone the same holds for P minus a multiple of the identity).
-    """
-    pairs = others[others.imag > 0]
-    if not pairs.size:
-        return n
-    angle = np.arctan2(dominant - pairs.real, pairs.imag)
-    angle = angle[angle > 0]  # the others exclude any polyhedral cone
-    if not angle.size:
-        return n
-    # A pair exactly at tan(pi/p) must not be pushed to p + 1 by the rounding of its eigenvalue.
-    return max(n, int(np.ceil(np.pi / angle * (1 - 1e-9)).max()))
-
-
 def modal_cone(
     m: Modes, *, discrete: bool = False, max_rays: int | None = None, thin: bool | None = None
 ) -> ModalCone | None:
@@ -169,14 +151,9 @@ def _smallest_sum(targets: NDArray[np.complex128], *, discrete: bool, thin: bool
     best: _Sum | None = None
     effort = _PER_MODE * len(targets)
     for groups in groupings(targets, 1.0 if discrete else 0.0, discrete=discrete):
-        for tight in (True, False):
-            built = _placed(targets, groups, discrete=discrete, thin=thin, tight=tight)
-            if (
-                built is not None
-                and (best is None or built.size < best.size)
-                and (thin or not most or built.size <= most)
-            ):
-                best = built
+        built = _placed(targets, groups, discrete=discrete, thin=thin)
+        if built is not None and (best is None or built.size < best.size) and (thin or not most or built.size <= most):
+            best = built
         if best is not None and (best.size > LARGE or not affords(effort)):
             break
         spend(effort)
@@ -190,6 +167,7 @@ class _Step(NamedTuple):
     polygon: Polygon
     rows: NDArray[np.intp]
     slack: float
+    even: Array
 
 
 class _Sum:
@@ -211,20 +189,15 @@ class _Sum:
         """Number of generators."""
         return len(self.stay)
 
-    def add(self, polygon: Polygon, rows: NDArray[np.intp], slack: float) -> None:
-        """Free sum with a polygon around e."""
-        self._append(_Step(None, polygon, rows, slack), np.arange(self.size))
+    def add(self, polygon: Polygon, rows: NDArray[np.intp], slack: float = 0.0, place: int | None = None) -> None:
+        """Free sum with a polygon around e; or generator `place` replaced by its copies displaced to the corners."""
+        even = polygon.convex_weights(thin=self.thin)
+        self.steps.append(_Step(place, polygon, rows, slack, even))
+        kept = np.arange(self.size) != (-1 if place is None else place)
+        self.stay = np.concatenate([self.stay[kept], np.full(len(even), polygon.rates[0])])
+        self.weighted = np.concatenate([self.weighted[kept], even > 0])
 
-    def attach(self, k: int, polygon: Polygon, rows: NDArray[np.intp]) -> None:
-        """Replace generator k by its copies displaced to the corners of a polygon."""
-        self._append(_Step(k, polygon, rows, 0.0), np.delete(np.arange(self.size), k))
-
-    def _append(self, step: _Step, kept: NDArray[np.intp]) -> None:
-        self.steps.append(step)
-        self.stay = np.concatenate([self.stay[kept], np.full(step.polygon.size, step.polygon.rates[0])])
-        self.weighted = np.concatenate([self.weighted[kept], step.polygon.convex_weights(thin=self.thin) > 0])
-
-    def place(self, group: NDArray[np.complex128], rows: NDArray[np.intp], *, tight: bool) -> bool:
+    def place(self, group: NDArray[np.complex128], rows: NDArray[np.intp]) -> bool:
         """Add one group of modes where it costs the fewest generators."""
         gap = float((self.top - (np.abs(group) if self.discrete else group.real)).min())
         if gap <= 0:
@@ -232,15 +205,15 @@ class _Sum:
         best, found = 0, None
         able = np.flatnonzero(self.weighted)
         _, owners = np.unique(self.stay[able], return_index=True)
-        for k in able[owners if tight else owners[::-1]]:
+        for k in able[owners]:
             fit = smallest_polygon(group, float(self.stay[k]), discrete=self.discrete)
-            if fit is not None and (found is None or fit.size < found.size):
+            if fit is not None and (found is None or len(fit.rates) < len(found.rates)):
                 best, found = int(k), fit
-                if fit.size <= dimensions(group) + 1:
+                if len(fit.rates) <= dimensions(group) + 1:
                     break
         free, slack = self._free(group, gap)
-        if found is not None and (free is None or found.size - 1 <= free.size):
-            self.attach(best, found, rows)
+        if found is not None and (free is None or len(found.rates) - 1 <= len(free.rates)):
+            self.add(found, rows, place=best)
             return True
         if free is None:
             return False
@@ -251,7 +224,7 @@ class _Sum:
         """The smallest polygon around e, and the decay kept aside."""
         tight = smallest_polygon(group, self.top - _TIGHT * gap, discrete=self.discrete)
         free = smallest_polygon(group, self.top - _SLACK * gap, discrete=self.discrete)
-        if free is None or (tight is not None and tight.size < free.size):
+        if free is None or (tight is not None and len(tight.rates) < len(free.rates)):
             return tight, _TIGHT * gap
         return free, _SLACK * gap
 
@@ -261,9 +234,9 @@ class _Sum:
         weights, slack = np.zeros(0), np.zeros(0)
         placed = 0
         for step in self.steps:
-            N, m, k = len(weights), step.polygon.size, step.place
+            N, m, k, even = len(weights), len(step.even), step.place, step.even
             spend(_PER_NUMBER * self.dims * (N + m))
-            even, ring = step.polygon.convex_weights(thin=self.thin), _circulant(step.polygon.rates)
+            ring = _circulant(step.polygon.rates)
             if k is None:
                 kept = np.concatenate([np.arange(N), np.full(m, -1)])
                 points = np.column_stack([points, np.zeros((self.dims, m))])
@@ -320,19 +293,17 @@ def _attached(core: sp.csr_array, k: int, rest: NDArray[np.intp], ring: sp.csr_a
     return sp.csr_array(sp.block_array([[core[rest][:, rest], copied], [divided, ring]], format="csr"))
 
 
-def _placed(
-    targets: NDArray[np.complex128], groups: list[Group], *, discrete: bool, thin: bool, tight: bool
-) -> _Sum | None:
+def _placed(targets: NDArray[np.complex128], groups: list[Group], *, discrete: bool, thin: bool) -> _Sum | None:
     sizes = np.where(targets.imag > 0, 2, 1)
     first_row = np.concatenate([[1], 1 + np.cumsum(sizes)])
     cone = _Sum(int(first_row[-1]), discrete=discrete, thin=thin)
     if not groups:
-        cone.add(Polygon(np.array([cone.top]), np.zeros((0, 1))), np.zeros(0, dtype=int), 0.0)
+        cone.add(Polygon(np.array([cone.top]), np.zeros((0, 1))), np.zeros(0, dtype=int))
     for group in groups:
         rows = [np.arange(first_row[i], first_row[i] + sizes[i]) for i in group]
-        if cone.place(targets[list(group)], np.concatenate(rows), tight=tight):
+        if cone.place(targets[list(group)], np.concatenate(rows)):
             continue
         alone = zip(group, rows, strict=True)
-        if len(group) == 1 or not all(cone.place(targets[[i]], r, tight=tight) for i, r in alone):
+        if len(group) == 1 or not all(cone.place(targets[[i]], r) for i, r in alone):
             return None
     return cone

@@ -3,29 +3,32 @@
 With A e = lam e for the dominant real eigenvalue lam and a real basis V of the other invariant
 subspaces, A = [e V] blkdiag(lam, blocks) [e V]^-1, one 1 x 1 block for a real eigenvalue and one
 2 x 2 block [[re, -im], [im, re]] for a complex pair.  In continuous time *dominant* means rightmost,
-in discrete time of largest modulus.  Where other eigenvalues than the dominant one are (nearly) defective, V is
-an orthonormal basis of {x : l'x = 0}, l being the dominant left eigenvector (`split`).
+in discrete time of largest modulus.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ...exact.budget import spend
+from ...exact.budget import affords, spend
 from ...exact.matrix import Matrix
+from ...exact.products import as_doubles, summed_products
 
 Array = NDArray[np.float64]
 
 # Eigenvalues, eigenvectors and their condition number: operations for an n x n matrix, divided by n^3.
 PER_CUBE = 3.0
-# Eigenvectors of a larger condition number are not used as a basis of the complement.
-_WELL_CONDITIONED = 1e6
-# Below this, relative to the largest eigenvalue, a gap is not told from rounding.
-_SMALLEST_GAP = 1e-9
+# Beyond this, a neighbouring matrix with better eigenvectors is tried, and then A in coordinates close to its own.
+WELL_CONDITIONED = 1e4
+# Rounds of iterative refinement, and operations of an exact product divided by n^3.
+_ROUNDS, _PER_EXACT_PRODUCT = 6, 100.0
+# Relative distance to which rounding may move copies of a repeated eigenvalue.
+_SPLIT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,50 +73,35 @@ def modes(A: Array, *, discrete: bool = False) -> Modes | None:
     Costs one dense eigenvalue decomposition.
     """
     spend(PER_CUBE * len(A) ** 3)
-    values, vectors = np.linalg.eig(A)
-    values, vectors = values.astype(complex), vectors.astype(complex)
+    values, vectors = (np.asarray(a, dtype=np.complex128) for a in np.linalg.eig(A))
     first = dominant_index(values, discrete=discrete)
     if values[first].imag != 0 or (discrete and values[first].real < 0):
         return None
     right = np.real(vectors[:, first])
     right = right / np.linalg.norm(right)
-    others, bases = [], []
-    for i in range(len(values)):
-        if i == first or values[i].imag < 0:
-            continue
-        if values[i].imag == 0:
-            column = np.real(vectors[:, [i]])
-            bases.append(column / np.linalg.norm(column))
-        else:
-            bases.append(_orthogonal_pair(vectors[:, i]))
-        others.append(values[i])
+    rest = [i for i in range(len(values)) if i != first and values[i].imag >= 0]
+    bases = _real_bases(values[rest], vectors[:, rest])
     basis = np.column_stack([right, *bases])
     conditioning = float(np.linalg.cond(basis)) if basis.shape[0] == basis.shape[1] else np.inf
     if not conditioning < 1e14:
         return None
     left = sl.solve(basis.T, np.eye(len(values))[0])
-    return Modes(float(values[first].real), right, left, np.array(others, dtype=complex), bases, conditioning)
+    return Modes(float(values[first].real), right, left, values[rest], bases, conditioning)
 
 
-def eigenbasis(A: Array) -> Array:
+def _eigenbasis(A: Array) -> Array:
     """Real and imaginary parts of the eigenvectors, columns of length about 1; shape (n, n)."""
     spend(PER_CUBE * len(A) ** 3)
-    values, vectors = np.linalg.eig(A)
-    columns = [
-        np.real(vectors[:, [i]]) / np.linalg.norm(np.real(vectors[:, i]))
-        if values[i].imag == 0
-        else _orthogonal_pair(vectors[:, i])
-        for i in range(len(values))
-        if values[i].imag >= 0
-    ]
-    return np.column_stack(columns)
+    values, vectors = (np.asarray(a, dtype=np.complex128) for a in np.linalg.eig(A))
+    some = values.imag >= 0
+    return np.column_stack(_real_bases(values[some], vectors[:, some]))
 
 
-def _orthogonal_pair(v: NDArray[np.complex128]) -> Array:
-    """[Re, -Im] of v turned in the complex plane until both parts are orthogonal: flattest ellipse axes."""
-    v = v * np.exp(-0.5j * np.angle((v * v).sum()))
-    pair = np.column_stack([v.real, -v.imag])
-    return pair / np.linalg.norm(pair, axis=0).max()
+def _real_bases(values: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> list[Array]:
+    """[Re, -Im] of each eigenvector turned in the complex plane until both are orthogonal; a real one alone."""
+    turned = vectors * np.exp(-0.5j * np.angle((vectors * vectors).sum(axis=0)))
+    pairs = [np.column_stack([v.real, -v.imag])[:, : 1 + (z.imag > 0)] for z, v in zip(values, turned.T, strict=True)]
+    return [pair / np.linalg.norm(pair, axis=0).max() for pair in pairs]
 
 
 def balanced(A: Matrix) -> tuple[Array, Array]:
@@ -150,71 +138,97 @@ def balancing_units(size: Array) -> Array:
     return np.exp2(exponent)
 
 
+def _least_rays(others: NDArray[np.complex128], dominant: float, n: int) -> int:
+    """Lower bound max(n, p_i) on the number of generators of any invariant polyhedral cone.
+
+    P is an N x N matrix with nonnegative off-diagonal entries whose spectrum holds that of A, hence
+    N >= pi / atan(gap / frequency) for every complex pair (Dmitriev and Dynkin; for a discrete-time
+    cone the same holds for P minus a multiple of the identity).
+    """
+    pairs = others[others.imag > 0]
+    if not pairs.size:
+        return n
+    angle = np.arctan2(dominant - pairs.real, pairs.imag)
+    angle = angle[angle > 0]  # the others exclude any polyhedral cone
+    if not angle.size:
+        return n
+    # A pair exactly at tan(pi/p) must not be pushed to p + 1 by the rounding of its eigenvalue.
+    return max(n, int(np.ceil(np.pi / angle * (1 - 1e-9)).max()))
+
+
 @dataclass(frozen=True, eq=False)
-class Split:
-    """Coordinates (1, y) with the dominant direction first.
+class Analysis:
+    """A in balanced units, with its modes.
 
     Attributes
     ----------
-    dominant : float
-    right, left : ndarray, shape (n,)
-        A right = dominant right, left A = dominant left, left right = 1.
-    complement : ndarray, shape (n, n - 1)
-        Q.
-    S : ndarray, shape (n - 1, n - 1)
-        A Q = Q S.
-    gap : float
-        Distance from the dominant eigenvalue to the real part (discrete time: modulus) of the next one.
+    A : Matrix, shape (n, n)
+    matrix : ndarray, shape (n, n)
+        diag(units)^-1 A diag(units), up to rounding.
+    units : ndarray, shape (n,)
+    discrete : bool
     modes : Modes or None
-        If Q holds the modes.
+        Of `matrix`.
     """
 
-    dominant: float
-    right: Array
-    left: Array
-    complement: Array
-    S: Array
-    gap: float
+    A: Matrix
+    matrix: Array
+    units: Array
+    discrete: bool
     modes: Modes | None
 
     @property
-    def basis(self) -> Array:
-        """[e Q]."""
-        return np.column_stack([self.right, self.complement])
+    def is_well_conditioned(self) -> bool:
+        """Whether the modes are known and may be used as they are."""
+        return self.modes is not None and self.modes.conditioning < WELL_CONDITIONED
 
-    def turned(self) -> Split:
-        """The same with -e."""
-        return replace(self, right=-self.right, left=-self.left)
+    @cached_property
+    def near_modes(self) -> tuple[Array, Array] | None:
+        """A basis V close to eigenvectors of A, and T = V^-1 A V accurately.
+
+        None if V is numerically singular, or the effort left is too little for exact products.
+        """
+        effort = _ROUNDS * _PER_EXACT_PRODUCT * len(self.matrix) ** 3
+        basis = _eigenbasis(self.matrix)
+        if not np.linalg.cond(basis) < 1e12 or not affords(effort):
+            return None
+        spend(effort)
+        V = basis * self.units[:, None]
+        exact, inverse = Matrix(V), np.linalg.inv(basis) / self.units
+        T, last = np.zeros_like(V), np.inf
+        for _ in range(_ROUNDS):
+            rest = as_doubles(*summed_products([(self.A, Matrix(V.T)), (exact, Matrix(-T.T))]))
+            with np.errstate(over="ignore", invalid="ignore"):
+                change = inverse @ rest
+                size = float(np.abs(change).max())
+            if not size < last:
+                break
+            T, last = T + change, size
+        return (V, T) if np.isfinite(T).all() else None
+
+    @cached_property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues, accurate as long as the condition number of the eigenvectors is below 1e12."""
+        m = self.modes
+        if m is not None and m.conditioning < WELL_CONDITIONED:
+            return np.concatenate([[m.dominant], m.others, m.others[m.others.imag > 0].conj()])
+        simple = m is None and np.linalg.cond(_eigenbasis(self.matrix)) < WELL_CONDITIONED
+        near = None if simple else self.near_modes
+        return np.linalg.eigvals(self.matrix if near is None else near[1]).astype(np.complex128)
+
+    @cached_property
+    def fewest_rays(self) -> int:
+        """Least number of rays (and of facets) of an invariant polyhedral cone, from the spectrum."""
+        values = self.eigenvalues
+        first = dominant_index(values, discrete=self.discrete)
+        rest = values[np.arange(len(values)) != first]
+        # Rounding turns a repeated eigenvalue into pairs close to it, which bound nothing.
+        rest = rest[np.abs(rest - values[first]) > _SPLIT * np.abs(values).max()]
+        size = float(abs(values[first])) if self.discrete else float(values[first].real)
+        return _least_rays(rest[rest.imag > 0], size, len(values))
 
 
-def split(A: Array, m: Modes | None, *, discrete: bool) -> Split | None:
-    """A [e Q] = [e Q] blkdiag(lam, S), or None if the dominant eigenvalue is not real and simple.
-
-    Q holds the modes m of A where they are well conditioned, else any orthonormal basis of {x : l'x = 0}.
-    """
-    if m is not None and m.conditioning < _WELL_CONDITIONED:
-        blocks = [
-            np.array([[z.real, -z.imag], [z.imag, z.real]])[: V.shape[1], : V.shape[1]]
-            for z, V in zip(m.others, m.bases, strict=True)
-        ]
-        size = len(A) - 1
-        S = sl.block_diag(*blocks) if blocks else np.zeros((size, size))
-        Q = np.column_stack(m.bases) if blocks else np.zeros((len(A), size))
-        gap = m.dominant - (np.abs(m.others) if discrete else m.others.real)
-        return Split(m.dominant, m.right, m.left, Q, S, float(gap.min(initial=1.0)), m)
-    return _by_functional(A, discrete)
-
-
-def _by_functional(A: Array, discrete: bool) -> Split | None:
-    values, left, right = (np.asarray(a, dtype=np.complex128) for a in sl.eig(A, left=True, right=True))
-    first = dominant_index(values, discrete=discrete)
-    if values[first].imag != 0 or (discrete and values[first].real < 0):
-        return None
-    e, functional = right[:, first].real, left[:, first].real
-    rest = np.delete(values, first)
-    gap = float((values[first].real - (np.abs(rest) if discrete else rest.real)).min(initial=1.0))
-    height = float(functional @ e)
-    if gap <= _SMALLEST_GAP * float(np.abs(values).max()) or abs(height) < 1e-8:
-        return None
-    Q = sl.null_space(functional[None, :])
-    return Split(float(values[first].real), e, functional / height, Q, Q.T @ A @ Q, gap, None)
+def analysis(A: Matrix, *, discrete: bool) -> Analysis:
+    """Units and modes of a matrix: one dense eigenvalue decomposition."""
+    matrix, units = balanced(A)
+    return Analysis(A, matrix, units, discrete, modes(matrix, discrete=discrete))

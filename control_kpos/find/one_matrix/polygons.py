@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from itertools import combinations, permutations, product
 
 import numpy as np
@@ -46,17 +45,12 @@ class Polygon:
     rates: NDArray[np.float64]
     corners: NDArray[np.float64]
 
-    @cached_property
-    def size(self) -> int:
-        """Number of corners."""
-        return len(self.rates)
-
     def convex_weights(self, *, thin: bool) -> NDArray[np.float64]:
         """Convex weights of corners whose mean is zero: equal ones, or on three corners only if `thin`."""
-        if not thin or len(self.corners) != 2 or self.size <= 6:
-            return np.full(self.size, 1 / self.size)
-        some = np.array([0, round(self.size / 3), round(2 * self.size / 3)])
-        out = np.zeros(self.size)
+        m = len(self.rates)
+        if not thin or len(self.corners) != 2 or m <= 6:
+            return np.full(m, 1 / m)
+        some, out = np.array([0, round(m / 3), round(2 * m / 3)]), np.zeros(m)
         out[some] = np.linalg.solve(np.vstack([self.corners[:, some], np.ones(3)]), [0.0, 0.0, 1.0])
         return out
 

@@ -32,7 +32,8 @@ from ...proof.proposed_weights import pointing_functional
 from ..impossible.existence import spectrum_polynomial
 from ..ports import search as ports
 from ..question import Candidate, Question, first_cone
-from .search import analysis, candidates
+from .modes import analysis
+from .search import candidates
 
 _LARGEST = 16
 # Roots that coincide are known to about half the digits, or a third of them.

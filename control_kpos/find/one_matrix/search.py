@@ -15,109 +15,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
-from ...exact.budget import affords, spend
+from ...exact.budget import spend
 from ...exact.matrix import Matrix
-from ...exact.products import as_doubles, exact_product, summed_products
+from ...exact.products import exact_product
 from ...proof.proposed_weights import multipliers
 from ..question import Candidate, Question
-from .explicit import LARGE, ModalCone, fewest_rays, modal_cone
-from .modes import PER_CUBE, Modes, balanced, dominant_index, eigenbasis, modes
+from .explicit import LARGE, ModalCone, modal_cone
+from .modes import PER_CUBE, WELL_CONDITIONED, Analysis, Modes, dominant_index, modes
 from .rational_modes import rational_cones
 
 Array = NDArray[np.float64]
 
-# Beyond this, a neighbouring matrix with better eigenvectors is tried, and then A in coordinates close to its own.
-_WELL_CONDITIONED = 1e4
 _SPREADS = (0.3, 0.5, 0.7, 0.15)
-# Rounds of iterative refinement, and operations of an exact product divided by n^3.
-_ROUNDS, _PER_EXACT_PRODUCT = 6, 100.0
-# Relative distance to which rounding may move copies of a repeated eigenvalue.
-_SPLIT = 1e-4
-
-
-@dataclass(frozen=True, eq=False)
-class Analysis:
-    """A in balanced units, with its modes.
-
-    Attributes
-    ----------
-    A : Matrix, shape (n, n)
-    matrix : ndarray, shape (n, n)
-        diag(units)^-1 A diag(units), up to rounding.
-    units : ndarray, shape (n,)
-    discrete : bool
-    modes : Modes or None
-        Of `matrix`.
-    """
-
-    A: Matrix
-    matrix: Array
-    units: Array
-    discrete: bool
-    modes: Modes | None
-
-    @property
-    def is_well_conditioned(self) -> bool:
-        """Whether the modes are known and may be used as they are."""
-        return self.modes is not None and self.modes.conditioning < _WELL_CONDITIONED
-
-    @cached_property
-    def near_modes(self) -> tuple[Array, Array] | None:
-        """A basis V close to eigenvectors of A, and T = V^-1 A V accurately.
-
-        None if V is numerically singular, or the effort left is too little for exact products.
-        """
-        effort = _ROUNDS * _PER_EXACT_PRODUCT * len(self.matrix) ** 3
-        basis = eigenbasis(self.matrix)
-        if not np.linalg.cond(basis) < 1e12 or not affords(effort):
-            return None
-        spend(effort)
-        V = basis * self.units[:, None]
-        exact, inverse = Matrix(V), np.linalg.inv(basis) / self.units
-        T, last = np.zeros_like(V), np.inf
-        for _ in range(_ROUNDS):
-            rest = as_doubles(*summed_products([(self.A, Matrix(V.T)), (exact, Matrix(-T.T))]))
-            with np.errstate(over="ignore", invalid="ignore"):
-                change = inverse @ rest
-                size = float(np.abs(change).max())
-            if not size < last:
-                break
-            T, last = T + change, size
-        return (V, T) if np.isfinite(T).all() else None
-
-    @cached_property
-    def eigenvalues(self) -> NDArray[np.complex128]:
-        """Eigenvalues, accurate as long as the condition number of the eigenvectors is below 1e12."""
-        m = self.modes
-        if m is not None and m.conditioning < _WELL_CONDITIONED:
-            return np.concatenate([[m.dominant], m.others, m.others[m.others.imag > 0].conj()])
-        simple = m is None and np.linalg.cond(eigenbasis(self.matrix)) < _WELL_CONDITIONED
-        near = None if simple else self.near_modes
-        return np.linalg.eigvals(self.matrix if near is None else near[1]).astype(np.complex128)
-
-    @cached_property
-    def fewest_rays(self) -> int:
-        """Least number of rays (and of facets) of an invariant polyhedral cone, from the spectrum."""
-        values = self.eigenvalues
-        first = dominant_index(values, discrete=self.discrete)
-        rest = values[np.arange(len(values)) != first]
-        # Rounding turns a repeated eigenvalue into pairs close to it, which bound nothing.
-        rest = rest[np.abs(rest - values[first]) > _SPLIT * np.abs(values).max()]
-        size = float(abs(values[first])) if self.discrete else float(values[first].real)
-        return fewest_rays(rest[rest.imag > 0], size, len(values))
-
-
-def analysis(A: Matrix, *, discrete: bool) -> Analysis:
-    """Units and modes of a matrix: one dense eigenvalue decomposition."""
-    matrix, units = balanced(A)
-    return Analysis(A, matrix, units, discrete, modes(matrix, discrete=discrete))
 
 
 def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
@@ -139,7 +54,7 @@ def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
 
 def modal_cones(A: Array, m: Modes | None, *, discrete: bool, max_rays: int | None) -> Iterator[ModalCone]:
     """Cones from the modes of A, or of a matrix near A where those are ill-conditioned, the most economic first."""
-    if m is not None and m.conditioning < _WELL_CONDITIONED:
+    if m is not None and m.conditioning < WELL_CONDITIONED:
         found = modal_cone(m, discrete=discrete, max_rays=max_rays)
         if found is not None:
             yield found

@@ -36,8 +36,7 @@ from numpy.typing import NDArray
 
 from ...exact.budget import spend
 from ...exact.matrix import Matrix
-from ..one_matrix.modes import Split
-from .core import Core
+from .core import Core, Split
 
 Array = NDArray[np.float64]
 

@@ -16,12 +16,11 @@ from ...exact.budget import spend
 from ...exact.matrix import Matrix
 from ...proof.proposed_weights import Frame, nonnegative_combination
 from ..generators import extreme_generators
-from ..one_matrix.modes import Split, split
-from ..one_matrix.search import Analysis
+from ..one_matrix.modes import Analysis
 from ..question import Candidate, Question
 from .assembly import Assembly, Path, assemble
 from .chain import rational_chains
-from .core import Core, core_inside
+from .core import Core, Split, core_inside, split
 from .orbit import Flow, first_steps, flow, follow, step_bounds, steps_on_boundary
 
 Array = NDArray[np.float64]
