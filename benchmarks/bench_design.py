@@ -12,7 +12,7 @@ import pytest
 import scipy.sparse as sp
 
 import control_kpos as kp
-from control_kpos.design.plant import column_freedom, read_plant
+from control_kpos.design.plant import read_plant
 from control_kpos.design.running import Programs
 from control_kpos.design.simplicial.program import SimplicialProgram
 from control_kpos.exact import programs as linear_programs
@@ -51,7 +51,7 @@ def test_one_shot_overhead(contest, monkeypatch):
     def overhead():
         inside[0] = 0.0
         begin = time.perf_counter()
-        program = SimplicialProgram(problem, column_freedom(problem), Programs(None))
+        program = SimplicialProgram(problem, Programs(None))
         F, _ = program.read(program.start(0.1))
         spent = time.perf_counter() - begin - inside[0]
         assert F.shape == (5, 10)
@@ -105,7 +105,7 @@ def test_against_quadratic(contest, size, n, who, at_most):
     problem = read_plant(kp.ConeStateSpace(sys_, X=rays), None)
 
     def ours():
-        program = SimplicialProgram(problem, column_freedom(problem), Programs(None))
+        program = SimplicialProgram(problem, Programs(None))
         point = program.by_columns(0.0)
         return program.read(program.start(0.0) if point is None else point)[0]
 

@@ -61,7 +61,7 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     blocked = beyond_feedback(plant, message, B=E, D=D, U=W, Y=Z)
     if blocked is not None:
         return blocked
-    program = SimplicialProgram(plant, np.ones((plant.n, plant.m), dtype=bool), lp)
+    program = SimplicialProgram(plant, lp)
     rows = _Rows(program, rate, tuple(np.asarray(M.values) for M in (E, G, H, D)))
     least = rows.program()
     least.add(gamma=Block(1, cost=1.0))

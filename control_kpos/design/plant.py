@@ -110,6 +110,24 @@ class Plant:
         push = max(np.abs(H @ B).max(initial=0.0) for _, B in self.pairs)
         return float(max(size, 1e-9 * push if size > 0 else push, 1e-300))
 
+    @cached_property
+    def free(self) -> NDArray[np.bool_] | None:
+        """Which F t_k may differ from zero, shape (n, m), if the pattern says just that; None if it does not.
+
+        F = G T^{-1} keeps a pattern of F that follows the blocks of a block diagonal T.
+        """
+        free = np.ones((self.n, self.m), dtype=bool)
+        if self.pattern is None:
+            return free
+        reach = (self.rays != 0).T  # states x generators
+        linked = (reach.astype(int) @ reach.T.astype(int)) > 0
+        closure = np.linalg.matrix_power(linked.astype(float), self.n) > 0
+        for j, row in enumerate(self.pattern):
+            if (closure[np.ix_(row, ~row)]).any():
+                return None
+            free[:, j] = [bool(row[np.flatnonzero(reach[:, k])[0]]) for k in range(self.n)]
+        return free
+
     def on_states(self, F: Floats) -> Floats:
         """The gain from states to inputs: F, or F C of output feedback, in doubles."""
         return F if self.reads is None else F @ np.asarray(self.reads.values)
@@ -204,24 +222,6 @@ def _pattern(structure: ArrayLike | None, m: int, width: int) -> NDArray[np.bool
     if mask.dtype.kind not in "bif" or not np.isin(mask, (0, 1)).all():
         raise DataError("structure must hold booleans (or 0 and 1): True where the gain may differ from 0.")
     return mask.astype(bool)
-
-
-def column_freedom(plant: Plant) -> NDArray[np.bool_] | None:
-    """Which F t_k may differ from zero, shape (n, m), if the pattern says just that; None if it does not.
-
-    F = G T^{-1} keeps a pattern of F that follows the blocks of a block diagonal T.
-    """
-    if plant.pattern is None:
-        return np.ones((plant.n, plant.m), dtype=bool)
-    reach = (plant.rays != 0).T  # states x generators
-    linked = (reach.astype(int) @ reach.T.astype(int)) > 0
-    closure = np.linalg.matrix_power(linked.astype(float), plant.n) > 0
-    free = np.ones((plant.n, plant.m), dtype=bool)
-    for j, row in enumerate(plant.pattern):
-        if (closure[np.ix_(row, ~row)]).any():
-            return None
-        free[:, j] = [bool(row[np.flatnonzero(reach[:, k])[0]]) for k in range(plant.n)]
-    return free
 
 
 def require_simplicial(X: Cone, what: str) -> None:

@@ -29,7 +29,7 @@ from ..proof.encoding import register_record
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, columns, require_portable
 from ..systems.system import System
-from .plant import Plant, column_freedom
+from .plant import Plant
 from .simplicial.inequalities import (
     Inequalities,
     feedback_inequalities,
@@ -369,7 +369,7 @@ def decide(plant: Plant, rate: float) -> tuple[NoFeedback | None, NDArray[np.flo
 
     A gain beyond the range of doubles is infinite.
     """
-    free = column_freedom(plant)
+    free = plant.free
     entries, long = _entries(plant), plant.X.exact_facets.integer_rows is not None
     products = len(plant.vertices) * plant.n**3 * _EFFORT_PER_PRODUCT[long]
     if free is None or not affords(entries * _EFFORT_PER_ENTRY + products):

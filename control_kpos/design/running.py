@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from ..errors import SolverError
 from ..exact.budget import OutOfBudgetError, begin, budget, ended_by, reason, seconds_left
+from ..exact.intake import seconds
 from ..exact.programs import Outcome, Solution, failure, guarded, program_effort, solve, vetted
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
@@ -57,7 +58,7 @@ def within(
     Parameters
     ----------
     time_limit : float or None
-        Seconds.  None: as many operations as `EFFORT` says.
+        Seconds, as the user gave them.  None: as many operations as `EFFORT` says.
     design : callable
         From the linear programs to the result.  May raise OutOfBudgetError, and LinAlgError where a factorisation
         of doubles does not converge.  Numbers that overflow are candidates without proof, not worth a warning.
@@ -66,6 +67,7 @@ def within(
     solver, progress
         As in `state_feedback`.
     """
+    time_limit = seconds(time_limit)
     with budget(operations(what, time_limit), time_limit=time_limit), np.errstate(all="ignore"):
         try:
             with Reporter(progress) as report:

@@ -15,11 +15,11 @@ from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, budget, seconds_left
 from ..exact.intake import flag, seconds, vector
 from ..progress import Reporter, Target
-from .plant import Plant, column_freedom, read_plant, require_simplicial
+from .feedback import state_feedback
+from .plant import Plant, read_plant, require_simplicial
 from .result import DesignResult
 from .running import Programs, operations
 from .simplicial.program import Failure, SimplicialProgram
-from .state import state_feedback
 
 _POINTS = 12
 
@@ -104,11 +104,7 @@ def gain_rate_tradeoff(
     ):
         plant = read_plant(sys, X, **demands)
         require_simplicial(plant.X, "the trade-off curve")
-        free = column_freedom(plant)
-        if free is None:
-            raise DataError("structure does not follow the blocks of X, which the trade-off curve needs.")
-        lp = Programs(None, report)
-        values, gains, largest = _curve(plant, free, rates, lp)
+        values, gains, largest = _curve(plant, rates, Programs(None, report))
         for place, rate in enumerate(values.tolist() if certify else []):
             report(f"design {place + 1} of {len(values)}")
             share = None if limit is None else max(seconds_left(), 1e-3) / (len(values) - place)
@@ -117,12 +113,12 @@ def gain_rate_tradeoff(
 
 
 def _curve(
-    plant: Plant, free: NDArray[np.bool_], rates: ArrayLike | None, lp: Programs
+    plant: Plant, rates: ArrayLike | None, lp: Programs
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Rates, gains, and the largest rate, as far as the limit allows."""
     values, gains, largest = None, np.empty(0), -np.inf
     try:
-        program = SimplicialProgram(plant, free, lp)
+        program = SimplicialProgram(plant, lp)
         lp.stage("largest decay rate")
         best = program.supremum_of_rates()
         largest = -np.inf if isinstance(best, Failure) else float(best[1])

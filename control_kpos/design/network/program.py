@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from ...exact.budget import spend
@@ -23,13 +24,14 @@ from ...exact.program import Solver
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
 from ..simplicial.program import RatioProgram
-from .units import input_units, state_units
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 # Margins of invariance relative to the size of the nodes, widest first.
 MARGINS = (1e-1, 1e-3, 1e-6)
+# Range of magnitudes, in powers of two, below which units are left alone.
+_MODERATE = 16
 # From this many variables on, the interior point method without crossover is faster than the simplex method.
 _LARGE = 4000
 # Operations to set up and scale a program, for each entry of its rows; with one gain for all, where few rows differ.
@@ -274,3 +276,70 @@ def _distinct(rows: sp.csr_array) -> sp.csr_array:
     keys = rows @ np.random.default_rng(0).standard_normal((rows.shape[1], 2))
     first = np.unique(keys[:, 0] + 1j * keys[:, 1], return_index=True)[1]
     return sp.csr_array(rows[np.sort(first)])
+
+
+# -- units of states and inputs, chosen by powers of two
+#
+# A grid in SI units has states of 1e-6 and 1e6 side by side; in units d, A becomes D^{-1} A D.  The units sought make
+# the entries of A, and of the links, about as large as their mirror images: with a_ik the logarithms of the entries, d
+# minimises sum (a_ik + d_k - d_i)^2, a Laplacian system.  Data of moderate range are left as they are.
+
+
+def state_units(local: list[Floats], links: sp.csr_array) -> list[Floats]:
+    """Powers of two for the states of every node, shape (N, n) for each stack.
+
+    Parameters
+    ----------
+    local : list of ndarray, shape (N, n, n)
+        A of the nodes in the coordinates of their generators.
+    links : csr_array, shape (sum n, sum n)
+        B W C in these coordinates, in the order of the stacks.
+    """
+    plain = [np.ones(M.shape[:2]) for M in local]
+    sizes = [np.abs(values[values != 0]) for values in (*local, links.data)]
+    if _spread(np.concatenate(sizes)) <= _MODERATE:
+        return plain
+    blocks, at = [], 0
+    for M in local:
+        count, n, _ = M.shape
+        number = at + np.arange(count * n).reshape(count, n)
+        at += count * n
+        blocks.append(
+            (M.ravel(), *(np.broadcast_to(x, M.shape).ravel() for x in (number[:, :, None], number[:, None])))
+        )
+    values, rows, columns = (np.concatenate(group) for group in zip(*blocks, strict=True))
+    whole = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(at, at)) + links).tocoo()
+    off = (whole.row != whole.col) & (whole.data != 0)
+    i, k, size = whole.row[off], whole.col[off], np.frexp(whole.data[off])[1].astype(float)
+    edges = np.arange(len(size))
+    # rows of d_i - d_k = size
+    incidence = sp.csr_array(
+        (np.repeat([1.0, -1.0], len(size)), (np.tile(edges, 2), np.concatenate([i, k]))), shape=(len(size), at)
+    )
+    found = spla.lsqr(incidence, size, atol=1e-3, btol=1e-3, iter_lim=200)[0]
+    if np.ptp(found) <= _MODERATE:  # a few small links, not other units
+        return plain
+    units = np.exp2(np.clip(np.rint(found), -500, 500))
+    out, at = [], 0
+    for M in local:
+        out.append(units[at : at + M[:, 0].size].reshape(M.shape[:2]))
+        at += M[:, 0].size
+    return out
+
+
+def input_units(A: Floats, B: Floats) -> Floats:
+    """Powers of two for the inputs of every node, shape (N, m), that bring the columns of B to the size of A.
+
+    Parameters
+    ----------
+    A, B : ndarray, shapes (N, n, n), (N, n, m)
+    """
+    pushes, size = np.abs(B).max(axis=1, initial=0.0), np.abs(A).max(axis=(1, 2), initial=0.0)
+    target = np.frexp(np.where(size > 0, size, 1.0))[1][:, None]
+    exponent = np.where(pushes > 0, target - np.frexp(pushes)[1], 0)
+    return np.where(np.abs(exponent) > _MODERATE, np.exp2(exponent.astype(float)), 1.0)
+
+
+def _spread(sizes: Floats) -> int:
+    exponents = np.frexp(sizes)[1]
+    return int(exponents.max() - exponents.min()) if sizes.size else 0

@@ -18,18 +18,18 @@ from numpy.typing import ArrayLike
 
 from ...cones import Cone, orthant
 from ...errors import DataError, ShapeError
-from ...exact.intake import exact_number, seconds
+from ...exact.intake import exact_number
 from ...exact.matrix import Matrix
 from ...networks.any_size import out_weight_certificate
 from ...progress import Target
 from ...systems.statespace import ConeStateSpace
 from ...theorems.stability import LyapunovCertificate
 from ..accept import beyond_feedback, undecided
+from ..feedback import read_rate
 from ..plant import Plant, read_plant, require_simplicial
 from ..result import DesignResult
 from ..running import Programs, SolverChoice, within
 from ..simplicial.search import design_on_simplicial
-from ..state import read_rate
 
 
 def scale_free_feedback(
@@ -79,13 +79,12 @@ def scale_free_feedback(
     >>> bool(d), bool(ring.certificate)
     (True, True)
     """
-    limit, target = seconds(time_limit), read_rate(rate)
-    value = exact_number(weight, "weight", nonnegative=True)
+    target, value = read_rate(rate), exact_number(weight, "weight", nonnegative=True)
 
     def design(lp: Programs) -> DesignResult:
         return _design(read_plant(sys, X, gain_bound=gain_bound, structure=structure), value, target, lp)
 
-    return within(limit, design, solver=solver, progress=progress)
+    return within(time_limit, design, solver=solver, progress=progress)
 
 
 def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -> DesignResult:

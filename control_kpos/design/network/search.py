@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -19,7 +20,7 @@ from ...errors import (
     ShapeError,
 )
 from ...exact.budget import OutOfBudgetError, affords, reason, spend
-from ...exact.intake import flag, items, seconds
+from ...exact.intake import flag, items
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.coupling import read_coupling
@@ -31,14 +32,13 @@ from ...proof.answer import first_proven
 from ...proof.certificate import Status, exactly
 from ...systems.statespace import ConeStateSpace
 from ..accept import closed_loop, interval_starts, undecided
+from ..feedback import read_rate
 from ..plant import read_bound
 from ..result import DesignResult
 from ..running import Programs, SolverChoice, within
 from ..simplicial.program import Failure
-from ..state import read_rate
 from .program import MARGINS, NetworkProgram
 from .refusal import beyond_gains, explain_failure
-from .units import generator_lengths, own_cones
 
 Floats = NDArray[np.float64]
 
@@ -119,7 +119,7 @@ def network_feedback(
     >>> bool(d), d.F.shape, d.decay_rate >= 0.5
     (True, (5, 1, 2), True)
     """
-    limit, uniform = seconds(time_limit), flag(uniform, "uniform")
+    uniform = flag(uniform, "uniform")
     target = read_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
@@ -132,9 +132,9 @@ def network_feedback(
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
         bound = _read_bound(gain_bound, model)
-        return _designed(model, bound, uniform, float(target), lp, own_cones(given))
+        return _designed(model, bound, uniform, float(target), lp, _own_cones(given))
 
-    result = within(limit, design, "network", solver=solver, progress=progress)
+    result = within(time_limit, design, "network", solver=solver, progress=progress)
     if result.alarm:
         warnings.warn(result.alarm, ActuatorLossWarning, stacklevel=2)
     return result
@@ -144,7 +144,7 @@ def _designed(
     model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, cones: dict[int, Cone]
 ) -> DesignResult:
     lp.stage(f"{model.n_nodes} nodes")
-    lengths = generator_lengths(cones, model)
+    lengths = _generator_lengths(cones, model)
 
     def at_margin(margin: float) -> NetworkProgram:
         return NetworkProgram(model, bound, uniform, lp, margin, lengths)
@@ -160,6 +160,36 @@ def _designed(
     if refused is not None or result.message != _NO_POINT:
         return result if refused is None else refused
     return explain_failure(model, at_margin(MARGINS[-1]), bound, rate, cones, lp)
+
+
+def _own_cones(systems: Sequence[Any]) -> dict[int, Cone]:
+    """State cones of those nodes that do not come in a stack, by number."""
+    out: dict[int, Cone] = {}
+    count = 0
+    for item in systems:
+        if isinstance(item, ConeStateSpace):
+            out[count] = item.X
+        count += 1 if isinstance(item, ConeStateSpace) else len(item)
+    return out
+
+
+def _generator_lengths(cones: Mapping[int, Cone], model: NetworkModel) -> list[Floats]:
+    """Lengths of every node's own generators, relative to those of its stack; shape (N, n) for each stack.
+
+    Nodes share a stack if their cones are equal as sets; gains are measured at the generators each node came with.
+    """
+    out = []
+    for s, index in zip(model.stacks, model.members, strict=True):
+        rays = np.asarray(s.X.rays, dtype=float)
+        lengths = np.ones((len(index), len(rays)))
+        known: dict[int, Floats] = {id(s.X): np.ones(len(rays))}
+        for place, j in enumerate(index.tolist()):
+            X = cones.get(j, s.X)
+            if id(X) not in known:  # each generator is a multiple of one of the stack's
+                known[id(X)] = np.linalg.solve(rays.T, np.asarray(X.rays, dtype=float).T).max(axis=1)
+            lengths[place] = known[id(X)]
+        out.append(lengths)
+    return out
 
 
 def _effort(model: NetworkModel) -> float:
@@ -250,8 +280,6 @@ def _certified(
             return None
         value = max(float((u / b[:, :, None]).max(initial=0.0)) for u, b in zip(used, bounds, strict=True))
     closed, exact = _closed(model, gains)
-    if not all((g >= 0).all() for g in _invariance(program, closed)):
-        return None
     network = ConeNetwork(closed)
     certificate = network.certificate
     if not certificate:
@@ -303,19 +331,6 @@ def _closed(model: NetworkModel, gains: list[Floats]) -> tuple[NetworkModel, boo
             loop = Matrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
         stacks.append(replace(s, A=loop))
     return replace(model, stacks=tuple(stacks)), exact
-
-
-def _invariance(program: NetworkProgram, closed: NetworkModel) -> list[Floats]:
-    """h_i'(A + B F)t_k for pairs that matter, with values below rounding set to 0; a glance before the proof."""
-    out = []
-    for g, s in zip(program.parts, closed.stacks, strict=True):
-        M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
-        size = np.einsum(
-            "ia,jab,kb->jik", np.abs(g.facets), np.abs(np.asarray(s.A.values)), np.abs(g.rays), optimize=True
-        )
-        where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
-        out.append(np.where(np.abs(M) <= 1e-15 * size, 0.0, M)[:, where])
-    return out
 
 
 def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: NetworkModel) -> str:

@@ -118,15 +118,9 @@ def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) 
     slim, size = program.slim(found, goal)
     allowed = size * (1 + GAIN_SLACK)
     fast = program.speed_up(slim.v, 2 * rate + program.plant.scale, most=allowed)
-    for iterate in (fast, slim, found):
-        if iterate is None:
-            continue
-        target = rate + 0.9 * max(iterate.rate - rate, 0.0) if iterate is fast else goal
-        most = np.inf if iterate is found else allowed
-        centred = program.centred(iterate.v, target, most)
-        if centred is not None:
-            yield centred
-        yield iterate.gain
+    fast = fast or slim
+    centred = program.centred(fast.v, rate + 0.9 * max(fast.rate - rate, goal - rate), allowed)
+    yield from (gain for gain in (centred, fast.gain, slim.gain, found.gain) if gain is not None)
 
 
 def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floats, ...]) -> DesignResult:

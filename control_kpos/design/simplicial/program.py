@@ -19,6 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...errors import DataError
 from ...exact.budget import affords, spend
 from ...exact.program import SMALL, Block, Program, Solver
 from ...exact.programs import Solution
@@ -247,16 +248,23 @@ class SimplicialProgram(RatioProgram):
     ----------
     plant : Plant
         On a simplicial cone.
-    free : ndarray of bool, shape (n, m)
-        Which F t_k may differ from zero.
     lp : callable
         As `control_kpos.exact.programs.solve`.
+
+    Raises
+    ------
+    DataError
+        The pattern of the gain does not follow the blocks of X.
     """
 
-    def __init__(self, plant: Plant, free: NDArray[np.bool_], lp: Solver) -> None:
+    def __init__(self, plant: Plant, lp: Solver) -> None:
         super().__init__(lp, plant.discrete)
-        n, m = plant.n, plant.m
-        self.plant, self.n, self.m, self.free, self.scale = plant, n, m, free, plant.scale
+        n, m, free = plant.n, plant.m, plant.free
+        if free is None:
+            raise DataError(
+                'structure does not follow the blocks of X; state_feedback has method="alternation" for it.'
+            )
+        self.plant, self.n, self.m, self.scale = plant, n, m, plant.scale
         spend_on_entries(2.0 * len(plant.vertices) * n * n * (1 + m))
         facets = plant.facets / np.einsum("ij,ij->i", plant.facets, plant.rays)[:, None]
         coupled = None

@@ -17,8 +17,10 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...errors import DataError
 from ...exact.budget import affords
 from ...exact.linalg import solve_exactly
+from ...exact.matrix import Matrix
 from ...exact.program import Block, Program
 from ...exact.programs import balance
 
@@ -42,8 +44,11 @@ def repaired_multipliers(
     n : int
     strict : ndarray of bool, shape (K,)
     """
-    sizes, exact = _balanced(rows)
-    values = np.array([[float(x) for x in row] for row in exact])
+    try:
+        sizes, exact = _balanced(rows)
+        values = exact.astype(float)
+    except (DataError, OverflowError):  # numbers beyond the range of doubles
+        return None
     for room in _ROOMS:
         chosen = _exact(exact, values, owner, n, strict, room)
         if chosen is not None:
@@ -80,24 +85,9 @@ def _exact(
 
 def _balanced(rows: Rationals) -> tuple[list[Fraction], Rationals]:
     """Rows and columns multiplied by powers of two that bring entries close to 1; the factors of the rows."""
-    size = np.array(
-        [[abs(Fraction(x).numerator).bit_length() - Fraction(x).denominator.bit_length() for x in row] for row in rows]
-    )
-    held = np.array([[x != 0 for x in row] for row in rows])
-    top = np.where(held, size, -(10**6)).max(axis=1, keepdims=True)
-    top = np.where(top == -(10**6), 0, top)
-    near = np.ldexp(held.astype(float), np.clip(size - top, -900, 900))
-    r, c = balance(sp.csr_array(near))
-    row_factors = [Fraction(2) ** int(e - t) for e, t in zip(r, top[:, 0], strict=True)]
-    columns = [Fraction(2) ** int(e) for e in c]
-    exact = np.array(
-        [
-            [Fraction(x) * f * g for x, g in zip(row, columns, strict=True)]
-            for row, f in zip(rows, row_factors, strict=True)
-        ],
-        dtype=object,
-    )
-    return row_factors, exact
+    r, c = balance(sp.csr_array(Matrix.from_fractions(rows).values))
+    left, right = ([Fraction(2) ** int(e) for e in exponents] for exponents in (r, c))
+    return left, rows * np.array(left, dtype=object)[:, None] * np.array(right, dtype=object)
 
 
 def _proposal(

@@ -13,12 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import DataError
 from ...exact.budget import OutOfBudgetError, affords
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept, controllability_notes, proven_rate, slack, succeed, undecided
-from ..plant import Plant, column_freedom
+from ..plant import Plant
 from ..refusal import decide
 from ..result import DesignResult, Nearest
 from ..running import Programs
@@ -42,13 +41,10 @@ BELOW = 1 - 1e-9
 
 def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
     """The one-shot design; the plant's pattern must follow the blocks of X."""
-    free = column_freedom(plant)
-    if free is None:
-        raise DataError("structure does not follow the blocks of X; this program cannot express it.")
     trivial = without_feedback(plant, rate)
     if trivial is not None:
         return trivial
-    program = SimplicialProgram(plant, free, lp)
+    program = SimplicialProgram(plant, lp)
     if rate == "max":
         return _fastest(plant, program, lp)
     target = float(rate)
@@ -69,10 +65,7 @@ def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
 
 def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     """Any certified gain: by columns if that works, by the one-shot program otherwise."""
-    free = column_freedom(plant)
-    if free is None:
-        raise DataError("structure does not follow the blocks of X; this program cannot express it.")
-    program = SimplicialProgram(plant, free, lp)
+    program = SimplicialProgram(plant, lp)
     point = program.by_columns(rate)
 
     def points() -> Iterator[Any]:
@@ -170,7 +163,7 @@ def _nearest(plant: Plant, rate: float, program: SimplicialProgram) -> Nearest |
                 limit = best[1]
                 slowest = limit if np.isfinite(limit) and limit > 0 else None
         if plant.gain_bound is not None:
-            unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.free, program.lp)
+            unbounded = SimplicialProgram(replace(plant, gain_bound=None), program.lp)
             start = unbounded.start(rate)
             if not isinstance(start, Failure):
                 bound = unbounded.smallest_gain(rate, start)[1]
