@@ -324,15 +324,7 @@ def _plain(x: Any) -> Any:
 
 
 def out_weight_certificate(node: ConeStateSpace, weight: Fraction, proof: LyapunovCertificate) -> OutWeightCertificate:
-    """The certificate for copies of a node with one input, one output and D = 0, from a proof for A + weight B C.
-
-    Parameters
-    ----------
-    node : ConeStateSpace
-    weight : Fraction
-    proof : LyapunovCertificate
-        Of A + weight * B C; its v and decay rate become those of the networks.
-    """
+    """The certificate for copies of a node with one input, one output and D = 0, from a proof for A + weight B C."""
     stacks, members, dt = gather(node, "node")
     one = Matrix(np.ones((1, 1)))
     model = NetworkModel(stacks, members, _self_loops(one, weight, 1), 0 if dt is None else dt)

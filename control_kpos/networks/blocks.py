@@ -87,14 +87,7 @@ def multiply(left: Floats, right: Floats) -> Floats:
 
 
 def block_diagonal(parts: Sequence[tuple[Floats, Index, Index]], shape: tuple[int, int]) -> sp.csr_array:
-    """Sparse matrix with blocks of stacks at given places.
-
-    Parameters
-    ----------
-    parts : sequence of (blocks, rows, columns)
-        blocks (N, r, c) stand at rows (N, r) and columns (N, c).
-    shape : tuple of int
-    """
+    """Sparse matrix from (blocks, rows, columns): blocks (N, r, c) stand at rows (N, r) and columns (N, c)."""
     if len(parts) == 1 and _in_order(parts[0][1]) and _in_order(parts[0][2]):
         blocks, _, columns = parts[0]
         n, r, c = blocks.shape

@@ -33,6 +33,7 @@ from .model import NetworkModel
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
+    LoopWeights,
     NetworkInstability,
     NodeNotDissipative,
     NodeViolation,
@@ -78,7 +79,41 @@ class NodeVector(Vector):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class NetworkCertificate(Certificate):
+class ClaimOnNetwork(Certificate):
+    """A certificate that rests on v, r, q of Theorem 4 for the nodes of a network."""
+
+    model: NetworkModel
+    v: NodeVector = NodeVector(0)
+    r: NodeVector = NodeVector(1)
+    q: NodeVector = NodeVector(2)
+    loop_weights: VectorPair = VectorPair()
+    exact: Fractions = Fractions("v", "r", "q")
+
+    @property
+    def loop(self) -> LoopWeights:
+        """`loop_weights`, exactly."""
+        return None if self.loop_weights is None else exactly(self, "loop_weights")
+
+    def contents(self) -> dict[str, Any]:
+        """The network as one large system, and the fields."""
+        own = {key: value for key, value in self.data().items() if key != "model"}
+        return {**files.describe(self.model), **own}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> Any:
+        """The inverse of `contents`; also reads files of version 0.1 that hold the model as a record.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+        return cls.settle(**{"model": own.get("model") or files.rebuild(contents), **own})
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class NetworkCertificate(ClaimOnNetwork):
     """Proof that a network is positive and exponentially stable by Theorem 4, or why it is not.
 
     Attributes
@@ -106,14 +141,8 @@ class NetworkCertificate(Certificate):
 
     claim: ClassVar[str] = "network"
 
-    model: NetworkModel
-    v: NodeVector = NodeVector(0)
-    r: NodeVector = NodeVector(1)
-    q: NodeVector = NodeVector(2)
     sigma: NDArray[np.float64] | None = None
     decay_rate: float = 0.0
-    loop_weights: VectorPair = VectorPair()
-    exact: Fractions = Fractions("v", "r", "q")
 
     def conditions(self) -> Sequence[Condition]:
         model = self.model
@@ -125,9 +154,9 @@ class NetworkCertificate(Certificate):
         out = positive_parts(model) + dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
         out.append(on.balance(model, q, r, self.sigma))
         if model.has_feedthrough:
-            if self.loop_weights is None:
+            if self.loop is None:
                 raise DataError("loop_weights are missing although some D is not zero.")
-            out += on.loop_gain(model, *exactly(self, "loop_weights"))
+            out += on.loop_gain(model, *self.loop)
         return out
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
@@ -138,31 +167,12 @@ class NetworkCertificate(Certificate):
     def refutation(self) -> Sequence[Condition] | None:
         if isinstance(self.witness, NoWeights):
             return no_weights(self.model, exactly(self, "q"), exactly(self, "r"), self.witness.y)
-        loop = None if self.loop_weights is None else exactly(self, "loop_weights")
-        return refute(self.model, self.witness, loop)
-
-    def contents(self) -> dict[str, Any]:
-        """The network as one large system, and the fields."""
-        own = {key: value for key, value in self.data().items() if key != "model"}
-        return {**files.describe(self.model), **own}
-
-    @classmethod
-    def restore(cls, contents: dict[str, Any]) -> NetworkCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By the names in files.
-        """
-        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
-        return cls.settle(model=files.rebuild(contents), **own)
+        return refute(self.model, self.witness, self.loop)
 
     def evidence(self) -> dict[str, Any]:
         """Weights for positivity and the coupling, and the vectors of Theorem 4; or the normal that is crossed."""
         vectors = None if self.v is None or self.q is None or self.r is None else node_vectors(self)
-        loop = None if self.loop_weights is None else exactly(self, "loop_weights")
-        return files.evidence(self.model, self.witness, vectors, loop, self.sigma)
+        return files.evidence(self.model, self.witness, vectors, self.loop, self.sigma)
 
     @cached_property
     def node_margins(self) -> NDArray[np.float64]:

@@ -57,22 +57,9 @@ Data: TypeAlias = "tuple[Floats, Floats, Floats]"
 def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
     """Decide Theorem 4 for a network.
 
-    Parameters
-    ----------
-    model : NetworkModel
-    progress : callable, optional
-        Receives lines of text during long work.
-
-    Returns
-    -------
-    NetworkCertificate
-        PROVED; REFUTED with the first of: a node that is not positive, a link that leaves the cones, an
-        algebraic loop of gain 1 or more, a direction of growth.  UNDECIDED is rare: see `certify_exactly`.
-
-    Notes
-    -----
-    A stable network costs one solve in the unknowns r (a few sparse products; see `solvers`) and the
-    proof, which is linear in the data.
+    REFUTED with the first of: a node that is not positive, a link that leaves the cones, an algebraic loop of gain 1
+    or more, a direction of growth.  UNDECIDED is rare: see `certify_exactly`.  A stable network costs one solve in
+    the unknowns r (a few sparse products; see `port_solves`) and the proof, which is linear in the data.
     """
     loop = loop_weights(model)
     least = 1.0 if model.discrete else 0.0

@@ -38,17 +38,7 @@ _MOST_LOOPING = 40
 
 
 class ClosedLoop:
-    """The closed loop from all external inputs to all outputs.
-
-    Parameters
-    ----------
-    model : NetworkModel
-
-    Raises
-    ------
-    DataError
-        I - W D is singular; the message names the nodes of the algebraic loop.
-    """
+    """The closed loop from all external inputs to all outputs; DataError if I - W D is singular."""
 
     def __init__(self, model: NetworkModel) -> None:
         self.model = model

@@ -39,13 +39,7 @@ from .witnesses import NetworkInstability, positive_parts
 
 
 class ClosedLoopSystem(NetworkResponses):
-    """Verdicts on a network as one system, and its connections with others; see `ConeNetwork`.
-
-    Parameters
-    ----------
-    model, external, name, certificate, find, progress
-        As for `ConeNetwork`.
-    """
+    """Verdicts on a network as one system, and its connections with others; see `ConeNetwork`."""
 
     def __init__(
         self,

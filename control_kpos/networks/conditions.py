@@ -239,11 +239,7 @@ def balance_forms(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | Non
         weights = np.array(list(map(Fraction, sigma.tolist())))[_nodes(model)]
         left, sigma = Matrix.from_fractions(left.fractions() * weights), None
     if sigma is None:
-        if model.coupling.is_double:
-            middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
-        else:
-            middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
-        return BilinearForms(left, middle, generators)
+        return BilinearForms(left, _sent_and_received(model), generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
     weights = sigma[_nodes(model)][None, :]
     diagonal = Matrix(sp.csr_array(sp.diags_array(left.values[0])))
@@ -256,7 +252,7 @@ def balance_forms(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | Non
 
 def _exact_image(generators: Matrix, coupling: Matrix) -> Matrix:
     """Rows [y', (W y)'] in rational arithmetic."""
-    Y, W = _dense(generators), _dense(coupling)
+    Y, W = generators.dense(), coupling.dense()
     if Y.shape[0] * W.shape[0] * W.shape[1] > 10**7:
         raise UndecidedError(
             "weights sigma other than 1 with general output cones are proven up to 10^7 products only; scale the "
@@ -264,10 +260,6 @@ def _exact_image(generators: Matrix, coupling: Matrix) -> Matrix:
         )
     y, w = Y.fractions(), W.fractions()
     return Matrix.from_fractions(np.concatenate([y, y @ w.T], axis=1))
-
-
-def _dense(m: Matrix) -> Matrix:
-    return Matrix(m.values.toarray()) if m.is_sparse else m
 
 
 def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> BilinearForms:
@@ -280,11 +272,12 @@ def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> Bili
         table = np.zeros((model.n_nodes, Q + M), dtype=object)
         table[places] = rates.fractions()[0]
         left = Matrix.from_fractions(table)
-    if model.coupling.is_double:
-        middle = Matrix(sp.vstack([sp.eye_array(Q, format="csr"), model.W], format="csr"))
-    else:
-        middle = Matrix.join([Matrix.identity(Q), _dense(model.coupling)], -2)
-    return BilinearForms(left, middle, Matrix(y[None, :]))
+    return BilinearForms(left, _sent_and_received(model), Matrix(y[None, :]))
+
+
+def _sent_and_received(model: NetworkModel) -> Matrix:
+    """[I; W]: y to y and W y."""
+    return Matrix.join([Matrix.identity(model.totals[2], sparse=True), model.coupling], -2)
 
 
 def _nodes(model: NetworkModel) -> Index:
@@ -334,8 +327,5 @@ def emitted(model: NetworkModel, y: Matrix) -> list[Condition]:
 
 def received(model: NetworkModel, u: Matrix, y: Matrix) -> Condition:
     """h'(W y - u) >= 0 for every facet h of every U_j."""
-    if model.coupling.is_double:
-        middle = Matrix(sp.csr_array(sp.hstack([model.W, -sp.eye_array(model.totals[1], format="csr")], format="csr")))
-    else:
-        middle = Matrix.join([_dense(model.coupling), Matrix(-np.eye(model.totals[1]))], -1)
+    middle = Matrix.join([model.coupling, -Matrix.identity(model.totals[1], sparse=True)], -1)
     return Condition("h'(W y - u) >= 0", BilinearForms(after(y, u), middle.T, input_facets(model)), ">=")

@@ -20,13 +20,7 @@ _EXACT_ENTRIES = 10**7
 
 
 def read_coupling(coupling: Any, model: NetworkModel) -> Matrix:
-    """W in u = W y as exact data of the size the nodes ask for.
-
-    Parameters
-    ----------
-    coupling : array_like, sparse matrix, list of lists of blocks, or networkx graph
-    model : NetworkModel
-        With the nodes; its own coupling is ignored.
+    """W in u = W y as exact data of the size that the nodes of the model ask for; its own coupling is ignored.
 
     Raises
     ------

@@ -27,16 +27,7 @@ DENSE_STATES = 5_000
 
 
 class DenseOnDemand(ConeStateSpace):
-    """A network as a `ConeStateSpace` that makes its dense matrices from stacks and sparse ones when asked for.
-
-    Parameters
-    ----------
-    model : NetworkModel
-    external : tuple of two ndarrays of int, optional
-        External inputs and outputs kept; all if not given.
-    name : str, optional
-    progress : callable or bool, optional
-    """
+    """A network as a `ConeStateSpace` that makes its dense matrices from sparse ones when asked; see `ConeNetwork`."""
 
     def __init__(
         self,

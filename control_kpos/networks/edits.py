@@ -153,13 +153,7 @@ def _rewired(model: NetworkModel, new: NetworkModel, node: int, blocks: Mapping[
 def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Index) -> NetworkCertificate | None:
     """A certificate of the changed network from one of the network before, or None if that proves nothing there.
 
-    Parameters
-    ----------
-    certificate : NetworkCertificate
-    model : NetworkModel
-        The changed network, its nodes in their old order.
-    origin : ndarray of int, shape (N,)
-        Numbers that the nodes had before; -1 for one that is new.
+    `origin` holds the numbers that the nodes, in their old order, had before; -1 for one that is new.
     """
     if certificate.status is not Status.PROVED or certificate.v is None or certificate.sigma is None:
         return None
@@ -230,12 +224,7 @@ def permissible_weight(
 
     With h' = b sum_j r_j'L_j for the targets j and G = C (-A)^{-1} B (C (I - A)^{-1} B in discrete time), a source k
     has to cover a h'G L_k y more, at every generator of X_k, out of what its storage decreases by: -(v'A - q'C) x.
-
-    Returns
-    -------
-    float
-        0 if the certificate does not hold, the node is not positive or not stable, or a link leaves the cones; inf if
-        no loop through the network arises.
+    See `ConeNetwork.room_for`.
     """
     model = certificate.model
     m, q = stack.sizes[1:]

@@ -69,18 +69,10 @@ def _row(data: Any, name: str, size: int) -> Matrix:
 
 
 def certify_rates(model: NetworkModel, q: Matrix, r: Matrix) -> NetworkCertificate:
-    """Theorem 4 with given supply rates.
+    """Theorem 4 with given supply rates, of all outputs and inputs.
 
-    Parameters
-    ----------
-    model : NetworkModel
-    q, r : Matrix, shapes (sum q_k,), (sum m_j,)
-
-    Returns
-    -------
-    NetworkCertificate
-        REFUTED means that these rates prove nothing: a node does not satisfy its own, or no sigma fits;
-        the network may still be stable with others.
+    REFUTED means that these rates prove nothing: a node does not satisfy its own, or no sigma fits; the network may
+    still be stable with others.
     """
     early = violation(model, None)
     if early is not None:
@@ -196,17 +188,13 @@ def exact_weights(model: NetworkModel, q: Matrix, r: Matrix) -> Iterator[Proposa
     height = sum(len(s) * s.Y.n_rays for s in model.stacks)
     if height * model.n_nodes > _EXACT_ENTRIES:
         return
-    generators = _fractions(on.output_generators(model))
+    generators = on.output_generators(model).dense().fractions()
     own = np.where(model.owners(2)[:, None] == np.arange(model.n_nodes), q.fractions()[:, None], 0)
     given = np.where(model.owners(1)[:, None] == np.arange(model.n_nodes), r.fractions()[:, None], 0)
-    gains = generators @ (own + _fractions(model.coupling).T @ given)
+    gains = generators @ (own + model.coupling.dense().fractions().T @ given)
     unit = np.array([[Fraction(int(i == j)) for j in range(height)] for i in range(height)], dtype=object)
     x, y = exact_feasibility(np.concatenate([gains, unit], axis=1), -gains.sum(axis=1))
     yield (None if x is None else _whole(x[: model.n_nodes] + 1)), (None if y is None else _whole(y @ generators))
-
-
-def _fractions(m: Matrix) -> Any:
-    return (Matrix(m.values.toarray()) if m.is_sparse else m).fractions()
 
 
 def _whole(x: Any) -> Floats | None:

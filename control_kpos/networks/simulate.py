@@ -74,20 +74,9 @@ def respond(
     keep_states: bool,
     progress: Progress | None = None,
 ) -> tuple[Floats, Floats | None]:
-    """Outputs at the sample times, shape (len(rows), len(times)), and states if wanted.
+    """Outputs (`rows` of them) at evenly spaced sample times, shape (len(rows), len(times)), and states if wanted.
 
-    Parameters
-    ----------
-    loop : ClosedLoop
-    times : ndarray
-        Evenly spaced.
-    x0 : ndarray, shape (n,)
-    inputs : (B, U) or None
-        Input matrix (n, m) and samples (m, len(times)); without feedthrough to the outputs.
-    rows : ndarray of int
-        Outputs wanted.
-    keep_states : bool
-    progress : callable, optional
+    `inputs` are the input matrix (n, m) and samples (m, len(times)), without feedthrough to the outputs.
     """
     C, _ = loop.output_matrices(rows)
     outputs = np.zeros((len(rows), len(times)))

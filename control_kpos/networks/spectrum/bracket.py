@@ -7,7 +7,7 @@ q'y + r'W y <= 0 on Y; lambda >= mu if some x in X, x != 0, has A_cl x - mu x in
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -15,12 +15,12 @@ import numpy as np
 from ...errors import DataError
 from ...exact.condition import Condition, all_hold
 from ...exact.matrix import Matrix
-from ...proof.certificate import Certificate, Fractions, Status, VectorPair, exactly
+from ...proof.certificate import Status
 from ...proof.weights import ProofOmittedError
 from .. import conditions as on
 from .. import files
 from ..blocks import Floats
-from ..certificate import NodeVector, dissipation, node_vectors
+from ..certificate import ClaimOnNetwork, dissipation, node_vectors
 from ..certify import (
     growth_witness,
     loop_weights,
@@ -46,7 +46,7 @@ _RETREATS = (0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class AbscissaCertificate(Certificate):
+class AbscissaCertificate(ClaimOnNetwork):
     """Proof that the spectral abscissa (discrete time: radius) of a positive network lies in [lower, upper].
 
     Attributes
@@ -64,19 +64,9 @@ class AbscissaCertificate(Certificate):
 
     claim: ClassVar[str] = "network abscissa"
 
-    model: NetworkModel
     lower: float = -np.inf
     upper: float = np.inf
-    v: NodeVector = NodeVector(0)
-    r: NodeVector = NodeVector(1)
-    q: NodeVector = NodeVector(2)
     below: NetworkInstability | None = None
-    loop_weights: VectorPair = VectorPair()
-    exact: Fractions = Fractions("v", "r", "q")
-
-    @property
-    def _loop(self) -> LoopWeights:
-        return None if self.loop_weights is None else exactly(self, "loop_weights")
 
     def conditions(self) -> Sequence[Condition]:
         if self.below is None:
@@ -85,28 +75,22 @@ class AbscissaCertificate(Certificate):
             raise DataError("below does not belong to the lower end.")
         model = self.model
         v, r, q = node_vectors(self)
-        lower = below_abscissa(model, self.below, self._loop)
+        lower = below_abscissa(model, self.below, self.loop)
         if lower is None:
             raise DataError("loop_weights are missing although some D is not zero.")
         upper = dissipation(model, v, r, q, -self.upper, discrete=False)
         return [*lower, *upper, on.balance(model, q, r, None)]
 
-    def contents(self) -> dict[str, Any]:
-        """The network as one large system, and the fields."""
-        own = {key: value for key, value in self.data().items() if key != "model"}
-        return {**files.describe(self.model), **own}
-
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> AbscissaCertificate:
-        """The inverse of `contents`; also reads files of version 0.1, which hold the model as a record.
+        """The inverse of `contents`.
 
         Parameters
         ----------
         contents : dict
             By the names in files.
         """
-        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
-        restored = cls.settle(**{"model": own.get("model") or files.rebuild(contents), **own})
+        restored = super().restore(contents)
         if not restored and (restored.lower, restored.upper) != (-np.inf, np.inf):
             raise DataError("the ends of a bracket are stated without a proof.")
         return restored
@@ -115,7 +99,7 @@ class AbscissaCertificate(Certificate):
         """Weights for positivity and the coupling, v, q, r for the upper end, and the motion for the lower one."""
         if self.v is None or self.r is None or self.q is None:
             raise ProofOmittedError("no bracket is claimed")
-        return files.evidence(self.model, self.below, node_vectors(self), self._loop, np.ones(self.model.n_nodes))
+        return files.evidence(self.model, self.below, node_vectors(self), self.loop, np.ones(self.model.n_nodes))
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and (self.v is None or self.below is None):

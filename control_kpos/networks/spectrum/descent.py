@@ -31,20 +31,10 @@ Progress: TypeAlias = Callable[[str], None]
 
 @dataclass
 class Approach:
-    """Where the descent stands.
+    """Where the descent stands: theta, an estimate of the abscissa, and `shift`, the mu > theta of the last solve.
 
-    Attributes
-    ----------
-    theta : float
-        Estimate of the abscissa.
-    shift : float
-        mu > theta of the last solve.
-    v, x : ndarray, shape (sum n_j,)
-        Dual and primal iterates at `shift`, in the interiors of X* and X.
-    c, d : ndarray, shape (sum n_j,)
-        Their right-hand sides.
-    iterations : int
-        Krylov iterations of the slower of the two solves.
+    v and x are dual and primal iterates at the shift, in the interiors of X* and X, c and d their right-hand sides,
+    `iterations` the Krylov iterations of the slower of the two solves.
     """
 
     theta: float
@@ -98,24 +88,10 @@ def descend(
     progress: Progress | None = None,
     limit: int = 60,
 ) -> Approach | None:
-    """Approach the abscissa from a shift above it.
+    """Approach the abscissa from a shift above it; None if no such shift was found.
 
-    Parameters
-    ----------
-    model : NetworkModel
-    start : float
-        A first guess for a shift above the abscissa; raised until it is one.
-    relative : float
-        Ends when shift - theta is below 0.45 relative |theta|, which leaves as much for the proof from below.
-    stop : callable, optional
-        Ends early when it returns True.
-    progress : callable, optional
-        Receives a line of text after every step.
-
-    Returns
-    -------
-    Approach or None
-        None if no shift above the abscissa was found.
+    The first guess `start` is raised until it is one.  Ends when `stop` returns True, or when shift - theta is below
+    0.45 relative |theta|, which leaves as much for the proof from below.
     """
     bold = 0.5 if banded_order(model) is None else 0.2  # a shift below the abscissa costs Krylov methods most
     scale = rate_scale(model)

@@ -36,16 +36,7 @@ _STEPS = 1000
 
 @dataclass
 class Peak:
-    """Both sides of a bracket, as vectors on the whole network.
-
-    Attributes
-    ----------
-    v : ndarray, shape (sum n_j,)
-        Interior to the product of the X_j*; it falls at `shift`.
-    x : ndarray, shape (sum n_j,)
-        In X, with A_cl x - rate x in X.
-    rate : float
-    """
+    """Both sides of a bracket, as vectors on the whole network: v in int X* falls, and A_cl x - rate x is in X."""
 
     v: Floats
     x: Floats
@@ -55,20 +46,7 @@ class Peak:
 def localised_peak(model: NetworkModel, start: float, relative: float, progress: Progress | None = None) -> Peak | None:
     """Look for the abscissa near the largest entries of an early iterate.
 
-    Parameters
-    ----------
-    model : NetworkModel
-    start : float
-        First guess of a shift above the abscissa.
-    relative : float
-        Width to reach, relative to the abscissa.
-    progress : callable, optional
-        Receives lines of text.
-
-    Returns
-    -------
-    Peak or None
-        None if the network is small or its eigenvector not localised.
+    None if the network is small or its eigenvector not localised.
     """
     if model.n_nodes < LEAST_NODES:
         return None

@@ -32,14 +32,7 @@ _ITERATIONS = 400
 
 
 class Loop:
-    """The equations r = T r + b and r = T'r + b with T = W G, for block-diagonal G.
-
-    Parameters
-    ----------
-    model : NetworkModel
-    G : list of ndarray, shapes (N, q, m)
-        One stack of blocks per node stack.
-    """
+    """The equations r = T r + b and r = T'r + b with T = W G, for block-diagonal G: one stack (N, q, m) per stack."""
 
     def __init__(self, model: NetworkModel, G: list[Floats]) -> None:
         self.model, self.G = model, G
@@ -173,14 +166,7 @@ def _norm(a: Floats) -> float:
 
 
 class PortSystem:
-    """The matrix mu I - A_cl of a network, ready to be solved with.
-
-    Parameters
-    ----------
-    model : NetworkModel
-    shift : float
-        mu; 0 for stability in continuous time, 1 in discrete time.
-    """
+    """The matrix mu I - A_cl of a network, ready to be solved with; the shift is mu."""
 
     def __init__(self, model: NetworkModel, shift: float) -> None:
         self.model, self.shift = model, float(shift)
@@ -211,10 +197,7 @@ class PortSystem:
     ) -> tuple[Floats, Floats, Floats]:
         """v and r for a row vector c, from a guess of v; `near`: mu is close to the abscissa.
 
-        Returns
-        -------
-        v, r, c : ndarray
-            The third is (mu I - A_cl)' v, which differs from the c asked for by the error of the solve.
+        The third answer is (mu I - A_cl)' v, which differs from c by the error of the solve.
         """
         model = self.model
         b = model.apply(self.KB, c, 0, 1, transposed=True)

@@ -45,12 +45,7 @@ _LONGEST = 900
 
 @dataclass(frozen=True, eq=False)
 class NetworkPencil:
-    """M - mu E of a positive network, in generator coordinates.
-
-    Attributes
-    ----------
-    model : NetworkModel
-    """
+    """M - mu E of a positive network, in generator coordinates."""
 
     model: NetworkModel
 
@@ -104,13 +99,9 @@ class NetworkPencil:
         return x * scale, u * scale, self._beside("CD", scale).apply(np.concatenate([x, u]))
 
     def decide(self, shift: float) -> Outcome | None:
-        """Whether the algebraic loop contracts and the spectral abscissa is below the shift.
+        """Whether the algebraic loop contracts and the spectral abscissa is below the shift; None where undecided.
 
-        Returns
-        -------
-        stable : bool
-        state, port : ndarray of int (object), shapes (sum n_j,), (sum m_j,)
-            v and r if stable, else x and u, all times one number.  None instead where it is undecided.
+        With it come v and r if stable, else x and u, all times one number.
         """
         found = self.pencil.decide(shift)
         return None if found is None else self._outcome(found)
@@ -138,20 +129,9 @@ class NetworkPencil:
 
 
 def certify_exactly(model: NetworkModel, loop: LoopWeights) -> NetworkCertificate:
-    """Decide Theorem 4 for a positive network, also at the margin and within rounding of it.
+    """Decide Theorem 4 for a positive network with W Y in U, also at the margin and within rounding of it.
 
-    Parameters
-    ----------
-    model : NetworkModel
-        Nodes are positive, and W maps Y into U.
-    loop : tuple or None
-        Proof that the algebraic loop contracts, if one is known.
-
-    Returns
-    -------
-    NetworkCertificate
-        UNDECIDED where the Perron vector cannot be refined, or cones that are not simplicial ask for programs too
-        long.
+    UNDECIDED where the Perron vector cannot be refined, or cones that are not simplicial ask for programs too long.
     """
     network = NetworkPencil(model)
     try:
@@ -181,14 +161,8 @@ def _certified(network: NetworkPencil, loop: LoopWeights) -> NetworkCertificate:
 def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> dict[str, Any] | None:
     """Both sides of a bracket of the spectral abscissa, as fields of an `AbscissaCertificate`, or None.
 
-    Parameters
-    ----------
-    model : NetworkModel
-        Positive, and with an algebraic loop that contracts.
-    relative : float
-        Width of the bracket, relative to the abscissa or to 2^-40 of the size of A, whichever is larger.
-    loop : tuple or None
-        Proof that the algebraic loop contracts.
+    The network is positive, with an algebraic loop that contracts.  The width is relative to the abscissa or to 2^-40
+    of the size of A, whichever is larger.
     """
     network = NetworkPencil(model)
     try:

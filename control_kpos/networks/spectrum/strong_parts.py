@@ -34,17 +34,9 @@ _LEAST, _LARGEST = 1e-200, 1e200
 
 @dataclass(frozen=True, eq=False)
 class Parts:
-    """A network cut into its strongly connected parts.
+    """A network cut into its strongly connected parts: `part` numbers the one that a node belongs to.
 
-    Attributes
-    ----------
-    model : NetworkModel
-    inner : NetworkModel
-        The same nodes with the links inside parts only.
-    part : ndarray of int, shape (N,)
-        Number of the part that a node belongs to.
-    between : csr_array
-        The transposed coupling of the links between parts.
+    `inner` has the links inside parts only; `between` is the transposed coupling of the links between parts.
     """
 
     model: NetworkModel
@@ -68,13 +60,7 @@ class Parts:
         return x, slow[1]
 
     def joined(self, v: Floats, c: Floats) -> Floats | None:
-        """s_S v_S for every part S, falling in the whole network, or None.
-
-        Parameters
-        ----------
-        v, c : ndarray, shape (sum n_j,)
-            In int X*, with (A_inner - mu I)'v = -c.
-        """
+        """s_S v_S for every part S, falling in the whole network, or None; v, c in int X*, (A_inner - mu I)'v = -c."""
         model, levels = self.model, self._levels()
         if levels is None:
             return None
