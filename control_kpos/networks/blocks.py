@@ -117,6 +117,12 @@ def nonzero_blocks(M: Doubles, row_owner: Index, column_owner: Index) -> tuple[I
     return pairs // width, pairs % width
 
 
+def shared(stack: Matrix) -> Matrix:
+    """A stack of one matrix if all are the same array: equal nodes need no separate proof."""
+    values = stack.values
+    return Matrix(values[:1]) if stack.is_double and len(values) > 1 and not values.strides[0] else stack
+
+
 def take_blocks(M: Matrix, rows: Index, columns: Index) -> Matrix:
     """Blocks M[rows_b, columns_b] as a stack: rows (K, r), columns (K, c) -> (K, r, c)."""
     if not M.is_sparse:

@@ -24,7 +24,7 @@ from ..exact.linalg import solve_exactly
 from ..exact.matrix import Integers, Matrix
 from ..exact.sparse_integers import SparseIntegers
 from ..theorems.generator_coordinates import block_diagonal, sparse_integers
-from .blocks import Floats, Index, converging
+from .blocks import Floats, Index, converging, shared
 from .model import BLOCKS, NetworkModel
 from .witnesses import list_nodes
 
@@ -59,37 +59,37 @@ class ClosedLoop:
         """A, B, C, D as what verdicts are about: exact up to `EXACT_STATES` states, above that sparse doubles."""
         return self._multiplied or (Matrix(self.A), Matrix(self.B), Matrix(self.C), Matrix(self.D))
 
-    @cached_property
+    @property
     def A(self) -> sp.csr_array:
         """A + B L C, shape (sum n_j, sum n_j)."""
-        if self._multiplied is not None:
-            return _sparse(self._multiplied[0])
-        a, b, c, _ = self.model.block_matrices
-        return read_only(sp.csr_array(a + b @ (self._resolve @ (self.model.W @ c))))
+        return self._sparse[0]
 
-    @cached_property
+    @property
     def B(self) -> sp.csr_array:
         """B R, from all external inputs."""
-        if self._multiplied is not None:
-            return _sparse(self._multiplied[1])
-        return read_only(sp.csr_array(self.model.block_matrices[1] @ self._resolve))
+        return self._sparse[1]
 
-    @cached_property
+    @property
     def C(self) -> sp.csr_array:
-        """S C = C + D L C, to all outputs."""
-        if self._multiplied is not None:
-            return _sparse(self._multiplied[2])
-        _, _, c, d = self.model.block_matrices
-        if not self.model.has_feedthrough:
-            return read_only(c)
-        return read_only(sp.csr_array(c + d @ (self._resolve @ (self.model.W @ c))))
+        """C + D L C, to all outputs."""
+        return self._sparse[2]
+
+    @property
+    def D(self) -> sp.csr_array:
+        """D R."""
+        return self._sparse[3]
 
     @cached_property
-    def D(self) -> sp.csr_array:
-        """S D = D R."""
+    def _sparse(self) -> tuple[sp.csr_array, ...]:
         if self._multiplied is not None:
-            return _sparse(self._multiplied[3])
-        return read_only(sp.csr_array(self.model.block_matrices[3] @ self._resolve))
+            return tuple(read_only(sp.csr_array(m.values)) for m in self._multiplied)
+        a, b, c, d = self.model.block_matrices
+        heard = self.model.W @ c
+        loop = a + b @ heard, b, c, d
+        if self.model.has_feedthrough:
+            R = self._resolve
+            loop = a + b @ (R @ heard), b @ R, c + d @ (R @ heard), d @ R
+        return tuple(read_only(sp.csr_array(m)) for m in loop)
 
     @cached_property
     def _resolve(self) -> Any:
@@ -144,10 +144,6 @@ class ClosedLoop:
     def output_matrices(self, rows: Index) -> tuple[sp.csr_array, sp.csr_array]:
         """The rows of C and D that give some outputs."""
         return sp.csr_array(self.C[rows]), sp.csr_array(self.D[rows])
-
-
-def _sparse(m: Matrix) -> sp.csr_array:
-    return read_only(sp.csr_array(m.values))
 
 
 def read_only(M: sp.csr_array) -> sp.csr_array:
@@ -247,9 +243,7 @@ def blocks(model: NetworkModel, name: str, scale: int, *, beside: bool = False) 
 
 def _integers(stack: Matrix) -> tuple[Integers, Fraction]:
     """A stack as integers times a factor; one matrix of it if all are one."""
-    if stack.is_double and len(stack.values) > 1 and not stack.values.strides[0]:
-        stack = Matrix(stack.values[:1])
-    numerators, factor = stack.as_integers()
+    numerators, factor = shared(stack).as_integers()
     return np.asarray(numerators, dtype=object), Fraction(factor)
 
 

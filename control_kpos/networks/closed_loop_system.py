@@ -1,41 +1,57 @@
-"""The closed loop of a network as one cone system: Theorems 1 to 3, connections and selections.
+"""The closed loop of a network as one cone system: its cones, Theorems 1 to 3, connections and selections.
 
 Positivity and stability follow from the nodes (Theorem 4) in any number.  Where they do not, and for supply rates and
-gains of the whole, the theorems for one system decide on the closed loop.
+gains of the whole, the theorems for one system decide on the closed loop.  Connections of networks only add links:
+
+    append             W = diag(W1, W2)
+    series  s1 s2      W = diag(W2, W1) and the outputs of s2 on the inputs of s1
+    feedback           W = diag(W1, W2), y1 on the inputs of s2 and sign y2 on those of s1
+    gain    K          W1 and sign K from the outputs to the inputs
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-from control import InputOutputSystem, StateSpace
+import scipy.sparse as sp
+from control import InputOutputSystem, StateSpace, common_timebase
 from numpy.typing import ArrayLike
 
+from ..cones import Cone, Orthant
+from ..cones.orthant import nonnegative
+from ..cones.product import product
 from ..errors import NotProperConeError, TooLargeError
 from ..exact.condition import all_hold
 from ..exact.intake import exact_number
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..proof.certificate import Status, exactly
-from ..systems.cones_of_connections import lies_in, opposite
+from ..systems.cones_of_connections import image, lies_in, opposite, preimage
 from ..systems.operations import as_gain
 from ..systems.reading import read_operand
 from ..systems.rounding import maps_into
+from ..systems.statespace import ConeStateSpace
+from ..systems.system import System
 from ..theorems.dissipativity import DissipativityCertificate
 from ..theorems.positivity import PositivityCertificate, state_positivity
 from ..theorems.stability import LyapunovCertificate, proven_rate
-from . import composition
 from .blocks import Index
 from .certificate import NetworkCertificate
 from .certify import certify, loop_weights
-from .composition import Ports, is_system_with_states, port_cone
+from .coupling import entries_of, from_entries
 from .dense_on_demand import DENSE_STATES
-from .model import NetworkModel
+from .files import product_cone
+from .model import NetworkModel, gather
 from .responses import NetworkResponses
 from .witnesses import NetworkInstability, positive_parts
+
+# Signals up to which a selection that tears the cone of a node apart is made.
+_MOST_TORN = 200
+_SIDES = ("inputs", "outputs")
 
 
 class ClosedLoopSystem(NetworkResponses):
@@ -55,6 +71,36 @@ class ClosedLoopSystem(NetworkResponses):
         self._find = certify if find is None else find
         if certificate is not None:
             self.__dict__["certificate"] = certificate
+
+    # -- cones and data
+
+    @cached_property
+    def X(self) -> Cone:  # type: ignore[override]
+        """State cone: the product of the nodes' state cones, in their order."""
+        return product_cone(self.model, 0)
+
+    @cached_property
+    def U(self) -> Cone:  # type: ignore[override]
+        """Input cone: the product of what the external inputs keep of the nodes' input cones."""
+        return port_cone(Ports.of(self), 1)
+
+    @cached_property
+    def Y(self) -> Cone:  # type: ignore[override]
+        """Output cone: the product of what the outputs show of the nodes' output cones."""
+        return port_cone(Ports.of(self), 2)
+
+    @property
+    def _cones(self) -> tuple[Cone, Cone, Cone]:  # type: ignore[override]
+        return self.X, self.U, self.Y
+
+    @property
+    def exact(self) -> System:
+        """The closed loop: exact up to `EXACT_STATES` = 300 states, above that its sparse matrices of doubles."""
+        A, B, C, D = self.loop.matrices
+        inputs, outputs = self.external
+        if self._external is not None:
+            B, C, D = B[:, inputs], C[outputs], D[outputs][:, inputs]
+        return System(A, B, C, D, self.X, self.U, self.Y, self.dt)
 
     @cached_property
     def certificate(self) -> NetworkCertificate:
@@ -200,7 +246,10 @@ class ClosedLoopSystem(NetworkResponses):
         if not is_system_with_states(other):
             return super().append(other)
         self._require_operand(other)
-        return self._joined(composition.append(Ports.of(self), Ports.of(other)))
+        first = Ports.of(self)
+        both, second = _beside(first, Ports.of(other))
+        inputs, outputs = (np.concatenate([getattr(part, kind) for part in (first, second)]) for kind in _SIDES)
+        return self._joined(Ports(both, inputs, outputs))
 
     def feedback(self, other: Any = 1, sign: float = -1) -> Any:
         """The loop u = r + sign * y2, where `other` maps y to y2: a network again where cones follow.
@@ -242,19 +291,24 @@ class ClosedLoopSystem(NetworkResponses):
             returned = other.Y if k >= 0 else opposite(other.Y)
             fits = (self.noutputs, self.ninputs) == (other.ninputs, other.noutputs)
             if fits and lies_in(self.Y, other.U) and (k == 0 or lies_in(returned, self.U)):
-                return composition.feedback(Ports.of(self), Ports.of(other), k)
+                own, back = Ports.of(self), Matrix.from_fractions(np.full(other.noutputs, k, dtype=object))
+                there = False, True, Matrix(np.ones(self.noutputs))
+                both, _ = _beside(own, Ports.of(other), there, (True, False, back))
+                return replace(own, model=both)
             return None
         K = None if isinstance(other, InputOutputSystem) else as_gain(other)
         if K is None or K.shape != (self.ninputs, self.noutputs):
             return None
         signed = Matrix.from_fractions(K.fractions() * k)
-        return composition.gain(Ports.of(self), signed) if maps_into(signed, self.Y, self.U) else None
+        return _with_gain(Ports.of(self), signed) if maps_into(signed, self.Y, self.U) else None
 
     def __mul__(self, other: Any) -> Any:
         if not is_system_with_states(other) or self.ninputs != other.noutputs or not lies_in(other.Y, self.U):
             return super().__mul__(other)
         self._require_operand(other)
-        return self._joined(composition.series(Ports.of(self), Ports.of(other)))
+        inner, one = Ports.of(other), Matrix(np.ones(other.noutputs))
+        both, outer = _beside(inner, Ports.of(self), (False, True, one))  # states in python-control's order
+        return self._joined(Ports(both, inner.inputs, outer.outputs))
 
     def __getitem__(self, key: Any) -> StateSpace:
         try:
@@ -291,3 +345,106 @@ def _has_cone(part: Ports, kind: int) -> bool:
         return port_cone(part, kind).is_proper
     except NotProperConeError:
         return False
+
+
+# -- networks made of networks
+
+
+@dataclass(frozen=True, eq=False)
+class Ports:
+    """A network and those of its inputs and outputs that are seen from outside."""
+
+    model: NetworkModel
+    inputs: Index
+    outputs: Index
+
+    @classmethod
+    def of(cls, system: Any) -> Ports:
+        """Of a network, or of a system as a network of one node."""
+        if hasattr(system, "model"):
+            return cls(system.model, *system.external)
+        stacks, members, dt = gather(system)
+        model = NetworkModel(stacks, members, Matrix(sp.csr_array((system.ninputs, system.noutputs))), dt)
+        return cls(model, np.arange(system.ninputs), np.arange(system.noutputs))
+
+
+def _with_gain(plant: Ports, K: Matrix) -> Ports:
+    """The plant with u = r + K y."""
+    rows, columns, values = entries_of(plant.model.coupling)
+    i, k, links = entries_of(K)
+    _, m, q = plant.model.totals
+    W = from_entries([rows, plant.inputs[i]], [columns, plant.outputs[k]], [values, links], (m, q))
+    return replace(plant, model=plant.model.with_coupling(W))
+
+
+def _beside(first: Ports, second: Ports, *links: tuple[bool, bool, Matrix]) -> tuple[NetworkModel, Ports]:
+    """One model of both, and the second seen in it; `links` (from second, to second, weights) join their ports."""
+    a, b = first.model, second.model
+    _, m, q = a.totals
+    moved = replace(second, inputs=second.inputs + m, outputs=second.outputs + q)
+    parts = (first, moved)
+    stacks = (*a.stacks, *b.stacks)
+    names = [*a.names, *b.names]
+    if not all(s.names for s in stacks) or len(set(names)) < len(names):
+        stacks = tuple(replace(s, names=()) for s in stacks)
+    members = (*a.members, *(index + a.n_nodes for index in b.members))
+    entries = [entries_of(a.coupling), entries_of(b.coupling)]
+    rows, columns = [entries[0][0], entries[1][0] + m], [entries[0][1], entries[1][1] + q]
+    values = [entries[0][2], entries[1][2]]
+    for source, target, weights in links:
+        rows.append(parts[target].inputs)
+        columns.append(parts[source].outputs)
+        values.append(weights)
+    W = from_entries(rows, columns, values, (m + b.totals[1], q + b.totals[2]))
+    return NetworkModel(stacks, members, W, common_timebase(a.dt, b.dt)), moved
+
+
+def port_cone(ports: Ports, kind: int) -> Cone:
+    """The cone of the external inputs (kind 1) or outputs (2).
+
+    For a part of the inputs of a node those that lie in its input cone with the others zero; for a part of its
+    outputs what can be seen of its output cone.
+
+    Raises
+    ------
+    NotProperConeError
+        Of the cone of a node nothing proper is left.
+    TooLargeError
+        Signals of one node apart from each other, in a network with many.
+    """
+    model, chosen = ports.model, ports.inputs if kind == 1 else ports.outputs
+    if all(isinstance((s.U, s.Y)[kind - 1], Orthant) for s in model.stacks):
+        return nonnegative(len(chosen))
+    whole = product_cone(model, kind)
+    if np.array_equal(chosen, np.arange(whole.dim)):
+        return whole
+    owner = model.owners(kind)[chosen]
+    starts = np.flatnonzero(np.diff(owner, prepend=-1))
+    if len(set(owner[starts].tolist())) < len(starts):
+        if whole.dim > _MOST_TORN:
+            raise TooLargeError("signals of one node stand apart from each other; choose them next to each other.")
+        return _part(whole, chosen, kind)
+    runs = np.split(chosen, starts[1:])
+    nodes = owner[starts].tolist()
+    cones = [(model.stacks[model.locate(j)[0]].U, model.stacks[model.locate(j)[0]].Y)[kind - 1] for j in nodes]
+    return product(
+        [_part(C, run - int(model.offsets[kind][j]), kind) for C, run, j in zip(cones, runs, nodes, strict=True)]
+    )
+
+
+def _part(cone: Cone, chosen: Index, kind: int) -> Cone:
+    if np.array_equal(chosen, np.arange(cone.dim)):
+        return cone
+    axes = np.eye(cone.dim)
+    part = preimage(Matrix(axes[:, chosen]), cone) if kind == 1 else image(Matrix(axes[chosen]), cone)
+    if part is None:
+        what, name = ("inputs", "U") if kind == 1 else ("outputs", "Y")
+        raise NotProperConeError(
+            f"{name}: what is left of the cone of a node with {cone.dim} {what} is not proper; keep all {what} of it."
+        )
+    return part
+
+
+def is_system_with_states(other: Any) -> bool:
+    """True for what can be a node: a system with cones and at least one state."""
+    return isinstance(other, ConeStateSpace) and other.nstates > 0

@@ -20,7 +20,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
-from .blocks import Floats, Index, block_diagonal, nonzero_blocks, take_blocks
+from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
 from .model import NetworkModel
 from .nodes import NodeStack
 
@@ -105,16 +105,8 @@ def positivity(model: NetworkModel, g: int) -> list[Condition]:
     out.append(Condition(titled(STATE, model, g), state, ">=", where))
     for name, target, matrix, source in ((INPUT, own, s.B, U), (OUTPUT, outer, s.C, X), (DIRECT, outer, s.D, U)):
         if not (name == DIRECT and s.D.is_zero):
-            out.append(Condition(titled(name, model, g), stacked(target, _shared(matrix), source), ">="))
+            out.append(Condition(titled(name, model, g), stacked(target, shared(matrix), source), ">="))
     return out
-
-
-def _shared(stack: Matrix) -> Matrix:
-    """A stack of equal matrices as one matrix, since equal nodes need no separate proof."""
-    values = stack.values
-    if stack.is_double and len(values) > 1 and not values.strides[0]:
-        return Matrix(values[:1])
-    return stack
 
 
 def coupling_pairs(model: NetworkModel) -> list[tuple[int, int, Index, Index]]:
@@ -122,9 +114,7 @@ def coupling_pairs(model: NetworkModel) -> list[tuple[int, int, Index, Index]]:
     j, k = nonzero_blocks(model.coupling.values, model.owners(1), model.owners(2))
     if len(model.stacks) == 1:
         return [(0, 0, j, k)]
-    stack_of = np.empty(model.n_nodes, dtype=np.intp)
-    for g, index in enumerate(model.members):
-        stack_of[index] = g
+    stack_of, _ = model.home
     key = stack_of[j] * len(model.stacks) + stack_of[k]
     return [
         (int(pair) // len(model.stacks), int(pair) % len(model.stacks), j[key == pair], k[key == pair])

@@ -10,16 +10,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..cones import Cone
 from ..errors import TooLargeError
 from ..exact.intake import words
 from ..progress import Reporter, Target
 from ..systems.statespace import ConeStateSpace
-from ..systems.system import System
 from .blocks import Index
 from .closed_loop import ClosedLoop, read_only
-from .composition import Ports, port_cone
-from .files import product_cone
 from .model import READABLE, NetworkModel
 
 # States above which dense matrices are refused (200 MB for A).
@@ -55,46 +51,6 @@ class DenseOnDemand(ConeStateSpace):
         if self._external is None:
             return np.arange(self.model.totals[1]), np.arange(self.model.totals[2])
         return self._external
-
-    @property
-    def X(self) -> Cone:
-        """State cone: the product of the nodes' state cones, in their order."""
-        return self._state_cone
-
-    @property
-    def U(self) -> Cone:
-        """Input cone: the product of what the external inputs keep of the nodes' input cones."""
-        return self._input_cone
-
-    @property
-    def Y(self) -> Cone:
-        """Output cone: the product of what the outputs show of the nodes' output cones."""
-        return self._output_cone
-
-    @cached_property
-    def _state_cone(self) -> Cone:
-        return product_cone(self.model, 0)
-
-    @cached_property
-    def _input_cone(self) -> Cone:
-        return port_cone(Ports.of(self), 1)
-
-    @cached_property
-    def _output_cone(self) -> Cone:
-        return port_cone(Ports.of(self), 2)
-
-    @property
-    def _cones(self) -> tuple[Cone, Cone, Cone]:  # type: ignore[override]
-        return self.X, self.U, self.Y
-
-    @property
-    def exact(self) -> System:
-        """The closed loop: exact up to `EXACT_STATES` = 300 states, above that its sparse matrices of doubles."""
-        A, B, C, D = self.loop.matrices
-        inputs, outputs = self.external
-        if self._external is not None:
-            B, C, D = B[:, inputs], C[outputs], D[outputs][:, inputs]
-        return System(A, B, C, D, self.X, self.U, self.Y, self.dt)
 
     # -- copies
 

@@ -197,7 +197,7 @@ def _storages(model: NetworkModel, v: Floats, new: Index) -> Any:
         yield v
         return
     node = int(new[0])
-    g, place = model.find(node)
+    g, place = model.locate(node)
     s = model.stacks[g].take(place)
     own = [_places(model, node, kind) for kind in range(3)]
     h = (model.WT @ supply_rates(model, v)[1])[own[2]]
@@ -229,10 +229,10 @@ def permissible_weight(
     model = certificate.model
     m, q = stack.sizes[1:]
     into, out_of = (_shapes(model, given, name) for given, name in ((sources, "sources"), (targets, "targets")))
-    nodes = {k: model.stacks[model.find(k)[0]] for k in (*into, *out_of)}
+    nodes = {k: model.stacks[model.locate(k)[0]] for k in (*into, *out_of)}
     links_in = {k: _link(w, m, nodes[k].sizes[2], f"sources[{k}]") for k, w in into.items()}
     links_out = {j: _link(w, nodes[j].sizes[1], q, f"targets[{j}]") for j, w in out_of.items()}
-    with_feedthrough = [f"node {k}" for k in into if not nodes[k].take(model.find(k)[1]).D.is_zero]
+    with_feedthrough = [f"node {k}" for k in into if not nodes[k].take(model.locate(k)[1]).D.is_zero]
     if with_feedthrough or not stack.D.is_zero:
         raise ConeMismatchError(
             f"{', '.join(with_feedthrough) or 'system'} has feedthrough D, so that charges pass on to further nodes at "
@@ -251,7 +251,7 @@ def permissible_weight(
     price = asked @ stack.C.values[0] @ K @ stack.B.values[0]
     most = np.inf
     for k, w in links_in.items():
-        s = nodes[k].take(model.find(k)[1])
+        s = nodes[k].take(model.locate(k)[1])
         own = Matrix(v[_places(model, k, 0)][None]), Matrix(q_all[_places(model, k, 2)][None])
         spare = -on.decrease_forms(s, *own, 0.0, model.discrete).values[0, 0]
         charged = s.X.rays @ (price @ w.values @ s.C.values[0])

@@ -40,9 +40,6 @@ _PLACED = {"growth": "xzWC", "loop": "yWC", "motion": "xzu", "weights": "y"}
 
 def describe(model: NetworkModel) -> dict[str, Any]:
     """A network by the names its parts have in files."""
-    stack = np.empty(model.n_nodes)
-    for g, index in enumerate(model.members):
-        stack[index] = g
     labels = any(s.names for s in model.stacks)
     return {
         **{name: _side_by_side(model, name) for name in BLOCKS},
@@ -51,7 +48,7 @@ def describe(model: NetworkModel) -> dict[str, Any]:
         "discrete": model.discrete,
         "dt": model.dt,
         "sizes": np.diff(np.array(model.offsets), axis=1).T.astype(float),
-        "stack": stack,
+        "stack": model.home[0].astype(float),
         "cones": tuple((s.X, s.U, s.Y) for s in model.stacks),
         "names": tuple(model.names) if labels else None,
     }
@@ -96,10 +93,7 @@ def product_cone(model: NetworkModel, kind: int) -> Cone:
     cones = [(s.X, s.U, s.Y)[kind] for s in model.stacks]
     if len(cones) == 1:
         return product([cones[0]] * model.n_nodes)
-    stack = np.empty(model.n_nodes, dtype=np.intp)
-    for g, index in enumerate(model.members):
-        stack[index] = g
-    return product([cones[g] for g in stack])
+    return product([cones[g] for g in model.home[0]])
 
 
 def _side_by_side(model: NetworkModel, name: str) -> Matrix:

@@ -151,23 +151,18 @@ class NetworkModel:
         return np.repeat(np.arange(self.n_nodes), np.diff(self.offsets[kind]))
 
     @cached_property
-    def _home(self) -> tuple[Index, Index]:
+    def home(self) -> tuple[Index, Index]:
+        """The stack of every node, and its place in it."""
         group, place = np.empty(self.n_nodes, dtype=np.intp), np.empty(self.n_nodes, dtype=np.intp)
         for g, index in enumerate(self.members):
             group[index], place[index] = g, np.arange(len(index))
         return group, place
 
-    def find(self, node: int) -> tuple[int, int]:
-        """Stack and place in it of a node, from a table made once."""
-        return int(self._home[0][node]), int(self._home[1][node])
-
     def locate(self, node: int) -> tuple[int, int]:
         """Stack and place in it of a node."""
-        for g, index in enumerate(self.members):
-            place = np.flatnonzero(index == node)
-            if place.size:
-                return g, int(place[0])
-        raise ShapeError(f"node {node} does not exist; the nodes are numbered 0 to {self.n_nodes - 1}.")
+        if not 0 <= node < self.n_nodes:
+            raise ShapeError(f"node {node} does not exist; the nodes are numbered 0 to {self.n_nodes - 1}.")
+        return int(self.home[0][node]), int(self.home[1][node])
 
     def blocks(self, blocks: Sequence[Floats], rows: int, columns: int) -> sp.csr_array:
         """Block-diagonal matrix from one stack of blocks per node stack."""

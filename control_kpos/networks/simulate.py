@@ -131,52 +131,31 @@ def _free(
     progress: Progress | None,
 ) -> None:
     """Windows of several samples, or several windows for one sample."""
-    count = outputs.shape[1]
-    per_window = max(1, min(int(_REACH / (norm * h)), count - 1))
-    splits = max(1, int(np.ceil(norm * h / _REACH)))
+    count, splits = outputs.shape[1] - 1, max(1, int(np.ceil(norm * h / _REACH)))
+    per_window, step = max(1, min(int(_REACH / (norm * h)), count)), h / splits
     at = 0
-    while at < count - 1:
-        samples = min(per_window, count - 1 - at)
-        if splits > 1:
-            for _ in range(splits):
-                terms = _taylor(A, x, h / splits, centre)
-                x = np.exp(centre * h / splits) * sum(terms)  # type: ignore[assignment]
-            ends = [x]
-            outputs[:, at + 1] = C @ x
-            if states is not None:
-                states[:, at + 1] = ends[0]
-        else:
-            terms = _taylor(A, x, samples * h, centre)
-            share = np.arange(1, samples + 1) / samples
-            weights = share[:, None] ** np.arange(len(terms)) * np.exp(centre * h * np.arange(1, samples + 1))[:, None]
-            wanted = np.stack([C @ term for term in terms])
-            outputs[:, at + 1 : at + samples + 1] = (weights @ wanted).T
-            if states is not None:
-                states[:, at + 1 : at + samples + 1] = (weights @ np.stack(terms)).T
-            x = weights[-1] @ np.stack(terms) if len(x) < 10**4 else _combine(weights[-1], terms)
-        at += samples
+    while at < count:
+        for _ in range(splits - 1):
+            x = np.exp(centre * step) * sum(_taylor(A, x, step, centre))
+        samples = np.arange(1, min(per_window, count - at) + 1)
+        terms = _taylor(A, x, len(samples) * step, centre)
+        weights = (samples / len(samples))[:, None] ** np.arange(len(terms)) * np.exp(centre * step * samples)[:, None]
+        outputs[:, at + samples] = (weights @ np.stack([C @ term for term in terms])).T
+        if states is not None:
+            states[:, at + samples] = (weights @ np.stack(terms)).T
+        x = sum(w * term for w, term in zip(weights[-1], terms, strict=True))  # type: ignore[assignment]
+        at += len(samples)
         if progress is not None:
-            progress(f"simulating: {at} of {count - 1} samples")
-
-
-def _combine(weights: Floats, terms: list[Floats]) -> Floats:
-    out = weights[0] * terms[0]
-    for w, term in zip(weights[1:], terms[1:], strict=True):
-        out += w * term
-    return out
+            progress(f"simulating: {at} of {count} samples")
 
 
 def _taylor(A: Any, x: Floats, t: float, centre: float) -> list[Floats]:
     """Terms t^k / k! (A - centre I)^k x until they no longer matter."""
-    terms = [x]
+    terms, small = [x], 0
     size = float(np.abs(x).max(initial=0.0))
-    small = 0
     for k in range(1, 100):
-        term = (A @ terms[-1] - centre * terms[-1]) * (t / k)
-        terms.append(term)
-        now = float(np.abs(term).max(initial=0.0))
-        size = max(size, 0.0)
-        small = small + 1 if now <= _TAIL * size else 0
+        terms.append((A @ terms[-1] - centre * terms[-1]) * (t / k))
+        small = small + 1 if float(np.abs(terms[-1]).max(initial=0.0)) <= _TAIL * size else 0
         if small == 2:
             break
     return terms
@@ -192,27 +171,20 @@ def _forced(
     count: int,
     progress: Progress | None,
 ) -> None:
-    """One sample at a time: x' = A x + b + s c with s in [0, h]; Taylor terms of the solution."""
+    """One sample at a time: (x, t b, t^2 c) moves freely in steps of t if x' = A x + b + s c."""
     B, U = inputs
-    splits = max(1, int(np.ceil(norm * h / _REACH)))
-    step = h / splits
+    splits, n = max(1, int(np.ceil(norm * h / _REACH))), len(x)
+    t = h / splits
+
+    def drift(z: Floats) -> Floats:
+        return np.concatenate([t * (A @ z[:n]) + z[n : 2 * n], z[2 * n :], np.zeros(n)])
+
+    whole = spla.LinearOperator((3 * n, 3 * n), matvec=drift, dtype=float)
     for i in range(count - 1):
-        b, slope = B @ U[:, i], (B @ (U[:, i + 1] - U[:, i])) / h
-        for part in range(splits):
-            now = b + slope * (part * step)
-            term = (A @ x + now) * step
-            total = x + term
-            scale = float(np.abs(total).max(initial=0.0)) + float(np.abs(term).max(initial=0.0))
-            small = 0
-            for k in range(2, 100):
-                term = (A @ term) * (step / k)
-                if k == 2:
-                    term = term + slope * (step * step / 2)
-                total = total + term
-                small = small + 1 if float(np.abs(term).max(initial=0.0)) <= _TAIL * scale else 0
-                if small == 2:
-                    break
-            x = total
+        z: Any = np.concatenate([x, t * (B @ U[:, i]), t * (B @ (U[:, i + 1] - U[:, i])) / splits])
+        for _ in range(splits):
+            z = sum(_taylor(whole, z, 1.0, 0.0))
+        x = z[:n]
         store(i + 1, x)
         if progress is not None:
             progress(f"simulating: {i + 1} of {count - 1} samples")

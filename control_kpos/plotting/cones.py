@@ -25,8 +25,7 @@ from .figure import (
     choose_axes,
     control_style,
     fan,
-    legend_beside,
-    set_title,
+    finished,
     unit,
 )
 
@@ -104,12 +103,9 @@ def plot_cone(
         next_color, dashes = _next_style(ax)
         color = next_color if color is None else color
         draw = _draw_cone_in_space if X.dim == 3 else _draw_cone_in_plane
-        lines = np.empty(2, dtype=object)
-        lines[:] = draw(ax, X, size, color, dashes, label)
-        legend = legend_beside(ax) if label is not None else None
-        cplt = ct.ControlPlot(lines, ax, ax.figure, legend=legend)
-    set_title(cplt, user_ax, title, f"Cone with {X.n_rays} rays and {X.n_facets} facets")
-    return cplt
+        lines = list(draw(ax, X, size, color, dashes, label))
+        default = f"Cone with {X.n_rays} rays and {X.n_facets} facets"
+        return finished(lines, ax, user_ax, title, default, legend=label is not None)
 
 
 def _is_color(color: Any) -> bool:

@@ -80,6 +80,17 @@ def legend_beside(ax: Any) -> Any:
     return ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, frameon=False, borderaxespad=0)
 
 
+def finished(
+    lines: list[Any], ax: Any, user_ax: Any, title: str | None, default: str, *, legend: bool = True
+) -> ct.ControlPlot:
+    """The picture of these lists of artists, with its legend and title."""
+    array = np.empty(len(lines), dtype=object)
+    array[:] = lines
+    cplt = ct.ControlPlot(array, ax, ax.figure, legend=legend_beside(ax) if legend else None)
+    set_title(cplt, user_ax, title, default)
+    return cplt
+
+
 def set_title(cplt: ct.ControlPlot, user_ax: Any, title: str | None, default: str) -> None:
     """Title of the figure if it is ours, of the axes if they are given."""
     title = words(title, "title")

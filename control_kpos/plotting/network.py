@@ -26,8 +26,7 @@ from .figure import (
     Points,
     choose_axes,
     control_style,
-    legend_beside,
-    set_title,
+    finished,
 )
 
 # More nodes than this are not drawn one by one; of more than that only those that matter get a name.
@@ -91,21 +90,18 @@ def plot_network(
     """
     _require_network(net)
     title, user_ax, n_nodes = words(title, "title"), ax, net.model.n_nodes
-    lines = np.empty(3, dtype=object)
     with control_style():
         ax = choose_axes(ax, "rectilinear", "network")
         if n_nodes > MOST_NODES:
-            lines[:] = [_draw_pattern(ax, net.sparse_A), [], []]
+            lines = [_draw_pattern(ax, net.sparse_A), [], []]
             what = f"closed loop of {n_nodes} nodes, {net.sparse_A.nnz} entries"
         else:
             links = _links(net)
             xy = graph_layout(links) if positions is None else _positions(positions, net)
-            lines[:] = _draw_graph(ax, net, links, xy)
+            lines = _draw_graph(ax, net, links, xy)
             what = f"{n_nodes} nodes, {net.certificate.status.name}"
-        legend = legend_beside(ax) if ax.get_legend_handles_labels()[0] else None
-        cplt = ct.ControlPlot(lines, ax, ax.figure, legend=legend)
-    set_title(cplt, user_ax, title, f"{net.name}: {what}")
-    return cplt
+        legend = bool(ax.get_legend_handles_labels()[0])
+        return finished(lines, ax, user_ax, title, f"{net.name}: {what}", legend=legend)
 
 
 def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title: str | None = None) -> ct.ControlPlot:
@@ -147,17 +143,13 @@ def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title:
     user_ax, upper = ax, net.spectral_abscissa()[1]
     count = (net.nstates if net.nstates <= MOST_NODES else _RIGHTMOST) if k is None else k
     poles = net.poles(min(count, net.nstates))
-    lines = np.empty(2, dtype=object)
     with control_style():
         ax = choose_axes(ax, "rectilinear", "poles")
         label = "poles" if len(poles) == net.nstates else f"{len(poles)} of {net.nstates} poles"
-        lines[0] = ax.plot(poles.real, poles.imag, "x", color="black", markersize=5, label=label, zorder=3)
-        lines[1] = _draw_disc(ax, upper) if net.model.discrete else _draw_half_plane(ax, upper, poles)
+        drawn = ax.plot(poles.real, poles.imag, "x", color="black", markersize=5, label=label, zorder=3)
+        bound = _draw_disc(ax, upper) if net.model.discrete else _draw_half_plane(ax, upper, poles)
         ax.set(xlabel="real part", ylabel="imaginary part")
-        legend = legend_beside(ax)
-        cplt = ct.ControlPlot(lines, ax, ax.figure, legend=legend)
-    set_title(cplt, user_ax, title, f"Poles of {net.name}")
-    return cplt
+        return finished([drawn, bound], ax, user_ax, title, f"Poles of {net.name}")
 
 
 # -- intake
@@ -293,8 +285,7 @@ def broken_nodes(net: ConeNetwork) -> NDArray[np.intp]:
     x = getattr(witness, "x", None)
     if x is None or np.shape(x) != (net.nstates,):
         return np.zeros(0, dtype=np.intp)
-    size = np.zeros(net.model.n_nodes)
-    np.maximum.at(size, net.model.owners(0), np.abs(x))
+    size = net.model.peaks(x)
     return np.flatnonzero(size > 0.5 * size.max())
 
 

@@ -24,8 +24,7 @@ from .figure import (
     choose_axes,
     control_style,
     fan,
-    legend_beside,
-    set_title,
+    finished,
     unit,
 )
 
@@ -134,12 +133,7 @@ def phase_portrait(
         lines.append(_draw_trajectories(ax, A, discrete, starts, duration, window))
         lines.append(_draw_dominant_direction(ax, A, discrete, window) if dominant_direction else [])
         ax.set(xlim=window[:2], ylim=window[2:], xlabel=system.state_labels[0], ylabel=system.state_labels[1])
-        legend = legend_beside(ax) if show_legend else None
-        array = np.empty(len(lines), dtype=object)
-        array[:] = lines
-        cplt = ct.ControlPlot(array, ax, ax.figure, legend=legend)
-    set_title(cplt, user_ax, title, f"Phase portrait for {system.name}")
-    return cplt
+        return finished(lines, ax, user_ax, title, f"Phase portrait for {system.name}", legend=show_legend)
 
 
 # -- intake
