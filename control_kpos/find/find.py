@@ -6,6 +6,7 @@ Untrusted candidates are tried in order of cost until one is proven, or there is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import chain
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -24,12 +25,12 @@ from ..proof.answer import first_proven
 from ..proof.certificate import Status
 from ..systems.system import System
 from .certificate import Obstruction
-from .family.search import FamilySearch, with_common_vector, with_separators
+from .family.search import FamilySearch, completed
 from .impossible.existence import spectral_obstruction
 from .impossible.filters import family_obstruction
 from .impossible.port_obstruction import port_obstruction
 from .one_matrix import search as one_matrix
-from .one_matrix.modes import analysis
+from .one_matrix.modes import Analysis, analysis
 from .one_matrix.repeated import repeated_cones
 from .ports import search as ports
 from .question import Candidate, FoundCone, Proven, Question, prove
@@ -143,7 +144,7 @@ def find_cone(
 
 def _is_family(A: Any) -> bool:
     if isinstance(A, (list, tuple)):
-        return not A or any(isinstance(x, StateSpace) or dimensions(x) == 2 for x in A)
+        return not A or isinstance(A[0], StateSpace) or dimensions(A[0]) == 2 or isinstance(A[-1], StateSpace)
     return dimensions(A) == 3
 
 
@@ -258,79 +259,19 @@ def square(data: Any, name: str) -> Matrix:
     return Matrix(matrix.values.toarray()) if matrix.is_sparse else matrix
 
 
-class _OneMatrix:
-    """One matrix, with or without vectors to hold and half-spaces to lie in."""
-
-    obstruction_first = False
-
-    def __init__(self, question: Question) -> None:
-        self.question = question
-        self.analysis = analysis(question.searched[0], discrete=question.discrete)
-        self.fewest_rays = self.analysis.fewest_rays
-
-    def candidates(self) -> Iterator[Candidate]:
-        question = self.question
-        if question.has_ports:
-            yield from ports.candidates(question, self.analysis)
-            return
-        yield from one_matrix.candidates(question, self.analysis)
-        yield from repeated_cones(question)
-        if question.max_rays is not None:  # the modes need more: turn and move rays instead
-            yield from FamilySearch(question).candidates()
-
-    def obstruction(self) -> Obstruction | None:
-        A, (vectors, normals) = self.question.matrices[0], self.question.ports
-        found = spectral_obstruction(A, discrete=self.question.discrete)
-        if found is None and self.question.has_ports:
-            return port_obstruction(A, vectors, normals, discrete=self.question.discrete)
-        return found
-
-    def finished(self, found: Proven) -> Proven:
-        return with_common_vector(self.question, found) if self.question.switching else found
-
-    def shortfall(self) -> str:
-        return f"Any such cone needs at least {self.fewest_rays} rays."
-
-
-class _Family:
-    """Several matrices: cheap proofs that there is no cone come first."""
-
-    obstruction_first = True
-
-    def __init__(self, question: Question) -> None:
-        self.question, self.search = question, FamilySearch(question)
-        self.fewest_rays = max(a.fewest_rays for a in self.search.analyses)
-
-    def candidates(self) -> Iterator[Candidate]:
-        return self.search.candidates()
-
-    def obstruction(self) -> Obstruction | None:
-        question = self.question
-        found = family_obstruction(question.matrices, self.search.modes_in_user_units(), discrete=question.discrete)
-        if found is not None:
-            question.report(f"excluded: {found}")
-        return found
-
-    def finished(self, found: Proven) -> Proven:
-        return with_common_vector(self.question, with_separators(found))
-
-    def shortfall(self) -> str:
-        if self.search.is_near:
-            return (
-                f"Rays were found that all matrices keep up to {max(-self.search.best, 0.0):.1g}, but the numbers "
-                "leave no margin for a proof. If such a cone is meant to exist, give exact data (fractions), else a "
-                "smaller family."
-            )
-        return (
-            f"Any common cone needs at least {self.fewest_rays} rays. More restarts, another seed or more time may "
-            "help."
-        )
-
-
 def _find(question: Question) -> FoundCone:
-    """Try the strategies in order of cost; the first proof ends the search."""
-    strategy = _OneMatrix(question) if question.matrices.shape[0] == 1 else _Family(question)
-    fewest = strategy.fewest_rays
+    """Try the strategies in order of cost; the first proof ends the search.
+
+    That a family has no common cone is asked first, because it is cheap to see.
+    """
+    family, obstruction = None, None
+    if question.matrices.shape[0] == 1:
+        known = analysis(question.searched[0], discrete=question.discrete)
+        fewest, candidates = known.fewest_rays, _of_one_matrix(question, known)
+    else:
+        family = FamilySearch(question)
+        fewest, candidates = max(a.fewest_rays for a in family.analyses), family.candidates()
+        obstruction = family_obstruction(question.matrices, family.modes_in_user_units(), discrete=question.discrete)
 
     def proven(candidate: Candidate) -> Proven | None:
         try:
@@ -338,13 +279,12 @@ def _find(question: Question) -> FoundCone:
         except OutOfBudgetError:  # another candidate may be cheaper to prove
             return None
 
-    obstruction = strategy.obstruction() if strategy.obstruction_first else None
     if obstruction is None and question.admits(fewest):
-        found = first_proven(strategy.candidates(), proven)
+        found = first_proven(candidates, proven)
         if found is not None:
-            return FoundCone.of(question, strategy.finished(found), fewest)
-    if not strategy.obstruction_first:
-        obstruction = strategy.obstruction()
+            return FoundCone.of(question, completed(question, found) if question.switching else found, fewest)
+    if family is None:
+        obstruction = _obstruction(question)
     if obstruction is not None:
         certificate = question.settle(witness=obstruction)
         return FoundCone(status=certificate.status, certificate=certificate, fewest_rays=fewest)
@@ -353,7 +293,25 @@ def _find(question: Question) -> FoundCone:
             f"max_rays is {question.max_rays}, but every invariant polyhedral cone of this matrix has at least "
             f"{fewest} rays (and as many facets); ask for max_rays >= {fewest}."
         )
-    return _undecided(question, f"{ended(ended_by())} {strategy.shortfall()}".lstrip(), fewest)
+    shortfall = f"Any such cone needs at least {fewest} rays." if family is None else family.shortfall(fewest)
+    return _undecided(question, f"{ended(ended_by())} {shortfall}".lstrip(), fewest)
+
+
+def _of_one_matrix(question: Question, known: Analysis) -> Iterator[Candidate]:
+    """Cones for one matrix, with or without vectors to hold and half-spaces to lie in."""
+    if question.contains is not None or question.within is not None:
+        return ports.candidates(question, known)
+    # where the modes need more rays than allowed: turn and move rays instead
+    moved = iter(()) if question.max_rays is None else FamilySearch(question).candidates()
+    return chain(one_matrix.candidates(question, known), repeated_cones(question), moved)
+
+
+def _obstruction(question: Question) -> Obstruction | None:
+    A, (vectors, normals) = question.matrices[0], question.ports
+    found = spectral_obstruction(A, discrete=question.discrete)
+    if found is None and (vectors.shape[0] or normals.shape[0]):
+        return port_obstruction(A, vectors, normals, discrete=question.discrete)
+    return found
 
 
 def within_limits(

@@ -84,11 +84,6 @@ class Question:
         return self.matrices.T if self.by_facets else self.matrices
 
     @property
-    def has_ports(self) -> bool:
-        """Whether there are vectors to hold or half-spaces to lie in."""
-        return self.contains is not None or self.within is not None
-
-    @property
     def ports(self) -> tuple[Matrix, Matrix]:
         """Vectors and normals, without rows where there are none."""
         nothing = Matrix.zeros(0, self.dim)
@@ -179,8 +174,9 @@ def prove(question: Question, candidate: Candidate) -> Proven | None:
             right_inverse=candidate.right_inverse,
             shares=candidate.combinations,
         )
-    question.report(f"a cone with {size} rays: {'proved' if certificate else 'not proven'}")
-    return Proven(certificate, candidate) if certificate else None
+    found = Proven(certificate, candidate) if certificate else None
+    question.report(f"a cone with {size} rays: {'proved' if found else 'not proven'}")
+    return found
 
 
 def first_cone(question: Question, candidates: Iterable[Candidate]) -> Proven | None:

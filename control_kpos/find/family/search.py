@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
@@ -52,10 +53,15 @@ class FamilySearch:
             for s, A in enumerate(self.balanced)
         ]
 
-    @property
-    def is_near(self) -> bool:
-        """Whether some start came close to a cone."""
-        return self.best > -NEARLY
+    def shortfall(self, fewest_rays: int) -> str:
+        """What a search without success says."""
+        if self.best > -NEARLY:  # some start came close to a cone
+            return (
+                f"Rays were found that all matrices keep up to {max(-self.best, 0.0):.1g}, but the numbers leave no "
+                "margin for a proof. If such a cone is meant to exist, give exact data (fractions), else a smaller "
+                "family."
+            )
+        return f"Any common cone needs at least {fewest_rays} rays. More restarts, another seed or more time may help."
 
     def modes_in_user_units(self) -> list[Modes | None]:
         """Modes of every matrix as it was given."""
@@ -116,21 +122,14 @@ def _moved(matrices: Array, R: Array, w: Array, discrete: bool) -> tuple[Array, 
     return (R, -np.inf) if place is None else (place.R, place.margin)
 
 
-def with_separators(found: Proven) -> Proven:
-    """The same with functionals that single out each generator, if all are extreme and that is cheap enough to see."""
-    candidate = found.candidate
-    try:
-        index, separators = extreme_generators(np.asarray(candidate.rays.values), candidate.pointing)
-    except OutOfBudgetError:
-        return found
-    if len(index) != candidate.rays.shape[0]:
-        return found
-    return Proven(found.certificate, replace(candidate, separators=separators))
-
-
-def with_common_vector(question: Question, found: Proven) -> Proven:
-    """The same with a common Lyapunov vector, if there is one."""
+def completed(question: Question, found: Proven) -> Proven:
+    """The same with functionals that single out each generator, and a common Lyapunov vector, if there are any."""
     rays = np.asarray(found.candidate.rays.values)
+    if found.candidate.separators is None:
+        with suppress(OutOfBudgetError):
+            index, separators = extreme_generators(rays, found.candidate.pointing)
+            if len(index) == len(rays):
+                found = Proven(found.certificate, replace(found.candidate, separators=separators))
     v = common_vector(np.asarray(question.searched.values), rays, discrete=question.discrete)
     if v is None:
         return found
