@@ -204,7 +204,7 @@ def test_closed_loops_are_exact(seed, n, m):
     B = exact_matrix([[f"{a}/7" for a in row] for row in rng.integers(-9, 9, (n, m)).tolist()], "B")
     F = rng.standard_normal((m, n)) * 10.0 ** rng.integers(-9, 9)
     expected = A.fractions() + B.fractions() @ np.array([[Fraction(v) for v in row] for row in F.tolist()])
-    assert (closed_loop(A, B, F).fractions() == expected).all()
+    assert (closed_loop(A, B, exact_matrix(F, "F")).fractions() == expected).all()
 
 
 @pytest.mark.parametrize(("n", "m"), [(2, 1), (3, 3), (6, 2), (12, 4), (40, 20)])

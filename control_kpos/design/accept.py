@@ -60,11 +60,11 @@ class Accepted:
         return getattr(self.certificate, "loops", (self.certificate,))
 
 
-def closed_loop(A: Matrix, B: Matrix, F: Any) -> Matrix:
+def closed_loop(A: Matrix, B: Matrix, F: Matrix) -> Matrix:
     """A + B F exactly; of stacks, for each matrix."""
     if B.is_zero:
         return A
-    (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), exact_matrix(F, "F").as_integers()
+    (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), F.as_integers()
     own, product = Fraction(unit), Fraction(first) * second
     # integers throughout: sums and products of fractions take ten times as long
     common = lcm(own.denominator, product.denominator)
@@ -165,8 +165,7 @@ def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, also: Demand 
     if others is None:
         return None
     single = len(loops) == 1 and not others
-    certificate = loops[0] if single else FeedbackCertificate.settle(loops=loops, others=others)
-    return Accepted(F, closed, certificate) if certificate else None
+    return Accepted(F, closed, loops[0] if single else FeedbackCertificate.settle(loops=loops, others=others))
 
 
 def _others(
@@ -182,7 +181,7 @@ def _others(
             yield cone_positivity(M, B, out, sys.D, plant.X, sys.U, sys.Y, discrete=plant.discrete)
     if plant.coupling is not None:
         for M in closed:
-            yield _proven_loop(closed_loop(M, plant.coupling, np.eye(plant.n)), plant, rate)
+            yield _proven_loop(closed_loop(M, plant.coupling, Matrix.identity(plant.n)), plant, rate)
     if len(closed) > 1:
         yield None if x is None else CommonVectorCertificate.settle(loops=tuple(l.positivity for l in loops), x=x)
 

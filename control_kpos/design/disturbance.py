@@ -89,7 +89,7 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
         gamma, (F, inside) = candidate[0], program.read(candidate[1])
 
         def bounded(gain: Floats, loop: Matrix) -> DisturbanceCertificate:
-            out = closed_loop(G, H, gain)
+            out = closed_loop(G, H, Matrix(gain))
             positivity = cone_positivity(loop, E, out, D, plant.X, W, Z, discrete=plant.discrete)
             return DisturbanceCertificate.settle(positivity=positivity, x=inside, gamma=gamma)
 

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from ...exact.budget import affords
 from ...exact.program import SMALL, Block, Program, Solver
 from ..plant import Floats, Plant
-from ..simplicial.inequalities import solved, stacked
-from ..simplicial.program import scaled_rows, spend_on_entries
+from ..simplicial.inequalities import solved
+from ..simplicial.program import scaled_rows, spend_on_entries, stacked
 
 _RHO = 1e-2
 _SHIFTS = (1.0, 0.1, 0.01, 1e-4)

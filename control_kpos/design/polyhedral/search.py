@@ -23,7 +23,7 @@ from ..plant import Floats, Plant
 from ..refusal import no_invariance
 from ..result import DesignResult, Nearest
 from ..running import Programs
-from ..simplicial.inequalities import stacked
+from ..simplicial.program import stacked
 from ..simplicial.search import (
     GAIN_SLACK,
     LARGEST_RATE,

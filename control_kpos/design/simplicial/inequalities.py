@@ -64,7 +64,8 @@ class Inequalities:
 
     def with_closed(self, rows: Rows, labels: Sequence[tuple[Any, ...]]) -> Inequalities:
         """The same with more closed rows."""
-        closed = stacked(self.closed, rows)
+        below = np.concatenate if rows.dtype == object else sp.vstack
+        closed = below([self.closed, rows])
         return Inequalities(self.n, self.m, closed, self.drift, self.weight, self.owner, self.labels + tuple(labels))
 
 
@@ -93,28 +94,23 @@ def feedback_inequalities(
     Inequalities
     """
     n, m = len(rays), plants[0][1].shape[1]
-    where = np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)
-    exact = facets.dtype == object
-    closed, labels = [], []
-    for s, (A, B) in enumerate(plants):
-        i, k = np.nonzero(where)
-        closed.append(column_rows((facets @ A @ rays.T)[i, k], (facets @ B)[i], k, n))
-        labels += [("positivity", s, int(a), int(b)) for a, b in zip(i, k, strict=True)] if exact else []
-    drift = [
-        np.concatenate([facets @ A @ rays.T, np.tile(facets @ B, (1, n))], axis=1) for A, B in drift_plants or plants
-    ]
-    if not exact:
-        drift = [sp.csr_array(rows) for rows in drift]
-    diagonal = np.array([facets[i] @ rays[i] for i in range(n)], dtype=facets.dtype)
-    copies = len(drift)
+    i, k = np.nonzero(np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool))
+    constants = [(facets @ A @ rays.T)[i, k] for A, _ in plants]
+    slopes = [(facets @ B)[i] for _, B in plants]
+    closed = column_rows(np.concatenate(constants), np.concatenate(slopes), np.tile(k, len(plants)), n)
+    drift = np.concatenate(
+        [np.hstack([facets @ A @ rays.T, np.tile(facets @ B, (1, n))]) for A, B in drift_plants or plants]
+    )
+    exact, copies = facets.dtype == object, len(drift) // n
+    pairs = list(zip(i.tolist(), k.tolist(), strict=True)) if exact else []
     return Inequalities(
         n,
         m,
-        stacked(*closed),
-        stacked(*drift),
-        np.tile(diagonal, copies),
+        closed,
+        drift if exact else sp.csr_array(drift),
+        np.tile(np.einsum("ij,ij->i", facets, rays), copies),
         np.tile(np.arange(n), copies),
-        tuple(labels),
+        tuple(("positivity", s, a, b) for s in range(len(plants)) for a, b in pairs),
     )
 
 
@@ -148,7 +144,7 @@ def gain_rows(n: int, m: int, lengths: Rows, bound: Rows) -> tuple[Rows, list[tu
     level[index, k] = lengths[k] * bound[j]
     slope[index, n + index] = 1
     labels = [("gain", int(b), int(a)) for a, b in zip(k, j, strict=True)]
-    return stacked(level - slope, level + slope), labels + labels
+    return np.concatenate([level - slope, level + slope]), labels + labels
 
 
 def output_rows(C: Rows, D: Rows, facets: Rows, rays: Rows) -> tuple[Rows, list[tuple[Any, ...]]]:
@@ -164,11 +160,6 @@ def split(x: Rows, n: int, m: int) -> tuple[Rows, Rows]:
     return xi, (x[n:].reshape(n, m) / xi[:, None]).T
 
 
-def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    """F with F t_k = G[:, k]."""
-    return solved(rays, G.T).T
-
-
 def solved(M: Rows, right: Rows) -> Rows:
     """x with M x = right; not a number if floating point finds M singular."""
     try:
@@ -177,8 +168,6 @@ def solved(M: Rows, right: Rows) -> Rows:
         return np.full(right.shape, np.nan)
 
 
-def stacked(*parts: Any) -> Any:
-    """One below the other."""
-    if any(sp.issparse(part) for part in parts):
-        return sp.csr_array(sp.vstack([sp.csr_array(part) for part in parts], format="csr"))
-    return np.concatenate(parts)
+def gain_from_columns(G: NDArray[np.float64], rays: NDArray[np.float64]) -> NDArray[np.float64]:
+    """F with F t_k = G[:, k]."""
+    return solved(rays, G.T).T

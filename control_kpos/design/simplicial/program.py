@@ -24,7 +24,7 @@ from ...exact.budget import affords, spend
 from ...exact.program import SMALL, Block, Program, Solver
 from ...exact.programs import Solution
 from ..plant import Floats, Plant
-from .inequalities import feedback_inequalities, gain_from_columns, output_rows, solved, split, stacked
+from .inequalities import feedback_inequalities, gain_from_columns, output_rows, solved, split
 
 # Decay demanded beyond the required one, relative to the size of the plant on the cone; a cone that is nearly
 # flat makes that size large, so smaller ones are tried as well.
@@ -359,3 +359,10 @@ def scaled(M: Any, scale: Floats) -> Any:
 def scaled_rows(M: Any, scale: Floats) -> Any:
     """M with its rows multiplied."""
     return sp.diags_array(scale, format="csr") @ M if sp.issparse(M) else M * scale[:, None]
+
+
+def stacked(*parts: Any) -> Any:
+    """One below the other."""
+    if any(sp.issparse(part) for part in parts):
+        return sp.csr_array(sp.vstack([sp.csr_array(part) for part in parts], format="csr"))
+    return np.concatenate(parts)
