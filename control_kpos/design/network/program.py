@@ -12,6 +12,8 @@ serves all of them, which is sufficient only.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -19,10 +21,11 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
+from ...cones import Cone
 from ...exact.budget import spend
-from ...exact.program import Solver
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
+from ..running import Programs
 from ..simplicial.program import RatioProgram
 
 Floats = NDArray[np.float64]
@@ -38,6 +41,51 @@ _LARGE = 4000
 _EFFORT_PER_ENTRY = 1e3, 300.0
 
 
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Local gains that are asked for a network.
+
+    Attributes
+    ----------
+    model : NetworkModel
+        Simplicial state cones, D = 0.
+    bound : ndarray, shape (sum m_j,), or None
+        |F_j t_k| <= bound, input by input.
+    uniform : bool
+        One F and one xi for all nodes (one stack).
+    rate : float
+    cones : mapping of int to Cone
+        Of the nodes that have a cone object of their own; the others have that of their stack.
+    lp : callable
+    """
+
+    model: NetworkModel
+    bound: Floats | None
+    uniform: bool
+    rate: float
+    cones: Mapping[int, Cone]
+    lp: Programs
+
+    @cached_property
+    def lengths(self) -> list[Floats]:
+        """Lengths of every node's own generators, relative to those of its stack; shape (N, n) for each stack.
+
+        Nodes share a stack if their cones are equal as sets; gains are measured at the generators each node came with.
+        """
+        out = []
+        for s, index in zip(self.model.stacks, self.model.members, strict=True):
+            rays = np.asarray(s.X.rays, dtype=float)
+            lengths = np.ones((len(index), len(rays)))
+            known: dict[int, Floats] = {id(s.X): np.ones(len(rays))}
+            for place, j in enumerate(index.tolist()):
+                X = self.cones.get(j, s.X)
+                if id(X) not in known:  # each generator is a multiple of one of the stack's
+                    known[id(X)] = np.linalg.solve(rays.T, np.asarray(X.rays, dtype=float).T).max(axis=1)
+                lengths[place] = known[id(X)]
+            out.append(lengths)
+        return out
+
+
 class Geometry:
     """Generators and matching facets of a stack's cone, and its matrices in these coordinates.
 
@@ -51,19 +99,17 @@ class Geometry:
         Of the generators at which gains are measured.
     """
 
-    def __init__(self, stack: NodeStack, lengths: Floats | None = None) -> None:
+    def __init__(self, stack: NodeStack, lengths: Floats) -> None:
         X = stack.X
         self.rays = np.asarray(X.rays, dtype=float)
         order = np.argmin(np.asarray(X.incidence), axis=0)
         facets = np.asarray(X.facets, dtype=float)[order]
         self.facets = facets / np.einsum("ij,ij->i", facets, self.rays)[:, None]
         self.A, self.B, self.C = (np.asarray(M.values) for M in (stack.A, stack.B, stack.C))
-        self.HAT = np.einsum("ia,jab,kb->jik", self.facets, self.A, self.rays, optimize=True)
-        self.HB = np.einsum("ia,jam->jim", self.facets, self.B, optimize=True)
-        self.CT = np.einsum("jqa,ka->jqk", self.C, self.rays, optimize=True)
+        self.HAT = self.facets @ self.A @ self.rays.T
+        self.HB, self.CT = self.facets @ self.B, self.C @ self.rays.T
         self.units, self.input_units = np.ones(self.HAT.shape[:2]), np.ones(self.HB.shape[::2])
-        self.lengths = np.ones(self.HAT.shape[:2]) if lengths is None else lengths
-        self.HZ = self.HB
+        self.lengths, self.HZ = lengths, self.HB
 
     def use(self, units: Floats) -> None:
         """Change to other units of the states, and to suitable ones of the inputs."""
@@ -83,40 +129,29 @@ class NetworkProgram(RatioProgram):
 
     Parameters
     ----------
-    model : NetworkModel
-        Simplicial state cones, D = 0.
-    gain_bound : ndarray, shape (sum m_j,), or None
-        |F_j t_k| <= gain_bound, input by input.
-    uniform : bool
-        One F and one xi for all nodes (one stack).
-    lp : callable
+    task : Task
     margin : float
         Demanded of invariance, relative to the size of each row.
-    lengths : list of ndarray, shape (N, n), optional
-        Of the generators at which gains are measured, stack by stack.
+    bounded : bool
+        False: without the bound on the gain.
     """
 
     tolerance = 1e-3
 
-    def __init__(
-        self,
-        model: NetworkModel,
-        gain_bound: Floats | None,
-        uniform: bool,
-        lp: Solver,
-        margin: float = MARGINS[-1],
-        lengths: list[Floats] | None = None,
-    ) -> None:
+    def __init__(self, task: Task, margin: float = MARGINS[-1], *, bounded: bool = True) -> None:
+        model, lp, self.uniform, self.margin = task.model, task.lp, task.uniform, margin
         super().__init__(lp, model.discrete)
         entries = sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks)
-        spend(entries * _EFFORT_PER_ENTRY[uniform])
-        self.model, self.uniform, self.margin, self.lengths = model, uniform, margin, lengths
-        given = [None] * len(model.stacks) if lengths is None else lengths
-        self.parts = [Geometry(s, own) for s, own in zip(model.stacks, given, strict=True)]
+        spend(entries * _EFFORT_PER_ENTRY[self.uniform])
+        self.model = model
+        self.parts = [Geometry(s, own) for s, own in zip(model.stacks, task.lengths, strict=True)]
         self.xi, self.z, self.size = self._variables()
+        self.owner = np.zeros(self.size, dtype=np.intp)
+        for xi, z in zip(self.xi, self.z, strict=True):
+            self.owner[xi], self.owner[z] = xi, xi[:, :, None]
         self.lp = lp if self.size < _LARGE else lambda *data, **more: lp(*data, **more, method="ipm")
-        self.bound = None if gain_bound is None else model.split(gain_bound, 1)
-        if not uniform:
+        self.bound = None if task.bound is None or not bounded else model.split(task.bound, 1)
+        if not self.uniform:
             for g, units in zip(self.parts, state_units([g.HAT for g in self.parts], self._links()), strict=True):
                 g.use(units)
         self.scale = max(float(max(np.abs(g.HAT).max(), np.abs(g.HZ).max(initial=0.0))) for g in self.parts)
@@ -140,15 +175,6 @@ class NetworkProgram(RatioProgram):
             z.append(at + np.arange(len(s) * n * m).reshape(len(s), n, m))
             at += len(s) * n * m
         return xi, z, at
-
-    @cached_property
-    def owner(self) -> Index:
-        """The xi that each variable is proportional to."""
-        out = np.zeros(self.size, dtype=np.intp)
-        for xi, z in zip(self.xi, self.z, strict=True):
-            out[xi] = xi
-            out[z] = xi[:, :, None]
-        return out
 
     @cached_property
     def closed(self) -> sp.csr_array:

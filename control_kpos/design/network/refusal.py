@@ -7,7 +7,7 @@ that it has no solution.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...cones import Cone, product
+from ...cones import product
 from ...exact.budget import OutOfBudgetError, affords, budget
 from ...exact.matrix import Matrix, dense
 from ...networks.certificate import NetworkCertificate
@@ -30,7 +30,7 @@ from ..result import DesignResult, Nearest
 from ..running import EFFORT, Programs
 from ..simplicial.program import Failure
 from ..simplicial.search import BELOW, design_on_simplicial
-from .program import NetworkProgram
+from .program import NetworkProgram, Task
 
 Floats = NDArray[np.float64]
 
@@ -39,33 +39,20 @@ _NODES_TRIED = 50
 _STATES = 60
 
 
-def explain_failure(
-    model: NetworkModel,
-    program: NetworkProgram,
-    bound: Floats | None,
-    rate: float,
-    cones: Mapping[int, Cone],
-    lp: Programs,
-) -> DesignResult:
-    """REFUTED with a proof, or UNDECIDED; with what is possible instead, as far as that is found.
-
-    Parameters
-    ----------
-    cones : mapping of int to Cone
-        Of the nodes that have a cone object of their own; the others have that of their stack.
-    """
-    blocked = _blocking_node(model, bound, rate, cones, lp)
+def explain_failure(task: Task, program: NetworkProgram) -> DesignResult:
+    """REFUTED with a proof, or UNDECIDED; with what is possible instead, as far as that is found."""
+    blocked = _blocking_node(task)
     if blocked is not None and blocked.certificate.rate == 0:  # type: ignore[union-attr]
         return blocked
-    nearest = _nearest(model, program, bound, rate, lp)
+    nearest = _nearest(task, program)
     if blocked is not None:
         return replace(blocked, nearest=nearest)
-    proof = _no_local_gains(model, bound, rate, cones, lp)
+    proof = _no_local_gains(task)
     if proof is not None:
         message = "the demands on the network as a whole exclude each other."
         return DesignResult(status=Status.REFUTED, certificate=proof, message=message, nearest=nearest)
-    lead = "no common gain was found" if program.uniform else "the linear program has no solution"
-    failure = program.start(rate)
+    lead = "no common gain was found" if task.uniform else "the linear program has no solution"
+    failure = program.start(task.rate)
     reason = failure.reason if isinstance(failure, Failure) else "but for other margins"
     return undecided(f"{lead} ({reason}).", nearest=nearest)
 
@@ -83,34 +70,31 @@ def beyond_gains(model: NetworkModel) -> DesignResult | None:
     return DesignResult(status=proof.status, certificate=proof, message=message)
 
 
-def _nearest(
-    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
-) -> Nearest | None:
+def _nearest(task: Task, program: NetworkProgram) -> Nearest | None:
     with suppress(OutOfBudgetError):
-        if rate > 0:
+        if task.rate > 0:
             start = program.start(0.0)
             if not isinstance(start, Failure):
                 return Nearest(decay_rate=program.largest_rate(start)[1])
-        if bound is not None:
-            free = NetworkProgram(model, None, program.uniform, lp, lengths=program.lengths)
-            start = free.start(rate)
+        if task.bound is not None:
+            free = NetworkProgram(task, bounded=False)
+            start = free.start(task.rate)
             if not isinstance(start, Failure):
-                return Nearest(gain_bound=free.smallest_gain(rate, start)[1])
+                return Nearest(gain_bound=free.smallest_gain(task.rate, start)[1])
     return None
 
 
-def _blocking_node(
-    model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
-) -> DesignResult | None:
+def _blocking_node(task: Task) -> DesignResult | None:
     """A node that cannot be made positive and stable, or as fast, even alone: then no network with it can.
 
     Links only add to A + B F, in the order of X, and so never speed up the decay.
     """
+    model, rate, lp = task.model, task.rate, task.lp
     seen: set[tuple[Any, Any, int]] = set()
-    bounds = None if bound is None else model.split(bound, 1)
+    bounds = None if task.bound is None else model.split(task.bound, 1)
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
-            X = cones.get(j, s.X)
+            X = task.cones.get(j, s.X)
             if not affords():
                 return None
             key = (_numbers(s.A[place]), _numbers(s.B[place]), id(X))
@@ -145,27 +129,26 @@ def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
     return None
 
 
-def _no_local_gains(
-    model: NetworkModel, bound: Floats | None, rate: float, cones: Mapping[int, Cone], lp: Programs
-) -> NoFeedback | None:
+def _no_local_gains(task: Task) -> NoFeedback | None:
     """The proof, if the network is small and effort is left; also for one gain for all, which is a special case."""
-    if model.totals[0] > _STATES or not affords():
+    if task.model.totals[0] > _STATES or not affords():
         return None
-    lp.stage("deciding in exact arithmetic")
-    plant = whole_network(model, bound, cones)
+    task.lp.stage("deciding in exact arithmetic")
+    plant = whole_network(task)
     with suppress(OutOfBudgetError), budget(EFFORT["refusal of a whole network"]):
-        return decide(plant, rate * BELOW)[0]
+        return decide(plant, task.rate * BELOW)[0]
     return None
 
 
-def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int, Cone]) -> Plant:
+def whole_network(task: Task) -> Plant:
     """The network as one plant: A and B block diagonal, B W C as coupling, a block diagonal pattern for F."""
+    model = task.model
     factors: list[Any] = [None] * model.n_nodes
     blocks: list[Any] = [None] * model.n_nodes
     for s, index in zip(model.stacks, model.members, strict=True):
         data = [M.fractions() for M in (s.A, s.B, s.C)]
         for place, j in enumerate(index.tolist()):
-            factors[j], blocks[j] = cones.get(j, s.X), [M[place] for M in data]
+            factors[j], blocks[j] = task.cones.get(j, s.X), [M[place] for M in data]
     A, B, C = (_block_diagonal(parts) for parts in zip(*blocks, strict=True))
     W = model.coupling
     links = (Matrix(dense(W.values)) if W.is_double else W).fractions()
@@ -173,7 +156,7 @@ def whole_network(model: NetworkModel, bound: Floats | None, cones: Mapping[int,
     return Plant(
         System.read(pair, X=product(factors), dt=model.discrete),
         (pair,),
-        gain_bound=bound,
+        gain_bound=task.bound,
         pattern=_block_diagonal([np.ones(b.T.shape, dtype=int) for _, b, _ in blocks]).astype(bool),
         coupling=Matrix.from_fractions(B @ links @ C),
     )

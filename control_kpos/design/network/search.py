@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -37,7 +37,7 @@ from ..plant import read_bound
 from ..result import DesignResult
 from ..running import Programs, SolverChoice, within
 from ..simplicial.program import Failure
-from .program import MARGINS, NetworkProgram
+from .program import MARGINS, NetworkProgram, Task
 from .refusal import beyond_gains, explain_failure
 
 Floats = NDArray[np.float64]
@@ -131,8 +131,7 @@ def network_feedback(
         empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
-        bound = _read_bound(gain_bound, model)
-        return _designed(model, bound, uniform, float(target), lp, _own_cones(given))
+        return _designed(Task(model, _read_bound(gain_bound, model), uniform, float(target), _own_cones(given), lp))
 
     result = within(time_limit, design, "network", solver=solver, progress=progress)
     if result.alarm:
@@ -140,26 +139,18 @@ def network_feedback(
     return result
 
 
-def _designed(
-    model: NetworkModel, bound: Floats | None, uniform: bool, rate: float, lp: Programs, cones: dict[int, Cone]
-) -> DesignResult:
-    lp.stage(f"{model.n_nodes} nodes")
-    lengths = _generator_lengths(cones, model)
-
-    def at_margin(margin: float) -> NetworkProgram:
-        return NetworkProgram(model, bound, uniform, lp, margin, lengths)
-
+def _designed(task: Task) -> DesignResult:
+    task.lp.stage(f"{task.model.n_nodes} nodes")
     # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
-    margins = MARGINS if bound is not None else MARGINS[1:]
-    attempts = (_design(model, at_margin(margin), bound, rate, lp) for margin in margins if affords())
+    margins = MARGINS if task.bound is not None else MARGINS[1:]
     result = undecided(f"{reason()} was reached before gains were found.")
-    for result in attempts:
+    for result in (_design(task, NetworkProgram(task, margin)) for margin in margins if affords()):
         if result:
             return result
-    refused = beyond_gains(model) if affords(_effort(model)) else None
+    refused = beyond_gains(task.model) if affords(_effort(task.model)) else None
     if refused is not None or result.message != _NO_POINT:
         return result if refused is None else refused
-    return explain_failure(model, at_margin(MARGINS[-1]), bound, rate, cones, lp)
+    return explain_failure(task, NetworkProgram(task))
 
 
 def _own_cones(systems: Sequence[Any]) -> dict[int, Cone]:
@@ -170,25 +161,6 @@ def _own_cones(systems: Sequence[Any]) -> dict[int, Cone]:
         if isinstance(item, ConeStateSpace):
             out[count] = item.X
         count += 1 if isinstance(item, ConeStateSpace) else len(item)
-    return out
-
-
-def _generator_lengths(cones: Mapping[int, Cone], model: NetworkModel) -> list[Floats]:
-    """Lengths of every node's own generators, relative to those of its stack; shape (N, n) for each stack.
-
-    Nodes share a stack if their cones are equal as sets; gains are measured at the generators each node came with.
-    """
-    out = []
-    for s, index in zip(model.stacks, model.members, strict=True):
-        rays = np.asarray(s.X.rays, dtype=float)
-        lengths = np.ones((len(index), len(rays)))
-        known: dict[int, Floats] = {id(s.X): np.ones(len(rays))}
-        for place, j in enumerate(index.tolist()):
-            X = cones.get(j, s.X)
-            if id(X) not in known:  # each generator is a multiple of one of the stack's
-                known[id(X)] = np.linalg.solve(rays.T, np.asarray(X.rays, dtype=float).T).max(axis=1)
-            lengths[place] = known[id(X)]
-        out.append(lengths)
     return out
 
 
@@ -222,22 +194,21 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
     return values
 
 
-def _design(
-    model: NetworkModel, program: NetworkProgram, bound: Floats | None, rate: float, lp: Programs
-) -> DesignResult:
+def _design(task: Task, program: NetworkProgram) -> DesignResult:
     """Gains from one program, proven; UNDECIDED with the message _NO_POINT if the program has no solution."""
-    start = program.start(rate)
+    start = program.start(task.rate)
     if isinstance(start, Failure):
         return undecided(_NO_POINT)
     points, limit = [start], 1.0
-    if bound is None:
-        slim, limit = program.smallest_gain(rate, start)
-        points = [p for p in (_roomy(model, program, rate, limit, lp), slim, start) if p is not None]
+    if task.bound is None:
+        slim, limit = program.smallest_gain(task.rate, start)
+        points = [p for p in (_roomy(task, limit), slim, start) if p is not None]
 
     def prove(candidate: tuple[Floats, int]) -> DesignResult | None:
-        spend(_effort(model))
-        lp.stage(f"{model.n_nodes} nodes: proof with gains of {candidate[1]} digits")
-        return _certified(model, program, bound, rate, *candidate, limit)
+        x, digits = candidate
+        spend(_effort(task.model))
+        task.lp.stage(f"{task.model.n_nodes} nodes: proof with gains of {digits} digits")
+        return _certified(task, program, [round_to(F, digits) for F in program.gains(x)], limit)
 
     with suppress(OutOfBudgetError):
         found = first_proven(((x, digits) for x in points for digits in _DIGITS), prove)
@@ -246,49 +217,33 @@ def _design(
     return undecided("gains were found, but the network they make could not be proven.", limit=limit)
 
 
-def _roomy(model: NetworkModel, program: NetworkProgram, rate: float, limit: float, lp: Programs) -> Floats | None:
+def _roomy(task: Task, limit: float) -> Floats | None:
     """A point with a little more gain than the smallest, and as wide margins as that allows."""
     with suppress(OutOfBudgetError):
         for margin in _WIDE if limit > 0 else ():
-            wide = NetworkProgram(model, None, program.uniform, lp, margin, program.lengths)
-            point = wide.start(rate, limit * (1 + _SLACK))
+            point = NetworkProgram(task, margin).start(task.rate, limit * (1 + _SLACK))
             if not isinstance(point, Failure):
                 return point
     return None
 
 
-def _certified(
-    model: NetworkModel,
-    program: NetworkProgram,
-    bound: Floats | None,
-    rate: float,
-    x: Floats,
-    digits: int,
-    limit: float,
-) -> DesignResult | None:
-    gains = [round_to(F, digits) for F in program.gains(x)]
-    if program.uniform:
+def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: float) -> DesignResult | None:
+    model, parts = task.model, program.parts
+    if task.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
-    used = [
-        np.abs(np.einsum("jma,ka->jmk", F, g.rays)) * g.lengths[:, None, :]
-        for F, g in zip(gains, program.parts, strict=True)
-    ]
+    used = [np.abs(F @ g.rays.T) * g.lengths[:, None, :] for F, g in zip(gains, parts, strict=True)]
+    if task.bound is not None:
+        used = [u / b[:, :, None] for u, b in zip(used, model.split(task.bound, 1), strict=True)]
     value = max(float(u.max(initial=0.0)) for u in used)
-    if bound is not None:
-        bounds = model.split(bound, 1)
-        if any((u > b[:, :, None]).any() for u, b in zip(used, bounds, strict=True)):
-            return None
-        value = max(float((u / b[:, :, None]).max(initial=0.0)) for u, b in zip(used, bounds, strict=True))
+    if task.bound is not None and value > 1:
+        return None
     closed, exact = _closed(model, gains)
     network = ConeNetwork(closed)
     certificate = network.certificate
     if not certificate:
         return None
-    reached = certificate.decay_rate
-    if reached < rate:
-        tight = network.spectral_abscissa()[1]
-        if not -tight >= rate:
-            return None
+    if certificate.decay_rate < task.rate and not -network.spectral_abscissa()[1] >= task.rate:
+        return None
     invariant, fraction = node_fractions(model, gains, certificate)
     notes = [] if exact else [_rounding_note(program, gains, closed)]
     weakest = int(np.argmax(fraction))
@@ -299,13 +254,13 @@ def _certified(
         )
     return DesignResult(
         status=Status.PROVED,
-        F=_shaped(model, program, gains),
+        F=_shaped(task, gains),
         closed_loop=network,
         certificate=certificate,
-        objective=NETWORK_GAIN if bound is None else BOUNDED,
+        objective=NETWORK_GAIN if task.bound is None else BOUNDED,
         value=value,
         limit=limit,
-        decay_rate=max(reached, rate),
+        decay_rate=max(certificate.decay_rate, task.rate),
         certified_fraction=fraction,
         notes=tuple(notes),
         alarm=loss_of_positivity(model, invariant, fraction),
@@ -328,7 +283,7 @@ def _closed(model: NetworkModel, gains: list[Floats]) -> tuple[NetworkModel, boo
         if exact:
             loop = closed_loop(s.A, s.B, Matrix(np.ascontiguousarray(F)))
         else:
-            loop = Matrix(np.asarray(s.A.values) + np.einsum("jam,jmb->jab", np.asarray(s.B.values), F))
+            loop = Matrix(np.asarray(s.A.values) + np.asarray(s.B.values) @ F)
         stacks.append(replace(s, A=loop))
     return replace(model, stacks=tuple(stacks)), exact
 
@@ -339,9 +294,8 @@ def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: Network
     for g, F, s in zip(program.parts, gains, closed.stacks, strict=True):
         A, B = np.abs(g.A), np.abs(g.B)
         moved = B.max(axis=2) > 0
-        error = 4 * (F.shape[1] + 2) * HALF_ULP * (A + np.einsum("jam,jmb->jab", B, np.abs(F))) * moved[:, :, None]
-        change = np.einsum("ia,jab,kb->jik", np.abs(g.facets), error, np.abs(g.rays), optimize=True)
-        M = np.einsum("ia,jab,kb->jik", g.facets, np.asarray(s.A.values), g.rays, optimize=True)
+        error = 4 * (F.shape[1] + 2) * HALF_ULP * (A + B @ np.abs(F)) * moved[:, :, None]
+        change, M = np.abs(g.facets) @ error @ np.abs(g.rays.T), g.facets @ np.asarray(s.A.values) @ g.rays.T
         where = np.ones(M.shape[1:], dtype=bool) if closed.discrete else ~np.eye(M.shape[1], dtype=bool)
         safe &= bool((2 * change <= M)[:, where].all() or (change[:, where] == 0).all())
     return (
@@ -351,8 +305,9 @@ def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: Network
     )
 
 
-def _shaped(model: NetworkModel, program: NetworkProgram, gains: list[Floats]) -> Any:
-    if program.uniform:
+def _shaped(task: Task, gains: list[Floats]) -> Any:
+    model = task.model
+    if task.uniform:
         return np.array(gains[0][0])
     if len({s.sizes[:2] for s in model.stacks}) == 1:
         out = np.empty((model.n_nodes, *gains[0].shape[1:]))
@@ -378,17 +333,13 @@ def node_fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -
     for s, index, F, v_j, c_j in zip(
         model.stacks, model.members, gains, model.split(v, 0), model.split(received, 0), strict=True
     ):
-        rays = np.asarray(s.X.rays)
-        facets = np.asarray(s.X.facets)
-        A, BF = np.asarray(s.A.values), np.einsum("jam,jmb->jab", np.asarray(s.B.values), F)
+        rays, facets = np.asarray(s.X.rays).T, np.asarray(s.X.facets)
+        A, BF = np.asarray(s.A.values), np.asarray(s.B.values) @ F
         where = np.ones_like(s.X.incidence) if model.discrete else np.asarray(s.X.incidence)
-        constant = np.einsum("ia,jab,kb->jik", facets, A, rays, optimize=True)[:, where]
-        slope = np.einsum("ia,jab,kb->jik", facets, BF, rays, optimize=True)[:, where]
         drift = A - np.eye(s.sizes[0]) if model.discrete else A
-        fall = -(np.einsum("ja,jab,kb->jk", v_j, drift, rays, optimize=True) + c_j @ rays.T)
-        fall_slope = -np.einsum("ja,jab,kb->jk", v_j, BF, rays, optimize=True)
-        invariant[index] = interval_starts(constant, slope)
-        certified[index] = np.maximum(invariant[index], interval_starts(fall, fall_slope))
+        fall, fall_slope = (-(v_j[:, None] @ M @ rays)[:, 0] for M in (drift, BF))
+        invariant[index] = interval_starts((facets @ A @ rays)[:, where], (facets @ BF @ rays)[:, where])
+        certified[index] = np.maximum(invariant[index], interval_starts(fall - c_j @ rays, fall_slope))
     return invariant, certified
 
 
