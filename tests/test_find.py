@@ -175,6 +175,19 @@ def test_repeated_irrational_dominant_eigenvalues(blocks, seed):
     assert found.n_rays <= sum(map(len, blocks)) + 2 and found.fewest_rays <= found.n_rays
 
 
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_repeated_rational_dominant_eigenvalues(seed, discrete):
+    # the other eigenvalues are as often repeated, in chains of other lengths
+    chain, turning = np.array([[1, 1], [0, 1]]), np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0]])
+    for blocks in ((chain, -np.eye(2, dtype=int)), (chain, [[0]], turning - 2 * np.eye(3, dtype=int))):
+        A = similar(block_diag(*blocks), seed)
+        if discrete:
+            A = [[(x + 3 * (i == j)) / 4 for j, x in enumerate(row)] for i, row in enumerate(A)]
+        found = find_cone(A, discrete=discrete)
+        assert found and found.check() and found.fewest_rays <= found.n_rays
+
+
 def test_an_irrational_eigenvalue_and_its_negative_in_discrete_time():
     for A in (ROOT, block_diag(ROOT, ROOT), CHAIN):
         assert find_cone(A, discrete=True)

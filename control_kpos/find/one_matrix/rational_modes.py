@@ -1,14 +1,9 @@
-"""Cones for matrices with several dominant eigenvalues, in rational arithmetic.
+"""Cones for matrices in discrete time whose dominant eigenvalues are r times roots of unity, r rational.
 
-When the dominant eigenvalue lam is not simple, invariance holds with equalities that no rounding
-survives: the double integrator [[0, 1], [0, 0]] has cones, and matrices arbitrarily near it have none.
-If lam is rational, R^n splits over the rationals into the generalised eigenspace G of lam (discrete
-time: of all eigenvalues of modulus lam) and an invariant complement W with smaller eigenvalues.
-
-* On a Jordan chain, A e_j = lam e_j + e_(j-1): the chain vectors themselves are generators.
-* On an eigenspace of lam, or where A / lam acts with finite order m (roots of unity in discrete time),
-  e and the finite orbits e +- A^i g / lam^i.
-* On W, a polygon around e from the modes of A on W, with coordinates rounded to doubles.
+R^n splits over the rationals into the generalised eigenspace G of all eigenvalues of modulus r and an invariant
+complement W with smaller eigenvalues.  Where A / r acts on G with finite order m, its cone has the generators
+e +- A^i g / r^i, e an eigenvector for r and g in G; on W it is a polygon around e from the modes of A on W, with
+coordinates rounded to doubles.
 """
 
 from __future__ import annotations
@@ -24,7 +19,6 @@ from ...exact.linalg import (
     Rationals,
     columns,
     identity,
-    jordan_chains,
     nullspace,
     power,
     product,
@@ -46,8 +40,8 @@ _LARGEST = 24
 _LARGEST_ORDER = 60
 
 
-def rational_cones(A: Matrix, *, discrete: bool) -> Iterator[tuple[Matrix, NDArray[np.float64]]]:
-    """Exact generators and a pointing vector, for a rational dominant eigenvalue.
+def rational_cones(A: Matrix) -> Iterator[tuple[Matrix, NDArray[np.float64]]]:
+    """Exact generators and a pointing vector.
 
     Yields
     ------
@@ -57,42 +51,29 @@ def rational_cones(A: Matrix, *, discrete: bool) -> Iterator[tuple[Matrix, NDArr
     n = A.shape[0]
     if n > _LARGEST:
         return
-    M = A.fractions()
-    p = spectrum_polynomial(A)
-    values = np.linalg.eigvals(A.values)
-    guess = float(np.abs(values).max() if discrete else values.real.max())
+    M, p = A.fractions(), spectrum_polynomial(A)
+    guess = float(np.abs(np.linalg.eigvals(A.values)).max())
     tried = {Fraction(guess), *(Fraction(guess).limit_denominator(d) for d in (1, 10, 1000, 10**6))}
-    dominant = next(
-        (x for x in sorted(tried, key=lambda x: x.denominator) if vanishes(p, x) and abs(x - guess) < 1e-2), None
-    )
-    if dominant is None:
+    found = [r for r in tried if r > 0 and vanishes(p, r) and abs(r - guess) < 1e-2]
+    if not found:
         return
-    order = 1
-    if discrete and dominant > 0:
-        orders = without_roots_of_unity(circle_part(scale_roots(p, 1 / dominant)))[1]
-        order = lcm(*orders) if orders else 1
-        if order > _LARGEST_ORDER:
-            return
+    dominant = min(found, key=lambda r: r.denominator)
+    orders = without_roots_of_unity(circle_part(scale_roots(p, 1 / dominant)))[1]
+    order = lcm(*orders) if orders else 1
+    if order > _LARGEST_ORDER:
+        return
     eye = identity(n)
     shifted = power(M, order) - eye * dominant**order
     settled = power(shifted, n)
     G, W = nullspace(settled), columns(settled)
     e = nullspace(M - eye * dominant)[:, 0]
-    functional = _pointing(M, dominant, G, W, e)
-    core = None if (shifted @ G).any() else _orbits(M, dominant, order, G, e, functional)
-    rows = core
-    if core is None and order == 1:
-        chains = jordan_chains(M - eye * dominant, G, lambda w: [w])
-        rows = None if chains is None else [x for chain in chains for x in reversed(chain)]
-    if rows is None:
+    functional = _pointing(M, dominant, e)
+    if functional is None or (shifted @ G).any():
         return
-    apex = e if core is not None else rows[0]
-    around = _polygon(M, dominant, apex, W, discrete)
+    around = _polygon(M, dominant, e, W)
     if around is None:
         return
-    if core is None and W.shape[1]:
-        rows = rows[1:]
-    generators = np.array([*rows, *around], dtype=object)
+    generators = np.array([*_orbits(M, dominant, order, G, e, functional), *around], dtype=object)
     pointing = _heights(generators)
     if pointing is not None:
         yield Matrix.from_fractions(generators), pointing
@@ -109,43 +90,33 @@ def _heights(generators: Rationals) -> NDArray[np.float64] | None:
     return from_dual if (values @ from_dual > 1e-9).all() else None
 
 
-def _pointing(M: Rationals, dominant: Fraction, G: Rationals, W: Rationals, e: Rationals) -> Rationals | None:
+def _pointing(M: Rationals, dominant: Fraction, e: Rationals) -> Rationals | None:
     """A left eigenvector with value 1 on e, or None (on a Jordan chain every left eigenvector vanishes on e)."""
     left = nullspace((M - identity(len(M)) * dominant).T)
-    for k in range(left.shape[1]):
-        height = left[:, k] @ e
-        if height != 0:
-            return left[:, k] / height
-    return None
+    heights = left.T @ e
+    some = np.flatnonzero(heights)
+    return left[:, some[0]] / heights[some[0]] if some.size else None
 
 
 def _orbits(
-    M: Rationals, dominant: Fraction, order: int, G: Rationals, e: Rationals, functional: Rationals | None
-) -> list[Rationals] | None:
+    M: Rationals, dominant: Fraction, order: int, G: Rationals, e: Rationals, functional: Rationals
+) -> list[Rationals]:
     """e +- the orbits of vectors g with functional'g = 0, under a map of finite order."""
-    if functional is None:
-        return None
-    if G.shape[1] == 1:
-        return []
     spanned: list[Rationals] = []
     rows: list[Rationals] = []
     for j in range(G.shape[1]):
         g = G[:, j] - e * (functional @ G[:, j])
-        if not g.any() or (spanned and rank(np.array([*spanned, g], dtype=object)) == len(spanned)):
+        if not g.any() or rank(np.array([*spanned, g], dtype=object)) == len(spanned):
             continue
         for _ in range(order):
-            if not spanned or rank(np.array([*spanned, g], dtype=object)) > len(spanned):
+            if rank(np.array([*spanned, g], dtype=object)) > len(spanned):
                 spanned.append(g)
             rows += [e + g, e - g]
-            g = M @ g / dominant if dominant else g
-    # A semisimple eigenvalue needs a simplex only: e + g_1, .., e + g_k, e - sum of them.
-    if order == 1:
-        return [*(e + g for g in spanned), e - sum(spanned[1:], spanned[0])]
-    unique: dict[tuple, Rationals] = {tuple(row): row for row in rows}
-    return list(unique.values())
+            g = M @ g / dominant
+    return list({tuple(row): row for row in rows}.values())
 
 
-def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals, discrete: bool) -> list[Rationals] | None:
+def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals) -> list[Rationals] | None:
     """apex + W y for the corners y of a polytope that is invariant relative to the dominant eigenvalue."""
     d = W.shape[1]
     if not d:
@@ -156,8 +127,8 @@ def _polygon(M: Rationals, dominant: Fraction, apex: Rationals, W: Rationals, di
     reduced = np.zeros((d + 1, d + 1))
     reduced[0, 0] = float(dominant)
     reduced[1:, 1:] = inner.astype(float)
-    m = modes(reduced, discrete=discrete)
-    found = None if m is None else modal_cone(m, discrete=discrete, max_rays=LARGE)
+    m = modes(reduced, discrete=True)
+    found = None if m is None else modal_cone(m, discrete=True, max_rays=LARGE)
     if found is None:
         return None
     corners = found.R[1:] / found.R[0]

@@ -1,8 +1,11 @@
-"""Cones for matrices whose dominant eigenvalue is repeated and irrational, in rational arithmetic.
+"""Cones for matrices whose dominant eigenvalue is repeated, rational or not, in rational arithmetic.
 
-Continuous time.  A = S + N with S semisimple, N nilpotent, both rational polynomials in A (Jordan and Chevalley),
-although no eigenvalue is.  Let p be the product of (s - z) over all eigenvalues z as often repeated as the
-dominant one.  On G = ker p(S), chains v, N v, .., N^(k-1) v and their images under S span blocks
+Invariance then holds with equalities that no rounding survives: the double integrator [[0, 1], [0, 0]] has cones, and
+matrices arbitrarily near it have none.
+
+A = S + N with S semisimple, N nilpotent, both rational polynomials in A (Jordan and Chevalley), although no eigenvalue
+may be rational.  Let p be the product of (s - z) over all eigenvalues z as often repeated as the dominant one.  On
+G = ker p(S), chains v, N v, .., N^(k-1) v and their images under S span blocks
 
     span {w, S w, .., S^(d-1) w},   w = N^j v,   d = deg p,
 
@@ -20,12 +23,13 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.linalg import Rationals, identity, jordan_chains, nullspace, product, solve_columns
+from ...exact.linalg import Rationals, columns, identity, jordan_chains, nullspace, product, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     Polynomial,
     derivative,
     multiply,
+    rational_roots,
     square_free_factors,
 )
 from ...proof.proposed_weights import pointing_functional
@@ -35,18 +39,19 @@ from ..question import Candidate, Question, first_cone
 from .modes import analysis
 from .search import candidates
 
-_LARGEST = 16
+_LARGEST = 24
 # Roots that coincide are known to about half the digits, or a third of them.
 _NEAR = 1e-3
 
 
 def repeated_cones(question: Question) -> Iterator[Candidate]:
-    """Exact generators, for one matrix in continuous time."""
+    """Exact generators, for one matrix."""
     A = question.searched[0]
-    if A.shape[0] > _LARGEST or question.discrete:
+    if A.shape[0] > _LARGEST:
         return
     factors = square_free_factors(spectrum_polynomial(A))
-    top = float(np.linalg.eigvals(A.values).real.max())
+    values = np.linalg.eigvals(A.values)
+    top = float((np.abs(values) if question.discrete else values.real).max())
     scale = float(np.abs(A.values).max()) or 1.0
     near = [k for k, f in enumerate(factors) if np.abs(_roots(f) - top).min(initial=np.inf) < _NEAR * scale]
     if len(near) != 1 or near[0] == 0:
@@ -55,12 +60,18 @@ def repeated_cones(question: Question) -> Iterator[Candidate]:
     S = _semisimple(M, factors)
     if S is None:
         return
-    p, others = factors[near[0]], _product([f for k, f in enumerate(factors) if k != near[0]])
-    d = len(p) - 1
-    chains = jordan_chains(M - S, nullspace(_at(p, S)), lambda w: _cyclic(S, w, d))
+    p = factors[near[0]]
+    for root in rational_roots(p, values):
+        if abs(root - top) < _NEAR * scale:  # a factor of p is enough, and others may have chains of other lengths
+            p = [root.denominator, -root.numerator]
+    d, at = len(p) - 1, _at(p, S)
+    G = nullspace(at)
+    # a vector of the basis may lie in a smaller block
+    mixed = G @ np.random.default_rng(0).integers(-2, 3, (G.shape[1], G.shape[1])).astype(object)
+    chains = jordan_chains(M - S, mixed, lambda w: _cyclic(S, w, d))
     if chains is None:
         return
-    rays = _generators(M, S, chains, nullspace(_at(others, S)), d)
+    rays = _generators(M, S, chains, columns(at), d, question.discrete)
     if rays is not None and question.admits(rays.shape[0]):
         values = np.asarray(rays.values)
         yield Candidate(rays=rays, pointing=pointing_functional(values), right_inverse=np.linalg.pinv(values.T))
@@ -109,11 +120,13 @@ def _cyclic(S: Rationals, w: Rationals, d: int) -> list[Rationals]:
     return out
 
 
-def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Rationals, d: int) -> Matrix | None:
+def _generators(
+    M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Rationals, d: int, discrete: bool
+) -> Matrix | None:
     """The cone of the companion matrix in every block, and the cone of the last block with the rest."""
     last = np.array(_cyclic(S, chains[0][-1], d), dtype=object).T
     companion = solve_columns(last, product(S, last))
-    inner = None if companion is None else _cone_of(Matrix.from_fractions(companion))
+    inner = None if companion is None else _cone_of(Matrix.from_fractions(companion), discrete)
     if inner is None:
         return None
     blocks = [w for k, chain in enumerate(chains) for w in (chain[:-1] if k == 0 else chain)]
@@ -125,16 +138,20 @@ def _generators(M: Rationals, S: Rationals, chains: list[list[Rationals]], W: Ra
     if whole is None:
         return None
     joined, held = Matrix.from_fractions(whole), None
-    if len(chains[0]) > 1:  # N moves the cone of the block before into the last one
+    if len(chains[0]) > 1 and d > 1:  # N moves the cone of the block before into the last one
         zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
         held = Matrix.from_fractions(np.concatenate([inner, zeros], axis=1))
-    outer = _cone_of(joined, held)
-    return None if outer is None else Matrix.from_fractions(np.concatenate([*rows, outer @ basis.T]))
+    outer = _cone_of(joined, discrete, held)
+    if outer is None:
+        return None
+    if d == 1 and outer[0, 0] * inner[0, 0] < 0:  # every cone holds the dominant direction or its opposite
+        outer = -outer
+    return Matrix.from_fractions(np.concatenate([*rows, outer @ basis.T]))
 
 
-def _cone_of(A: Matrix, contains: Matrix | None = None) -> Rationals | None:
+def _cone_of(A: Matrix, discrete: bool, contains: Matrix | None = None) -> Rationals | None:
     """Generators of an invariant cone that holds the given vectors, or None."""
-    question = Question(matrices=Matrix.stack([A]), contains=contains)
+    question = Question(matrices=Matrix.stack([A]), contains=contains, discrete=discrete)
     attempts = candidates if contains is None else ports.candidates
-    found = first_cone(question, attempts(question, analysis(A, discrete=False)))
+    found = first_cone(question, attempts(question, analysis(A, discrete=discrete)))
     return None if found is None else found.candidate.rays.fractions()

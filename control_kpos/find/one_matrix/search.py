@@ -8,8 +8,8 @@
    refinement with the residual A V - V T in exact arithmetic gives every entry of T to almost full precision.  A cone
    R for T becomes the cone V R for A, with the same P; V R is kept exactly, since rounding it would move it by k
    units in the last place.
-4. The orthant, and exact rational modes, where A has several dominant eigenvalues (`rational_modes`; irrational
-   ones: `repeated`).
+4. The orthant, and exact rational modes, where A has several dominant eigenvalues (`rational_modes`; repeated ones:
+   `repeated`).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
     if question.admits(n) and (a.matrix + (0 if a.discrete else np.diag(np.full(n, np.inf))) >= 0).all():
         P = Matrix.stack([a.A])
         yield Candidate(rays=Matrix.identity(n), pointing=np.ones(n), right_inverse=np.eye(n), multipliers=P)
-    for rays, pointing in rational_cones(a.A, discrete=a.discrete):
+    for rays, pointing in rational_cones(a.A) if a.discrete else ():
         if question.admits(rays.shape[0]):
             inverse = np.linalg.pinv(np.asarray(rays.values).T)
             yield Candidate(rays=rays, pointing=pointing, right_inverse=inverse)
