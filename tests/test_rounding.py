@@ -100,9 +100,9 @@ def test_dense_and_sparse_products_are_enclosed(width, low, high):
     exact = fractions(left) @ fractions(right).T
     value, bound = enclosed_product(Matrix(left), Matrix(right))
     assert within(value, bound, exact)
-    rays = np.where(np.isfinite(right), right, 0.0).T
-    value, bound = enclosed_sparse_product(Matrix(rays), sp.csr_array(left.T))
-    assert within(value, bound, fractions(rays).T @ fractions(left.T))
+    finite = np.where(np.isfinite(right), right, 0.0)
+    value, bound = enclosed_sparse_product(Matrix(finite), sp.csr_array(left.T))
+    assert within(value, bound, fractions(finite) @ fractions(left.T))
 
 
 @pytest.mark.parametrize(("low", "high"), RANGES)

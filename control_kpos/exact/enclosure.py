@@ -14,6 +14,7 @@ zero needs only Q >= 0.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -30,6 +31,7 @@ from .rounding import (
     error_factor,
     room,
     rounding_radius,
+    sum_constants,
     underflow,
 )
 from .signs import BilinearForms
@@ -53,6 +55,8 @@ class Bounds(Condition):
         Entries known to be nonnegative in exact arithmetic, whatever `lower` says.
     """
 
+    no_forms: ClassVar[BilinearForms] = BilinearForms(Matrix.zeros(0, 1), None, Matrix.zeros(0, 1))
+
     # always set by `of`; a parent with defaults forces defaults here
     lower: Array = None  # type: ignore[assignment]
     size: Array = None  # type: ignore[assignment]
@@ -61,8 +65,7 @@ class Bounds(Condition):
     @classmethod
     def of(cls, name: str, lower: Array, size: Array, exact: NDArray[np.bool_] | bool = False) -> Bounds:
         """A condition for given bounds."""
-        empty = Matrix.zeros(0, 1)
-        return cls(name, BilinearForms(empty, None, empty), ">", None, lower, size, exact)
+        return cls(name, cls.no_forms, ">", None, lower, size, exact)
 
     def verdict(self) -> bool | None:
         """True if proven; None otherwise, for a bound refutes nothing."""
@@ -97,11 +100,12 @@ def enclosed_product(left: Matrix, right: Matrix) -> tuple[Array, Array]:
     a, b = np.asarray(left.values), np.asarray(right.values)
     width = a.shape[1]
     blocks = range(0, max(width, 1), _BLOCK)
+    g, lost = sum_constants(min(width, _BLOCK) + len(blocks), width)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         size = np.abs(a) @ np.abs(b).T
         # Sums in blocks: each term passes through fewer roundings than the width has entries.
         product = sum((a[:, k : k + _BLOCK] @ b[:, k : k + _BLOCK].T for k in blocks), np.zeros(size.shape))
-        bound = error_factor(min(width, _BLOCK) + len(blocks)) * size + underflow(width)
+        bound = g * size + lost
         if left.radius is not None:
             bound = bound + RADIUS_ROOM * (left.radius @ np.abs(b).T)
         if right.radius is not None:
@@ -110,16 +114,16 @@ def enclosed_product(left: Matrix, right: Matrix) -> tuple[Array, Array]:
         return product, bound
 
 
-def enclosed_sparse_product(rays: Matrix, P: sp.csr_array) -> tuple[Array, Array]:
-    """rays' P in floating point, and a bound on its distance from the exact product (see `rounding`)."""
-    values, columns = np.asarray(rays.values), sp.csr_array(P.T)
+def enclosed_sparse_product(left: Matrix, P: sp.csr_array) -> tuple[Array, Array]:
+    """left @ P in floating point, and a bound on its distance from the exact product (see `rounding`)."""
+    values, columns = np.asarray(left.values).T, sp.csr_array(P.T)
     terms = int(np.diff(columns.indptr).max(initial=0))
+    g, lost = sum_constants(terms, terms)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         product = np.asarray(columns @ values).T
-        bound = np.asarray(abs(columns) @ np.abs(values)).T
-        bound = error_factor(terms) * bound + underflow(terms)
-        if rays.radius is not None:
-            bound = bound + RADIUS_ROOM * np.asarray(abs(columns) @ rays.radius).T
+        bound = g * np.asarray(abs(columns) @ np.abs(values)).T + lost
+        if left.radius is not None:
+            bound = bound + RADIUS_ROOM * np.asarray(abs(columns) @ np.asarray(left.radius).T).T
     return product, bound
 
 
@@ -138,9 +142,9 @@ class Generators:
         top = np.abs(rays.values).max(axis=0, initial=0.0)
         self.exponent = np.where(top > 0, -np.frexp(np.where(top > 0, top, 1.0))[1], 0)
         # What is scaled by powers of two stays exact unless it underflows, which `_scaled` rules out.
-        self.equilibrated = _scaled(rays, self.exponent)
+        self.columns = _scaled(rays, self.exponent).T
         self.inverse = np.ldexp(right_inverse, -self.exponent)
-        product, bound = enclosed_product(self.equilibrated.T, Matrix(self.inverse.T))
+        product, bound = enclosed_product(self.columns, Matrix(self.inverse.T))
         with np.errstate(over="ignore", invalid="ignore"):
             defect = np.abs(np.eye(len(product)) - product) * (1 + 4 * HALF_ULP) + bound + 2 * HALF_ULP
             self.defect = defect.sum(axis=1) * (1 + error_factor(len(product)))
@@ -190,8 +194,8 @@ class Generators:
         required : ndarray of bool, shape (N, c)
         """
         Q = np.asarray(multipliers.values)
-        parts = [(_scaled_rows(M, self.exponent), x) for M, x in targets]
-        parts.append((-self.equilibrated.T, multipliers.T))
+        parts = [(_scaled(M, self.exponent[:, None]), x) for M, x in targets]
+        parts.append((-self.columns, multipliers.T))
         residual = np.zeros((self.rays.shape[1], Q.shape[1]))
         error = np.zeros_like(residual)
         for M, x in parts:
@@ -220,8 +224,8 @@ class Generators:
         """
         P = sp.csr_array(multipliers.values)
         support = np.flatnonzero((self.inverse != 0).any(axis=1))
-        value, bound = enclosed_product(_scaled_rows(target[0], self.exponent), target[1])
-        product, error = enclosed_sparse_product(self.equilibrated, P)
+        value, bound = enclosed_product(_scaled(target[0], self.exponent[:, None]), target[1])
+        product, error = enclosed_sparse_product(self.columns, P)
         residual = value - product
         error = error + bound + (np.abs(value) + np.abs(product)) * (4 * HALF_ULP)
         Q = P[support].toarray()
@@ -295,14 +299,10 @@ def _size(rays: Matrix, Q: Array, lower: Array) -> Array:
     return np.where(np.isfinite(size) & (size > 0), size, np.maximum(np.abs(lower), 1.0))
 
 
-def _scaled(rays: Matrix, exponent: NDArray[np.intp]) -> Matrix:
-    """Columns times powers of two, with a radius where bits were lost."""
-    values = np.ldexp(np.asarray(rays.values), exponent)
-    radius = None if rays.radius is None else np.ldexp(rays.radius, exponent) + SMALLEST_NORMAL
-    if not np.array_equal(np.ldexp(values, -exponent), rays.values):
+def _scaled(m: Matrix, exponent: NDArray[np.intp]) -> Matrix:
+    """Columns, or rows, times powers of two, with a radius where bits were lost."""
+    values = np.ldexp(np.asarray(m.values), exponent)
+    radius = None if m.radius is None else np.ldexp(m.radius, exponent) + SMALLEST_NORMAL
+    if not np.array_equal(np.ldexp(values, -exponent), m.values):
         radius = (np.zeros_like(values) if radius is None else radius) + SMALLEST_NORMAL
     return Matrix(values, radius)
-
-
-def _scaled_rows(m: Matrix, exponent: NDArray[np.intp]) -> Matrix:
-    return _scaled(m.T, exponent).T

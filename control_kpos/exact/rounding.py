@@ -46,6 +46,11 @@ def underflow(terms: int) -> float:
     return 4 * SMALLEST_NORMAL * (terms + 1)
 
 
+def sum_constants(roundings: int, terms: int) -> tuple[float, float]:
+    """Factor and underflow for a sum of so many terms, each through so many roundings."""
+    return error_factor(roundings), underflow(terms)
+
+
 def chain_constants(inner: int, outer: int) -> tuple[float, float, float]:
     """For (l'M) r: the factor, and what underflows in l'M, before r multiplies it, and in the product with r.
 
