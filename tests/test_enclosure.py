@@ -89,7 +89,7 @@ def test_sparse_products_lie_within_their_bounds(seed, N, inexact):
     rng = np.random.default_rng(seed)
     R, P = spread(rng, (N, 3)), spread(rng, (N, 4)) * (rng.random((N, 4)) < 0.4)
     radius = np.abs(R) * rng.choice([1e-16, 0.5]) if inexact else None
-    product, bound = enclosed_sparse_product(Matrix(R, radius), csr_array(P))
+    product, bound = enclosed_sparse_product(Matrix(R, radius).T, csr_array(P))
     for j in range(4):
         moved = fractions(R) if radius is None else fractions(R) + fractions(radius * np.sign(R * P[:, [j]]))
         error = np.abs(moved.T @ fractions(P[:, j]) - fractions(product[:, j]))
