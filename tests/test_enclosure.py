@@ -201,12 +201,12 @@ def test_bits_that_units_push_below_the_smallest_doubles_are_accounted_for():
     rays = Matrix(np.array([[1e200, 1.0], [1.2345678901234567e-121, 1.0]]))
     basis = Generators(rays, np.linalg.inv(rays.values.T))
     scaled = fractions(rays.values.T) * fractions(np.ldexp(1.0, basis.exponent))[:, None]
-    lost = np.abs(scaled - fractions(basis.equilibrated.values.T))
-    assert lost.max() > 0 and (lost <= fractions(basis.equilibrated.radius.T)).all()
+    lost = np.abs(scaled - fractions(basis.columns.values))
+    assert lost.max() > 0 and (lost <= fractions(basis.columns.radius)).all()
     known = Matrix(rays.values, np.array([[1e190, 0.0], [1e-130, 0.25]]))
     basis = Generators(known, np.linalg.inv(rays.values.T))
     scaled = fractions(known.radius.T) * fractions(np.ldexp(1.0, basis.exponent))[:, None]
-    assert (scaled + lost <= fractions(basis.equilibrated.radius.T)).all()
+    assert (scaled + lost <= fractions(basis.columns.radius)).all()
 
 
 @pytest.mark.parametrize("seed", range(20))
