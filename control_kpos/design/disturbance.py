@@ -26,12 +26,14 @@ from .accept import Accepted, accept, beyond_feedback, closed_loop, succeed, und
 from .certificates import DisturbanceCertificate
 from .plant import Floats, Plant
 from .result import DesignResult
-from .simplicial.inequalities import column_rows
-from .simplicial.program import SimplicialProgram, scaled_rows
+from .simplicial.inequalities import output_rows
+from .simplicial.program import SimplicialProgram, scaled_rows, stacked
 
 LINF_GAIN = "L-infinity gain from w to z"
 # Relative increase of gamma that is spent on a small gain and on margins.
 _SLACK = 1e-3
+# Margins of invariance that are tried with a small gain, relative to its rows.
+_MARGINS = (1e-7, 1e-9, 0.0)
 # Gains this many times the size of the plant count as unbounded.
 _HUGE = 1e4
 
@@ -61,11 +63,10 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     blocked = beyond_feedback(plant, message, B=E, D=D, U=W, Y=Z)
     if blocked is not None:
         return blocked
-    program = SimplicialProgram(plant, lp)
-    rows = _Rows(program, rate, tuple(np.asarray(M.values) for M in (E, G, H, D)))
-    least = rows.program()
+    program = DisturbanceProgram(plant, rate, (E, G, H, D), lp)
+    least = program.program()
     least.add(gamma=Block(1, cost=1.0))
-    least.below(-rows.through, x=rows.total, gamma=-np.ones(len(rows.total)))
+    least.below(-program.through, x=program.total, gamma=-np.ones(len(program.total)))
     first = least.solve(lp)
     if not first or not (first["x"][: plant.n] > 0).all():
         reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
@@ -82,7 +83,7 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
         """Of each gamma, the point of smallest |F x_k|, then the first one."""
         for slack in (_SLACK, 1e-2):
             gamma = best + slack * max(abs(best), 1e-6)
-            second = rows.small(gamma, x, lp)
+            second = program.small(gamma, x)
             yield from ((gamma, point) for point in (second, x) if point is not None)
 
     def prove(candidate: tuple[float, Floats]) -> Accepted | None:
@@ -101,43 +102,35 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     return succeed(plant, found, LINF_GAIN, found.certificate.others[-1].gamma, best)  # type: ignore[attr-defined]
 
 
-class _Rows:
+class DisturbanceProgram(SimplicialProgram):
     """The inequalities of the module's head over x = (xi, z), for E, G, H, D in doubles."""
 
-    def __init__(self, design: SimplicialProgram, rate: float, data: tuple[Floats, ...]) -> None:
-        E, G, H, D = data
-        plant, n = design.plant, design.n
-        self.design, self.n = design, n
+    def __init__(self, plant: Plant, rate: float, data: tuple[Matrix, ...], lp: Solver) -> None:
+        super().__init__(plant, lp)
+        E, G, H, D = (np.asarray(M.values) for M in data)
+        self.rate, self.through = rate, D.sum(axis=1)
         self.push = (plant.facets @ E).sum(axis=1) / np.einsum("ij,ij->i", plant.facets, plant.rays)
-        i, k = (index.ravel() for index in np.indices((len(G), n)))
-        self.outputs = column_rows((G @ plant.rays.T)[i, k], H[i], k, n)
-        self.total = np.hstack([G @ plant.rays.T, np.tile(H, (1, n))])
-        self.through = D.sum(axis=1)
-        self.fixed, self.drift = design.fixed(None), design.decreasing(rate)
+        self.closed = stacked(self.closed, output_rows(G, H, np.eye(len(G)), plant.rays)[0])
+        self.total = np.hstack([G @ plant.rays.T, np.tile(H, (1, plant.n))])
 
-    def program(self, shift: Floats | float = 0.0) -> Program:
-        """Invariance (by -shift), z in its orthant, and (A + B F) x + E 1 < 0."""
-        low = np.full(self.fixed.shape[1], -np.inf)
-        low[: self.n] = 1e-6
-        program = Program(x=Block(len(low), low=low))
-        program.below(shift, x=self.fixed)
-        program.above(0.0, x=self.outputs)
-        program.below(-self.push, x=self.drift)
+    def program(self, margin: float = 0.0, x: Floats | None = None) -> Program:
+        """Invariance, with a margin relative to its rows at x, z in its orthant, and (A + B F) x + E 1 < 0."""
+        program = Program(x=self._over(1e-6, np.inf))
+        program.above(0.0 if x is None else margin * (abs(self.closed) @ np.abs(x)), x=self.closed)
+        program.below(0.0, x=self.bounds)
+        program.below(-self.push, x=self.decreasing(self.rate))
         return program
 
-    def small(self, gamma: float, x: Floats, lp: Solver) -> Floats | None:
+    def small(self, gamma: float, x: Floats) -> Floats | None:
         """The smallest largest entry of |F x_k| at this gamma, with the weights xi of x and a little margin."""
-        closed, slope = self.design.closed, self.design.slope
-        scaled = scaled_rows(slope, 1 / np.tile(np.repeat(x[: self.n], self.design.m), 2))
-        margin = np.zeros(self.fixed.shape[0])
-        margin[: closed.shape[0]] = 1e-7 * (abs(closed) @ np.abs(x))
+        scaled = scaled_rows(self.slope, 1 / (self.level @ x))
 
-        def solve(strength: float) -> Floats | None:
-            program = self.program(-strength * margin)
+        def solve(margin: float) -> Floats | None:
+            program = self.program(margin, x)
             program.add(largest=Block(1, low=0.0, cost=1.0))
             program.below(gamma - self.through - 1e-6 * abs(gamma), x=self.total)
             program.below(0.0, x=scaled, largest=-np.ones(scaled.shape[0]))
-            answer = program.solve(lp)
+            answer = program.solve(self.lp)
             return answer["x"] if answer and (answer["x"][: self.n] > 0).all() else None
 
-        return next((point for strength in (1.0, 1e-2, 0.0) if (point := solve(strength)) is not None), None)
+        return next((point for margin in _MARGINS if (point := solve(margin)) is not None), None)

@@ -164,5 +164,6 @@ def _through_cvxpy(name: str, c: Any, A_ub: Any, b_ub: Any, A_eq: Any, b_eq: Any
     if problem.status in ("optimal", "optimal_inaccurate"):
         return Solution("optimal", np.asarray(x.value, dtype=float))
     known: tuple[Outcome, ...] = ("infeasible", "unbounded")
-    outcome: Outcome = next((word for word in known if word in problem.status), "failed")
+    failed: Outcome = "failed"
+    outcome = next((word for word in known if word in problem.status), failed)
     return Solution(outcome, np.empty(0), message=f"{name}: {problem.status}")

@@ -13,7 +13,7 @@ columns that are not the worst stay where they are.  What is found is a local op
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -79,18 +79,18 @@ class GainProgram:
     def invariance(self) -> tuple[Any, Floats]:
         """(G, g) with G l + g >= 0: invariance for every vertex, and ports."""
         plant = self.plant
-        i, k = np.nonzero(plant.incidence)
-        rows, constants = [], []
-        for A, B in plant.pairs:
-            rows.append(self.coefficients((plant.facets @ B)[i], k))
-            constants.append((plant.facets @ A @ plant.rays.T)[i, k])
+        G, g = self.forms(plant.facets, plant.pairs, plant.incidence)
         if plant.ports:
             C, D = (np.asarray(M.values) for M in plant.system.matrices[2:])
-            facets = np.asarray(plant.system.Y.facets)
-            a, b = (index.ravel() for index in np.indices((len(facets), len(plant.rays))))
-            rows.append(self.coefficients((facets @ D)[a], b))
-            constants.append((facets @ C @ plant.rays.T)[a, b])
-        return stacked(*rows), np.concatenate(constants)
+            outer = self.forms(np.asarray(plant.system.Y.facets), [(C, D)])
+            G, g = stacked(G, outer[0]), np.concatenate([g, outer[1]])
+        return G, g
+
+    def forms(self, facets: Floats, pairs: Sequence[tuple[Floats, Floats]], where: Any = True) -> tuple[Any, Floats]:
+        """(G, g) with h_i'(A + B L R) x_k = G l + g for the pairs (i, k) `where` that is true, for every (A, B)."""
+        i, k = np.nonzero(np.broadcast_to(where, (len(facets), len(self.plant.rays))))
+        rows = [self.coefficients((facets @ B)[i], k) for _, B in pairs]
+        return stacked(*rows), np.concatenate([(facets @ A @ self.plant.rays.T)[i, k] for A, _ in pairs])
 
     @cached_property
     def inputs(self) -> tuple[Any, NDArray[np.intp]]:

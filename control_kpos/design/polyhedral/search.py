@@ -23,7 +23,6 @@ from ..plant import Floats, Plant
 from ..refusal import no_invariance
 from ..result import DesignResult, Nearest
 from ..running import Programs
-from ..simplicial.program import stacked
 from ..simplicial.search import (
     GAIN_SLACK,
     LARGEST_RATE,
@@ -42,19 +41,8 @@ _BOX = 20.0
 _STARTS, _MANY_STARTS = 6, 12
 
 
-def design_by_alternation(
-    plant: Plant, rate: float | str, lp: Programs, hints: tuple[Floats, ...] = ()
-) -> DesignResult:
-    """Alternate from several vectors inside X*.
-
-    Parameters
-    ----------
-    plant : Plant
-    rate : float or "max"
-    lp : callable
-    hints : tuple of ndarray, shape (n,)
-        Vectors inside X* to start from first.
-    """
+def design_by_alternation(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
+    """Alternate from several vectors inside X*; the rate is a number or "max"."""
     trivial = without_feedback(plant, rate)
     if trivial is not None:
         return trivial
@@ -65,11 +53,11 @@ def design_by_alternation(
             notes, message = controllability_notes(plant), "invariance alone is impossible."
             return DesignResult(status=Status.REFUTED, certificate=proof, message=message, notes=notes)
     if rate == "max":
-        return _fastest(plant, program, lp, hints)
-    return _any_rate(plant, program, lp, float(rate), hints)
+        return _fastest(plant, program, lp)
+    return _any_rate(plant, program, lp, float(rate))
 
 
-def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, hints: tuple[Floats, ...]) -> DesignResult:
+def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hints: Floats) -> DesignResult:
     goal = rate + program.strict
     ceiling = 2 * rate + plant.scale
     best: tuple[Accepted, float] | None = None
@@ -123,12 +111,12 @@ def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) 
     yield from (gain for gain in (centred, fast.gain, slim.gain, found.gain) if gain is not None)
 
 
-def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floats, ...]) -> DesignResult:
+def _fastest(plant: Plant, program: GainProgram, lp: Programs) -> DesignResult:
     ceiling = 1e5 * plant.scale
     best: Iterate | None = None
     with suppress(OutOfBudgetError):
-        for number, v in enumerate(program.starts(_MANY_STARTS, hints)):
-            lp.stage(f"vector {number + 1} of {_MANY_STARTS + len(hints)}")
+        for number, v in enumerate(program.starts(_MANY_STARTS)):
+            lp.stage(f"vector {number + 1} of {_MANY_STARTS}")
             found = program.speed_up(v, ceiling)
             if found is not None and (best is None or found.rate > best.rate):
                 best = found
@@ -139,7 +127,7 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs, hints: tuple[Floa
     if best.rate >= ceiling * (1 - 1e-6):
         return undecided(UNLIMITED, objective=LARGEST_RATE, limit=np.inf)
     limit, v = best.rate, best.v
-    result = first_proven(RATE_PARTS, lambda part: _any_rate(plant, program, lp, limit * part, (v,)))
+    result = first_proven(RATE_PARTS, lambda part: _any_rate(plant, program, lp, limit * part, v))
     if result is None:
         return undecided(f"gains with a decay rate up to {limit:.6g} were found, but none was proven.", plant)
     return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=limit)
@@ -178,16 +166,11 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Programs) -> DesignResult
     whether there is such a v.
     """
     program = GainProgram(plant, lp)
-    i, k = np.nonzero(~np.asarray(plant.X.incidence, dtype=bool)[plant.facet_order])
-    rows, constants = [], []
-    for drift, (_, B) in zip(program.drifts, plant.pairs, strict=True):
-        rows.append(program.coefficients((plant.facets @ B)[i], k))
-        constants.append((plant.facets @ drift @ plant.rays.T)[i, k])
-    inner, constant = stacked(*rows), np.concatenate(constants)
-    height = (plant.facets @ plant.rays.T)[i, k]
-    need = np.tile((rate + program.strict) * height, len(plant.pairs))
-    every, at = (index.ravel() for index in np.indices((len(plant.facets), len(plant.rays))))
-    total = sum(program.coefficients((plant.facets @ B)[every], at).sum(axis=0) for _, B in plant.pairs)
+    inside = ~np.asarray(plant.X.incidence, dtype=bool)[plant.facet_order]
+    drifts = [(M, B) for M, (_, B) in zip(program.drifts, plant.pairs, strict=True)]
+    inner, constant = program.forms(plant.facets, drifts, inside)
+    need = np.tile((rate + program.strict) * (plant.facets @ plant.rays.T)[inside], len(plant.pairs))
+    total = program.forms(plant.facets, drifts)[0].sum(axis=0)
     first = program.invariant(_BOX * program.unit, cost=np.asarray(total, dtype=float))
     first.below(-constant - need, gain=inner)
     answer = first.solve(lp)
