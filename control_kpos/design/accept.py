@@ -43,7 +43,7 @@ _RANK, _EFFORT = 1e-10, 10.0
 _GUARD = 1e-9
 
 # From a gain and its first closed loop to the proof of a further demand.
-Demand = Callable[[Floats, Matrix], Certificate]
+Further = Callable[[Floats, Matrix], Certificate]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def accept(
     rate: float = 0.0,
     x: Floats | None = None,
     gain: float = np.inf,
-    also: Demand | None = None,
+    also: Further | None = None,
 ) -> Accepted | None:
     """The first rounding of F for which every demand is proven, or None.
 
@@ -155,7 +155,7 @@ def slack(plant: Plant, F: Floats) -> Floats:
     return np.concatenate(out)
 
 
-def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, also: Demand | None) -> Accepted | None:
+def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, also: Further | None) -> Accepted | None:
     full = exact_gain(plant, F)
     closed = tuple(closed_loop(A, B, full) for A, B in plant.vertices)
     loops = _all_proven(_proven_loop(M, plant, rate) for M in closed)

@@ -23,8 +23,16 @@ from ..theorems.stability import LyapunovCertificate
 from .plant import Floats
 
 
+class Demand(Certificate):
+    """A claim about a gain that is proven or dropped."""
+
+    def refutation(self) -> None:
+        """None: there is no witness against this claim."""
+        return
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class GainBoundCertificate(Certificate):
+class GainBoundCertificate(Demand):
     """Proof that -bound <= F x_k <= bound at every generator of X, input by input.
 
     Attributes
@@ -54,10 +62,6 @@ class GainBoundCertificate(Certificate):
             Condition("F x + bound >= 0", BilinearForms(lower, None, right), ">="),
         ]
 
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
-
     def evidence(self) -> dict[str, Any]:
         """Nothing: generators in files have the lengths that they have here."""
         rays = self.X.exact_rays
@@ -74,7 +78,7 @@ class GainBoundCertificate(Certificate):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FeedbackCertificate(Certificate):
+class FeedbackCertificate(Demand):
     """Proof that one gain does everything that was asked: all of its parts are proven.
 
     Attributes
@@ -104,10 +108,6 @@ class FeedbackCertificate(Certificate):
         """Nothing: every part comes with a proof of its own."""
         return {}
 
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
-
     @property
     def margin(self) -> float:  # type: ignore[override]
         """The smallest margin of the parts."""
@@ -133,7 +133,7 @@ class FeedbackCertificate(Certificate):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CommonVectorCertificate(Certificate):
+class CommonVectorCertificate(Demand):
     """Proof that one x inside X is mapped inwards by every vertex: stability of the whole convex hull.
 
     Attributes
@@ -167,10 +167,6 @@ class CommonVectorCertificate(Certificate):
                 A = Matrix.from_fractions(A.fractions() - Matrix.identity(X.dim).fractions())
             out.append(Condition(f"h'A_{s} x < 0", BilinearForms(X.exact_facets, A, x), "<"))
         return out
-
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
 
     def contents(self) -> dict[str, Any]:
         """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
@@ -212,7 +208,7 @@ class CommonVectorCertificate(Certificate):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class DisturbanceCertificate(Certificate):
+class DisturbanceCertificate(Demand):
     """Proof that the L-infinity gain from w to z is below `gamma`.
 
     Attributes
@@ -241,14 +237,10 @@ class DisturbanceCertificate(Certificate):
             raise DataError("the positivity certificate must cover w and z.")
         if orthant(p.B.shape[1]) != p.U or orthant(p.C.shape[0]) != p.Y:
             raise DataError("w and z must be in orthants.")
-        n, count = p.B.shape
-        A = p.A.fractions()
-        if p.discrete:
-            A = A - np.array([[int(i == j) for j in range(n)] for i in range(n)], dtype=object)
-        ones = np.array([[1]] * count, dtype=object)
-        gamma = exact_matrix([[float(self.gamma)]], "gamma").fractions()
-        inner = np.concatenate([A, p.B.fractions() @ ones], axis=1)
-        outer = np.concatenate([p.C.fractions(), p.D.fractions() @ ones - gamma[0, 0]], axis=1)
+        A = p.A.fractions() - int(p.discrete) * Matrix.identity(p.X.dim).fractions()
+        pushed, through = (M.fractions().sum(axis=1, keepdims=True) for M in (p.B, p.D))
+        inner = np.concatenate([A, pushed], axis=1)
+        outer = np.concatenate([p.C.fractions(), through - Fraction(float(self.gamma))], axis=1)
         point = Matrix(np.append(np.asarray(self.x, dtype=float), 1.0)[None, :])
         X = p.X
         return [
@@ -298,10 +290,6 @@ class DisturbanceCertificate(Certificate):
         out = {"P": prover.inclusion(X, parts["A"], X, invariance=not parts["discrete"])}
         maps = (("N", X, "B", U), ("L", Y, "C", X), ("K", Y, "D", U))
         return out | {name: prover.inclusion(target, parts[M], source) for name, target, M, source in maps}
-
-    def refutation(self) -> None:
-        """None: there is no witness against this claim."""
-        return
 
     def explain(self) -> str:
         """What is proven, in words."""

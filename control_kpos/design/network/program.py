@@ -12,7 +12,7 @@ serves all of them, which is sufficient only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,7 +26,7 @@ from ...exact.budget import spend
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
 from ..running import Programs
-from ..simplicial.program import RatioProgram
+from ..simplicial.program import RatioProgram, stacked
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -158,23 +158,15 @@ class NetworkProgram(RatioProgram):
 
     def _variables(self) -> tuple[list[Index], list[Index], int]:
         """Columns of xi (N, n) and z (N, n, m) per stack; all xi come first."""
-        stacks = self.model.stacks
+        shapes = [(len(s), *s.sizes[:2]) for s in self.model.stacks]
         if self.uniform:
-            n, m, _ = stacks[0].sizes
-            count = [len(s) for s in stacks]
-            xi = [np.tile(np.arange(n), (c, 1)) for c in count]
-            z = [np.tile(n + np.arange(n * m).reshape(n, m), (c, 1, 1)) for c in count]
-            return xi, z, n * (1 + m)
-        xi, z, at = [], [], 0
-        for s in stacks:
-            n = s.sizes[0]
-            xi.append(at + np.arange(len(s) * n).reshape(len(s), n))
-            at += len(s) * n
-        for s in stacks:
-            n, m, _ = s.sizes
-            z.append(at + np.arange(len(s) * n * m).reshape(len(s), n, m))
-            at += len(s) * n * m
-        return xi, z, at
+            n, m = shapes[0][1:]
+            one = n + np.arange(n * m).reshape(n, m)
+            xi = [np.tile(np.arange(n), (count, 1)) for count, *_ in shapes]
+            return xi, [np.tile(one, (count, 1, 1)) for count, *_ in shapes], n * (1 + m)
+        xi = _numbered([shape[:2] for shape in shapes])
+        z = _numbered(shapes, sum(each.size for each in xi))
+        return xi, z, sum(each.size for each in (*xi, *z))
 
     @cached_property
     def closed(self) -> sp.csr_array:
@@ -189,7 +181,7 @@ class NetworkProgram(RatioProgram):
             data = [(g.HAT[:, i, k] - self.margin * np.where(movable > 0, size, 0.0))[..., None], g.HZ[:, i]]
             columns = [xi[:, k][..., None], z[:, k]]
             parts.append(_rows(np.concatenate(data, axis=2), np.concatenate(columns, axis=2), 1 + m, self.size))
-        return _distinct(sp.csr_array(sp.vstack(parts, format="csr"))) if self.uniform else _stack(parts)
+        return _distinct(stacked(*parts)) if self.uniform else stacked(*parts)
 
     @cached_property
     def drift(self) -> sp.csr_array:
@@ -203,10 +195,7 @@ class NetworkProgram(RatioProgram):
             )
             columns = np.concatenate([xi, z.reshape(count, n * m)], axis=1)
             local.append(_rows(data, np.broadcast_to(columns[:, None, :], data.shape), n * (1 + m), self.size))
-        columns = np.concatenate([xi.ravel() for xi in self.xi])
-        place = (np.arange(len(columns)), columns)
-        spread = sp.csr_array((np.ones(len(columns)), place), shape=(len(columns), self.size))
-        return sp.csr_array(_stack(local) + self._links() @ spread)
+        return sp.csr_array(stacked(*local) + self._links() @ self.weights)
 
     def _links(self) -> sp.csr_array:
         """h_i'B_j W_jl C_l t_k, in the order of stacks."""
@@ -214,11 +203,10 @@ class NetworkProgram(RatioProgram):
         total = sum(g.HB.shape[0] * g.HB.shape[1] for g in self.parts)
         if not model.W.nnz:
             return sp.csr_array((total, total))
-        pushed, seen, at = [], [], 0
-        for g, places in zip(self.parts, model.places, strict=True):
-            count, n, _ = g.HB.shape
-            rows = at + np.arange(count * n).reshape(count, n)
-            at += count * n
+        pushed, seen = [], []
+        for g, rows, places in zip(
+            self.parts, _numbered([g.HB.shape[:2] for g in self.parts]), model.places, strict=True
+        ):
             pushed.append(_coo(g.HB, rows, places[1]))
             seen.append(_coo(g.CT, places[2], rows))
         inputs, outputs = model.totals[1], model.totals[2]
@@ -228,8 +216,7 @@ class NetworkProgram(RatioProgram):
     def weights(self) -> sp.csr_array:
         """xi, row by row of `drift`."""
         columns = np.concatenate([xi.ravel() for xi in self.xi])
-        index = np.arange(len(columns))
-        return sp.csr_array((np.ones(len(columns)), (index, columns)), shape=(len(columns), self.size))
+        return _picked(columns, np.ones(len(columns)), self.size)
 
     @cached_property
     def slope(self) -> sp.csr_array:
@@ -240,16 +227,14 @@ class NetworkProgram(RatioProgram):
         columns, place = np.unique(np.concatenate([z.ravel() for z in self.z]), return_inverse=True)
         factors = np.zeros(len(columns))
         np.maximum.at(factors, place, np.concatenate([each.ravel() for each in measures]))
-        index = np.arange(len(columns))
-        half = sp.csr_array((factors, (index, columns)), shape=(len(columns), self.size))
-        return sp.csr_array(sp.vstack([half, -half], format="csr"))
+        half = _picked(columns, factors, self.size)
+        return stacked(half, -half)
 
     @cached_property
     def level(self) -> sp.csr_array:
         """xi, row by row of `slope`."""
         owners = self.owner[self.slope.indices]
-        index = np.arange(len(owners))
-        return sp.csr_array((np.ones(len(owners)), (index, owners)), shape=(len(owners), self.size))
+        return _picked(owners, np.ones(len(owners)), self.size)
 
     @cached_property
     def bounds(self) -> sp.csr_array:
@@ -268,7 +253,7 @@ class NetworkProgram(RatioProgram):
         out = []
         for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
             columns = x[z] / (x[xi] * g.units)[:, :, None] * g.input_units[:, None, :]
-            out.append(np.einsum("jkm,ak->jma", columns, np.linalg.inv(g.rays), optimize=True))
+            out.append(np.swapaxes(np.linalg.inv(g.rays) @ columns, 1, 2))
         return out
 
 
@@ -278,8 +263,15 @@ def _rows(data: Floats, columns: Index, width: int, size: int) -> sp.csr_array:
     return sp.csr_array((data.ravel(), np.ascontiguousarray(columns).ravel(), indptr), shape=(count, size))
 
 
-def _stack(parts: list[sp.csr_array]) -> sp.csr_array:
-    return parts[0] if len(parts) == 1 else sp.csr_array(sp.vstack(parts, format="csr"))
+def _numbered(shapes: Sequence[tuple[int, ...]], at: int = 0) -> list[Index]:
+    """Consecutive numbers in arrays of these shapes."""
+    ends = at + np.cumsum([np.prod(shape, dtype=int) for shape in shapes])
+    return [np.arange(end - np.prod(shape), end).reshape(shape) for shape, end in zip(shapes, ends, strict=True)]
+
+
+def _picked(columns: Index, factors: Floats, size: int) -> sp.csr_array:
+    """Rows of one entry each."""
+    return sp.csr_array((factors, (np.arange(len(columns)), columns)), shape=(len(columns), size))
 
 
 def _coo(blocks: Floats, rows: Index, columns: Index) -> tuple[Floats, Index, Index]:
@@ -325,32 +317,19 @@ def state_units(local: list[Floats], links: sp.csr_array) -> list[Floats]:
     sizes = [np.abs(values[values != 0]) for values in (*local, links.data)]
     if _spread(np.concatenate(sizes)) <= _MODERATE:
         return plain
-    blocks, at = [], 0
-    for M in local:
-        count, n, _ = M.shape
-        number = at + np.arange(count * n).reshape(count, n)
-        at += count * n
-        blocks.append(
-            (M.ravel(), *(np.broadcast_to(x, M.shape).ravel() for x in (number[:, :, None], number[:, None])))
-        )
-    values, rows, columns = (np.concatenate(group) for group in zip(*blocks, strict=True))
-    whole = sp.csr_array(sp.coo_array((values, (rows, columns)), shape=(at, at)) + links).tocoo()
+    numbers = _numbered([M.shape[:2] for M in local])
+    own = _sum([_coo(M, number, number) for M, number in zip(local, numbers, strict=True)], links.shape)
+    whole = sp.csr_array(own + links).tocoo()
     off = (whole.row != whole.col) & (whole.data != 0)
     i, k, size = whole.row[off], whole.col[off], np.frexp(whole.data[off])[1].astype(float)
-    edges = np.arange(len(size))
     # rows of d_i - d_k = size
-    incidence = sp.csr_array(
-        (np.repeat([1.0, -1.0], len(size)), (np.tile(edges, 2), np.concatenate([i, k]))), shape=(len(size), at)
-    )
+    ones, at = np.ones(len(size)), links.shape[0]
+    incidence = _picked(i, ones, at) - _picked(k, ones, at)
     found = spla.lsqr(incidence, size, atol=1e-3, btol=1e-3, iter_lim=200)[0]
     if np.ptp(found) <= _MODERATE:  # a few small links, not other units
         return plain
     units = np.exp2(np.clip(np.rint(found), -500, 500))
-    out, at = [], 0
-    for M in local:
-        out.append(units[at : at + M[:, 0].size].reshape(M.shape[:2]))
-        at += M[:, 0].size
-    return out
+    return [units[number] for number in numbers]
 
 
 def input_units(A: Floats, B: Floats) -> Floats:
