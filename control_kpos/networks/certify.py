@@ -171,7 +171,7 @@ def violation(model: NetworkModel, tried: NetworkCertificate | None) -> NetworkC
             place = known.get(condition.name, condition).worst_violation()
             if place is not None:
                 return refuted_node(model, int(model.members[g][place[0]]))
-    for condition, pair in zip(on.coupling(model), _coupling_places(model), strict=True):
+    for condition, pair in on.coupling_by_pairs(model):
         place = known.get(condition.name, condition).worst_violation()
         if place is not None:
             return NetworkCertificate.settle(model=model, witness=_coupling_witness(model, condition, pair, place))
@@ -180,17 +180,8 @@ def violation(model: NetworkModel, tried: NetworkCertificate | None) -> NetworkC
 
 def refuted_node(model: NetworkModel, node: int) -> NetworkCertificate:
     """The certificate refuted by the worst violation inside a node."""
-    g, place = model.locate(node)
-    s = model.stacks[g]
-    a, b, c, d = (m[place] for m in (s.A, s.B, s.C, s.D))
-    part = settle_positivity(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
+    part = settle_positivity(**model.data_of(node))
     return NetworkCertificate.settle(model=model, witness=NodeViolation(node, part.witness))
-
-
-def _coupling_places(model: NetworkModel) -> list[tuple[Index, Index] | None]:
-    if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
-        return [None]
-    return [(j, k) for _, _, j, k in on.coupling_pairs(model)]
 
 
 def _coupling_witness(

@@ -109,33 +109,29 @@ def positivity(model: NetworkModel, g: int) -> list[Condition]:
     return out
 
 
-def coupling_pairs(model: NetworkModel) -> list[tuple[int, int, Index, Index]]:
-    """Nonzero blocks of W by the stacks of their ends: (target stack, source stack, nodes j, nodes k)."""
-    j, k = nonzero_blocks(model.coupling.values, model.owners(1), model.owners(2))
-    if len(model.stacks) == 1:
-        return [(0, 0, j, k)]
-    stack_of, _ = model.home
-    key = stack_of[j] * len(model.stacks) + stack_of[k]
-    return [
-        (int(pair) // len(model.stacks), int(pair) % len(model.stacks), j[key == pair], k[key == pair])
-        for pair in np.unique(key)
-    ]
-
-
 def coupling(model: NetworkModel) -> list[Condition]:
     """(I): h'W_jk y >= 0 for facets h of U_j and generators y of Y_k, on the nonzero blocks of W."""
+    return [condition for condition, _ in coupling_by_pairs(model)]
+
+
+def coupling_by_pairs(model: NetworkModel) -> list[tuple[Condition, tuple[Index, Index] | None]]:
+    """The same with the nodes j and k of the blocks; None if the condition is about the entries of W."""
     if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
-        entries = Matrix(model.coupling.values.data[None, :])
-        return [Condition(COUPLING, BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(entries.values.T)), ">=")]
+        forms = BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(model.coupling.values.data[:, None]))
+        return [(Condition(COUPLING, forms, ">="), None)]
     out = []
-    for gj, gk, j, k in coupling_pairs(model):
+    target_nodes, source_nodes = nonzero_blocks(model.coupling.values, model.owners(1), model.owners(2))
+    key = model.home[0][target_nodes] * len(model.stacks) + model.home[0][source_nodes]
+    for pair in np.unique(key).tolist():
+        gj, gk = divmod(pair, len(model.stacks))
+        j, k = target_nodes[key == pair], source_nodes[key == pair]
         u0, y0 = model.offsets[1], model.offsets[2]
         target, source = model.stacks[gj], model.stacks[gk]
         blocks = take_blocks(
             model.coupling, u0[j][:, None] + np.arange(target.sizes[1]), y0[k][:, None] + np.arange(source.sizes[2])
         )
         name = COUPLING if len(model.stacks) == 1 else f"{COUPLING} [stack {gk} to {gj}]"
-        out.append(Condition(name, stacked(facets(target.U), blocks, source.rays[2]), ">="))
+        out.append((Condition(name, stacked(facets(target.U), blocks, source.rays[2]), ">="), (j, k)))
     return out
 
 

@@ -144,39 +144,34 @@ def balance_matrix(model: NetworkModel, q: Floats, r: Floats) -> sp.csr_array:
 
 def weights(gains: sp.csr_array) -> Iterator[Proposal]:
     """Candidates for sigma: ones, then with slack in all rows, then with slack in every row that can have it."""
-    height, count = gains.shape
+    count = gains.shape[1]
     yield np.ones(count), None
     size = np.maximum(np.asarray(abs(gains).sum(axis=1)).ravel(), 1e-300)
     scaled = sp.csr_array(sp.diags_array(1 / size) @ gains)
-    for slack, most in _slacks(height):
-        rows = sp.hstack([scaled, slack], format="csr")
-        cost = np.concatenate([np.zeros(count), -np.ones(slack.shape[1])])
+    for each in (False, True):
         for top in (1e4, 1e9):
-            lower = np.concatenate([np.ones(count), np.zeros(slack.shape[1])])
-            upper = np.concatenate([np.full(count, top), np.full(slack.shape[1], most)])
-            method = "simplex" if count < 2000 else "ipm"
-            found = solve(cost, rows, np.zeros(height), bounds=(lower, upper), method=method)
-            if found and found.x[count:].any() and (found.x[:count] > 0).all():
-                yield found.x[:count], None
+            x, slack = _with_slack(scaled, (1.0, top), each, "simplex" if count < 2000 else "ipm")
+            if slack.any() and (x > 0).all():
+                yield x, None
 
 
 def obstructions(model: NetworkModel, gains: sp.csr_array) -> Iterator[Proposal]:
     """Candidates for y in Y whose supply is positive at every node, then at every node where it can be."""
-    count, nodes = gains.shape
-    generators = on.output_generators(model).values
-    for slack, most in _slacks(nodes):
-        rows = sp.hstack([-gains.T, slack], format="csr")
-        cost = np.concatenate([np.zeros(count), -np.ones(slack.shape[1])])
-        upper = np.concatenate([np.ones(count), np.full(slack.shape[1], most)])
-        found = solve(cost, rows, np.zeros(nodes), bounds=(0.0, upper))
-        if found:
-            yield None, generators.T @ np.maximum(found.x[:count], 0.0)
+    for each in (False, True):
+        x, _ = _with_slack(sp.csr_array(-gains.T), (0.0, 1.0), each, "simplex")
+        if x.size:
+            yield None, on.output_generators(model).values.T @ np.maximum(x, 0.0)
 
 
-def _slacks(height: int) -> Iterator[tuple[sp.csr_array, float]]:
-    """One slack for all rows, then one for each, with the most that is rewarded."""
-    yield sp.csr_array(np.ones((height, 1))), 1.0
-    yield sp.eye_array(height, format="csr"), 1e-3
+def _with_slack(M: sp.csr_array, limits: tuple[float, float], each: bool, method: Any) -> tuple[Floats, Floats]:
+    """x with M x + slack <= 0 and the largest slack, one for all rows or one for each; empty if there is none."""
+    height, count = M.shape
+    slack, most = (sp.eye_array(height), 1e-3) if each else (np.ones((height, 1)), 1.0)
+    rows = sp.csr_array(sp.hstack([M, sp.csr_array(slack)]))
+    sizes = count, rows.shape[1] - count
+    cost, lower, upper = (np.repeat(pair, sizes) for pair in ((0.0, -1.0), (limits[0], 0.0), (limits[1], most)))
+    found = solve(cost, rows, np.zeros(height), bounds=(lower, upper), method=method)
+    return (found.x[:count], found.x[count:]) if found else (np.zeros(0), np.zeros(0))
 
 
 def exact_weights(model: NetworkModel, q: Matrix, r: Matrix) -> Iterator[Proposal]:

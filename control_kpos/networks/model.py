@@ -164,6 +164,19 @@ class NetworkModel:
             raise ShapeError(f"node {node} does not exist; the nodes are numbered 0 to {self.n_nodes - 1}.")
         return int(self.home[0][node]), int(self.home[1][node])
 
+    def data_of(self, node: int) -> dict[str, Any]:
+        """A, B, C, D, X, U, Y of a node, and whether time is discrete, by name."""
+        g, place = self.locate(node)
+        s = self.stacks[g]
+        data = {name: getattr(s, name)[place] for name in BLOCKS}
+        return {**data, "X": s.X, "U": s.U, "Y": s.Y, "discrete": self.discrete}
+
+    def lifted(self, mask: NDArray[np.bool_], x: Floats) -> Floats:
+        """States of the nodes of a mask, with zeros at the others."""
+        out = np.zeros(self.totals[0])
+        out[mask[self.owners(0)]] = x
+        return out
+
     def blocks(self, blocks: Sequence[Floats], rows: int, columns: int) -> sp.csr_array:
         """Block-diagonal matrix from one stack of blocks per node stack."""
         parts = [(b, p[rows], p[columns]) for b, p in zip(blocks, self.places, strict=True)]

@@ -9,6 +9,8 @@ between samples, as in python-control.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -79,31 +81,52 @@ def respond(
     `inputs` are the input matrix (n, m) and samples (m, len(times)), without feedthrough to the outputs.
     """
     C, _ = loop.output_matrices(rows)
-    outputs = np.zeros((len(rows), len(times)))
     states = np.zeros((len(x0), len(times))) if keep_states else None
-
-    def store(at: int, x: Floats) -> None:
-        outputs[:, at] = C @ x
-        if states is not None:
-            states[:, at] = x
-
-    store(0, x0)
+    run = _Run(loop, times, inputs, C, np.zeros((len(rows), len(times))), states, progress)
+    run.store(0, x0)
     if loop.model.discrete:
         x = x0
         for i in range(1, len(times)):
             x = loop.matrix @ x + (0.0 if inputs is None else inputs[0] @ inputs[1][:, i - 1])
-            store(i, x)
-        return outputs, states
-    if len(times) > 1:
-        h = float(times[1] - times[0])
+            run.store(i, x)
+    elif len(times) > 1:
         centre, norm = _centre_and_norm(loop)
-        if norm * h * (len(times) - 1) > _STIFF:
-            _implicit(loop, times, x0, inputs, store)
+        if norm * run.h * (len(times) - 1) > _STIFF:
+            _implicit(run, x0)
         elif inputs is None:
-            _free(loop.matrix, x0, h, centre, norm, C, outputs, states, progress)
+            _free(run, x0, centre, norm)
         else:
-            _forced(loop.matrix, x0, h, norm, inputs, store, len(times), progress)
-    return outputs, states
+            _forced(run, x0, norm)
+    return run.outputs, run.states
+
+
+@dataclass
+class _Run:
+    """A simulation: the loop, when it is looked at, what goes in, and what comes out."""
+
+    loop: ClosedLoop
+    times: Floats
+    inputs: tuple[sp.csr_array, Floats] | None
+    C: sp.csr_array
+    outputs: Floats
+    states: Floats | None
+    progress: Progress | None
+
+    @property
+    def h(self) -> float:
+        """Time between samples."""
+        return float(self.times[1] - self.times[0])
+
+    def store(self, at: int, x: Floats) -> None:
+        """Note the state at a sample."""
+        self.outputs[:, at] = self.C @ x
+        if self.states is not None:
+            self.states[:, at] = x
+
+    def report(self, done: int) -> None:
+        """Say how far it is."""
+        if self.progress is not None:
+            self.progress(f"simulating: {done} of {len(self.times) - 1} samples")
 
 
 def _centre_and_norm(loop: ClosedLoop) -> tuple[float, float]:
@@ -119,34 +142,23 @@ def _centre_and_norm(loop: ClosedLoop) -> tuple[float, float]:
     return centre, max(float(min(by_row.max(), by_column.max(), np.sqrt(by_row.max() * by_column.max()))), 1e-300)
 
 
-def _free(
-    A: Any,
-    x: Floats,
-    h: float,
-    centre: float,
-    norm: float,
-    C: sp.csr_array,
-    outputs: Floats,
-    states: Floats | None,
-    progress: Progress | None,
-) -> None:
+def _free(run: _Run, x: Floats, centre: float, norm: float) -> None:
     """Windows of several samples, or several windows for one sample."""
-    count, splits = outputs.shape[1] - 1, max(1, int(np.ceil(norm * h / _REACH)))
-    per_window, step = max(1, min(int(_REACH / (norm * h)), count)), h / splits
-    at = 0
+    A, h, count = run.loop.matrix, run.h, len(run.times) - 1
+    splits, per_window = max(1, int(np.ceil(norm * h / _REACH))), max(1, min(int(_REACH / (norm * h)), count))
+    step, at = h / splits, 0
     while at < count:
         for _ in range(splits - 1):
             x = np.exp(centre * step) * sum(_taylor(A, x, step, centre))
         samples = np.arange(1, min(per_window, count - at) + 1)
         terms = _taylor(A, x, len(samples) * step, centre)
         weights = (samples / len(samples))[:, None] ** np.arange(len(terms)) * np.exp(centre * step * samples)[:, None]
-        outputs[:, at + samples] = (weights @ np.stack([C @ term for term in terms])).T
-        if states is not None:
-            states[:, at + samples] = (weights @ np.stack(terms)).T
+        run.outputs[:, at + samples] = (weights @ np.stack([run.C @ term for term in terms])).T
+        if run.states is not None:
+            run.states[:, at + samples] = (weights @ np.stack(terms)).T
         x = sum(w * term for w, term in zip(weights[-1], terms, strict=True))  # type: ignore[assignment]
         at += len(samples)
-        if progress is not None:
-            progress(f"simulating: {at} of {count} samples")
+        run.report(at)
 
 
 def _taylor(A: Any, x: Floats, t: float, centre: float) -> list[Floats]:
@@ -161,62 +173,45 @@ def _taylor(A: Any, x: Floats, t: float, centre: float) -> list[Floats]:
     return terms
 
 
-def _forced(
-    A: Any,
-    x: Floats,
-    h: float,
-    norm: float,
-    inputs: tuple[sp.csr_array, Floats],
-    store: Callable[[int, Floats], None],
-    count: int,
-    progress: Progress | None,
-) -> None:
+def _forced(run: _Run, x: Floats, norm: float) -> None:
     """One sample at a time: (x, t b, t^2 c) moves freely in steps of t if x' = A x + b + s c."""
-    B, U = inputs
-    splits, n = max(1, int(np.ceil(norm * h / _REACH))), len(x)
-    t = h / splits
+    A, (B, U) = run.loop.matrix, run.inputs  # type: ignore[misc]
+    splits, n = max(1, int(np.ceil(norm * run.h / _REACH))), len(x)
+    t = run.h / splits
 
     def drift(z: Floats) -> Floats:
         return np.concatenate([t * (A @ z[:n]) + z[n : 2 * n], z[2 * n :], np.zeros(n)])
 
     whole = spla.LinearOperator((3 * n, 3 * n), matvec=drift, dtype=float)
-    for i in range(count - 1):
+    for i in range(len(run.times) - 1):
         z: Any = np.concatenate([x, t * (B @ U[:, i]), t * (B @ (U[:, i + 1] - U[:, i])) / splits])
         for _ in range(splits):
             z = sum(_taylor(whole, z, 1.0, 0.0))
         x = z[:n]
-        store(i + 1, x)
-        if progress is not None:
-            progress(f"simulating: {i + 1} of {count - 1} samples")
+        run.store(i + 1, x)
+        run.report(i + 1)
 
 
-def _implicit(
-    loop: ClosedLoop,
-    times: Floats,
-    x0: Floats,
-    inputs: tuple[sp.csr_array, Floats] | None,
-    store: Callable[[int, Floats], None],
-) -> None:
+def _implicit(run: _Run, x: Floats) -> None:
     """Stiff networks: SciPy's BDF with the sparse Jacobian."""
+    times, jacobian = run.times, sp.csc_array(run.loop.A)
 
     def drift(t: float, x: Floats) -> Floats:
-        out = loop.matrix @ x
-        if inputs is not None:
-            i = min(int((t - times[0]) / (times[1] - times[0])), len(times) - 2)
+        out = run.loop.matrix @ x
+        if run.inputs is not None:
+            B, U = run.inputs
+            i = min(int((t - times[0]) / run.h), len(times) - 2)
             share = (t - times[i]) / (times[i + 1] - times[i])
-            out = out + inputs[0] @ ((1 - share) * inputs[1][:, i] + share * inputs[1][:, i + 1])
+            out = out + B @ ((1 - share) * U[:, i] + share * U[:, i + 1])
         return out
 
-    x = x0
-    for i in range(len(times) - 1):
+    for i, span in enumerate(pairwise(times.tolist())):
         size = float(np.abs(x).max(initial=0.0)) + 1e-300
-        done = solve_ivp(
-            drift, (times[i], times[i + 1]), x, method="BDF", jac=sp.csc_array(loop.A), rtol=1e-8, atol=1e-10 * size
-        )
+        done = solve_ivp(drift, span, x, method="BDF", jac=jacobian, rtol=1e-8, atol=1e-10 * size)
         if not done.success:
-            raise DataError(f"the implicit integration stopped at t = {times[i]:g}: {done.message}")
+            raise DataError(f"the implicit integration stopped at t = {span[0]:g}: {done.message}")
         x = done.y[:, -1]
-        store(i + 1, x)
+        run.store(i + 1, x)
 
 
 def delayed(

@@ -186,10 +186,7 @@ def list_nodes(nodes: Any, most: int = 6) -> str:
 
 def node_positivity(model: NetworkModel, node: int) -> PositivityCertificate:
     """Theorem 1 for one node, as a certificate without a witness."""
-    g, place = model.locate(node)
-    s = model.stacks[g]
-    a, b, c, d = (m[place] for m in (s.A, s.B, s.C, s.D))
-    return PositivityCertificate.settle(A=a, B=b, C=c, D=d, X=s.X, U=s.U, Y=s.Y, discrete=model.discrete)
+    return PositivityCertificate.settle(**model.data_of(node))
 
 
 def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | None:

@@ -207,24 +207,19 @@ def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[F
     """
     x = found.x / np.abs(found.x).max()
     core = model.peaks(x) > 1e-7
-    here, place = found, None
+    here, part = found, model
     if not core.all():
-        part = model.restrict(core)
-        nearer = descend(part, found.shift, relative=0.5 * relative)
+        nearer = descend(model.restrict(core), found.shift, relative=0.5 * relative)
         if nearer is not None:
-            model, here, place = part, nearer, core[model.owners(0)]
+            here, part = nearer, model.restrict(core)
             x = here.x / np.abs(here.x).max()
     unit = relative * max(abs(found.theta), 1e-300)
-    for state, shares in _sharper(model, here, x):
+    for state, shares in _sharper(part, here, x):
         for share in shares:
             rate = here.theta - share * unit
-            kept = growing_part(model, state, rate)
+            kept = growing_part(part, state, rate)
             if kept is not None:
-                if place is not None:
-                    whole = np.zeros(len(place))
-                    whole[place] = kept
-                    kept = whole
-                return kept, rate
+                return kept if part is model else model.lifted(core, kept), rate
     return None
 
 

@@ -67,7 +67,7 @@ def localised_peak(model: NetworkModel, start: float, relative: float, progress:
             before = near.theta
             if progress is not None:
                 progress(f"spectral abscissa at least {before:.9g}, from {np.count_nonzero(mask)} nodes")
-            size = model.peaks(_lifted(model, mask, near.x))
+            size = model.peaks(model.lifted(mask, near.x))
             mask = neighbourhood(links, np.flatnonzero(size >= 0.1 * size.max()), reach)
             near = descend(model.restrict(mask), before + 1e-4 * abs(before), relative=0.5 * relative)
             reach *= 2
@@ -76,7 +76,7 @@ def localised_peak(model: NetworkModel, start: float, relative: float, progress:
         v = _falling(model, near.theta + 0.45 * relative * abs(near.theta))
         slow = None if v is None else slow_state(model.restrict(mask), near, relative)
         if v is not None and slow is not None:
-            return Peak(v, _lifted(model, mask, slow[0]), slow[1])
+            return Peak(v, model.lifted(mask, slow[0]), slow[1])
     return None
 
 
@@ -116,12 +116,6 @@ def _links(model: NetworkModel) -> sp.csr_array:
     n = model.n_nodes
     one_way = sp.csr_array((np.ones(len(j), dtype=bool), (j, k)), shape=(n, n))
     return sp.csr_array(one_way + one_way.T)
-
-
-def _lifted(model: NetworkModel, mask: NDArray[np.bool_], x: Floats) -> Floats:
-    whole = np.zeros(model.totals[0])
-    whole[mask[model.owners(0)]] = x
-    return whole
 
 
 def _falling(model: NetworkModel, shift: float) -> Floats | None:

@@ -53,11 +53,7 @@ class Parts:
         alone = self.inner.restrict(mask)
         nearer = descend(alone, found.shift, relative=0.5 * relative)
         slow = None if nearer is None else slow_state(alone, nearer, relative)
-        if slow is None:
-            return None
-        x = np.zeros(self.model.totals[0])
-        x[mask[self.model.owners(0)]] = slow[0]
-        return x, slow[1]
+        return None if slow is None else (self.model.lifted(mask, slow[0]), slow[1])
 
     def joined(self, v: Floats, c: Floats) -> Floats | None:
         """s_S v_S for every part S, falling in the whole network, or None; v, c in int X*, (A_inner - mu I)'v = -c."""
