@@ -153,7 +153,7 @@ class Cone(ABC):
     def interior_point(self) -> NDArray[np.float64]:
         """A vector proven to lie in the interior, with largest entry between 1/2 and 1."""
 
-    @property
+    @cached_property
     def is_proper(self) -> bool:
         """True if the cone is pointed and solid."""
         return self.is_pointed and self.is_solid
@@ -185,10 +185,11 @@ class Cone(ABC):
         NotProperConeError
             Names the missing property, and a line in the cone or a hyperplane that contains it.
         """
+        if self.is_proper:
+            return
         if not self.is_pointed:
             raise NotProperConeError(f"{name} is not pointed: {self._describe_line()}.")
-        if not self.is_solid:
-            raise NotProperConeError(f"{name} is not solid: {self._describe_hyperplane()}.")
+        raise NotProperConeError(f"{name} is not solid: {self._describe_hyperplane()}.")
 
     def contains(self, x: ArrayLike | Cone, strict: bool = False) -> Any:
         """Membership, decided exactly.

@@ -13,6 +13,8 @@ of Numerical Algorithms, sections 2.2 and 3.1, has the classical form.
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,6 +53,7 @@ def sum_constants(roundings: int, terms: int) -> tuple[float, float]:
     return error_factor(roundings), underflow(terms)
 
 
+@cache
 def chain_constants(inner: int, outer: int) -> tuple[float, float, float]:
     """For (l'M) r: the factor, and what underflows in l'M, before r multiplies it, and in the product with r.
 

@@ -78,7 +78,9 @@ def read_matrix(data: Any, name: str) -> tuple[Any, Matrix | None]:
     Doubles are passed on as they come, so that python-control decides what 0, a vector or [] means.
     """
     ndim = 2
-    if not isinstance(data, Matrix) and not sp.issparse(data):
+    if isinstance(data, Matrix):
+        return (dense(data.values) if data.is_sparse else data.values), (None if data.is_double else data)
+    if not sp.issparse(data):
         array = _as_array(data)
         if array is not None and array.ndim > 2:
             raise SystemSizeError(f"state-space matrix {name} must be 2-dimensional; its shape is {array.shape}.")
