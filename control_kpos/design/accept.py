@@ -147,10 +147,11 @@ def _effort(plant: Plant, margins: Floats) -> float:
 
 def slack(plant: Plant, F: Floats) -> Floats:
     """Relative margins of invariance in floating point, for all vertices."""
-    full, rays, facets, out = plant.on_states(F), plant.rays.T, plant.facets, []
+    rays, facets, u, out = plant.rays.T, plant.facets, F @ plant.seen, []
+    most = np.abs(F) @ np.abs(plant.seen)
     for A, B in plant.pairs:
-        M = facets @ (A + B @ full) @ rays
-        size = np.abs(facets) @ (np.abs(A) + np.abs(B) @ np.abs(full)) @ np.abs(rays)
+        M = facets @ (A @ rays + B @ u)
+        size = np.abs(facets) @ (np.abs(A) @ np.abs(rays) + np.abs(B) @ most)
         out.append(np.where(size > 0, M / size, 0.0)[plant.incidence])
     return np.concatenate(out)
 
@@ -271,16 +272,16 @@ def certified_fraction(plant: Plant, found: Accepted) -> float:
 
     All inequalities of the certificate are linear in s, A + s B F, so these fractions are an interval that ends at 1.
     """
-    F, loops, extra = plant.on_states(found.F), found.loops, 0.0
+    u, loops, extra = found.F @ plant.seen, found.loops, 0.0
     if plant.coupling is not None:
         loops = [c for c in found.certificate.parts() if isinstance(c, LyapunovCertificate)][-len(plant.vertices) :]
         extra = np.asarray(plant.coupling.values)
     starts = [np.zeros(1)]
     for (A, B), loop in zip(plant.pairs, loops, strict=True):
-        base, slope = plant.facets @ A @ plant.rays.T, plant.facets @ B @ F @ plant.rays.T
+        base, slope = plant.facets @ A @ plant.rays.T, plant.facets @ B @ u
         starts.append(interval_starts(base[None, plant.incidence], slope[None, plant.incidence]))
         drift, v = A + extra - (np.eye(plant.n) if plant.discrete else 0.0), np.asarray(loop.v)
-        starts.append(interval_starts(-(v @ drift @ plant.rays.T)[None], -(v @ B @ F @ plant.rays.T)[None]))
+        starts.append(interval_starts(-(v @ drift @ plant.rays.T)[None], -(v @ B @ u)[None]))
     return float(np.concatenate(starts).max())
 
 

@@ -41,65 +41,29 @@ def design_with_constraints(
     DataError
         If the callables do not return what cvxpy can use.
     """
-    import cvxpy as cp  # noqa: PLC0415  (heavy, and needed by few)
-
     if callable(lp.solver):
         raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
     program = GainProgram(plant, lp.on_highs())
-    F = cp.Variable(program.shape)
-    own, cost = _users_part(cp, F, constraints, objective, plant)
-    best: tuple[Any, float] | None = None
-    last = "no vector v admits a gain"
+    own = _OwnProgram(program, rate, constraints, objective, lp.solver)
+    best: tuple[Accepted, float] | None = None
     hints = _hints(plant, rate, program)
     with suppress(OutOfBudgetError):
         for number, start in enumerate(program.starts(_STARTS, hints)):
             vectors = [start]
             for step in range(_ROUNDS):
                 lp.stage(f"vector {number + 1} of {_STARTS + len(hints)}, step {step + 1}")
-                found = None
-                for v in vectors:
-                    gain, message = _solve(cp, program, F, own, cost, v, rate, lp)
-                    if gain is None:
-                        last = message
-                        continue
-                    accepted = _accept(plant, gain, rate, F, own, cost, lp)
-                    if accepted is not None and (found is None or accepted[1] < found[1]):
-                        found = accepted
+                found = min(filter(None, map(own.certified, vectors)), key=lambda pair: pair[1], default=None)
                 if found is None or (best is not None and found[1] >= best[1] - 1e-6 * max(1.0, abs(best[1]))):
                     break
                 best = found
                 vectors = list(program.vectors(found[0].F))
     if best is None:
-        return undecided(f"no certified gain meets the constraints given; {last}.", plant)
+        return undecided(f"no certified gain meets the constraints given; {own.message}.", plant)
     accepted, value = best
     if objective is None:
         value = plant.gain_of(accepted.F)
-    return succeed(
-        plant,
-        accepted,
-        USER if objective is not None else "gain max |F x_k| under the constraints given",
-        float(value),
-        float(value),
-    )
-
-
-def _users_part(cp: Any, F: Any, constraints: Any, objective: Any, plant: Plant) -> tuple[list[Any], Any]:
-    try:
-        own = list(constraints(F)) if constraints is not None else []
-        cost = (
-            objective(F)
-            if objective is not None
-            else cp.max(cp.abs(F @ plant.on_states(np.eye(plant.shape[1])) @ plant.rays.T))
-        )
-    except (TypeError, ValueError, AttributeError, IndexError) as error:
-        raise DataError(f"constraints or objective failed on a cvxpy variable of shape {F.shape}: {error}.") from None
-    if not all(isinstance(c, cp.constraints.constraint.Constraint) for c in own):
-        raise DataError("constraints must return a list of cvxpy constraints on its argument.")
-    cost = cp.expressions.expression.Expression.cast_to_const(cost)
-    problem = cp.Problem(cp.Minimize(cost), own)
-    if not problem.is_dcp():
-        raise DataError("constraints and objective must be convex in F by cvxpy's rules.")
-    return own, cost
+    name = USER if objective is not None else "gain max |F x_k| under the constraints given"
+    return succeed(plant, accepted, name, value, value)
 
 
 def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...]:
@@ -108,64 +72,71 @@ def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...
     return () if found is None else (found.v, *program.vectors(found.gain))
 
 
-def _solve(
-    cp: Any,
-    program: GainProgram,
-    F: Any,
-    own: list[Any],
-    cost: Any,
-    v: Floats,
-    rate: float,
-    lp: Programs,
-) -> tuple[Floats | None, str]:
-    plant = program.plant
-    message = f"{reason()} was reached"
-    G, g = program.invariance
-    S, s, w = program.stability(v)
-    size = _sizes(plant, len(g))
-    entries = cp.reshape(F, (program.shape[0] * program.shape[1],), order="C")[program.free]
-    for margin in _MARGINS:
-        rows = [*own, G @ entries + g >= margin * size, S @ entries + s <= -(rate + program.strict) * w]
-        if plant.gain_bound is not None:
-            rows.append(
-                cp.abs(F @ program.seen.T) <= np.tile(plant.gain_bound[:, None] * (1 - margin), (1, len(plant.rays)))
-            )
-        if plant.pattern is not None:
-            rows.append(cp.multiply((~plant.pattern).astype(float), F) == 0)
-        problem = cp.Problem(cp.Minimize(cost), rows)
-        if not begin(program_effort(len(g) + len(s), len(program.free))):
-            break
-        message = guarded(lambda problem=problem: _status(problem, lp.solver), seconds_left())
-        if message in ("optimal", "optimal_inaccurate"):
-            if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
-                return np.array(F.value, dtype=float), message
-            message = "the solver called a gain optimal that is no finite matrix"
-    return None, message
+class _OwnProgram:
+    """What the user wrote on a cvxpy variable F, beside invariance and, for a given v, stability."""
+
+    def __init__(self, program: GainProgram, rate: float, constraints: Any, objective: Any, solver: Any) -> None:
+        import cvxpy  # noqa: PLC0415  (heavy, and needed by few)
+
+        cp: Any = cvxpy
+        self.cp, self.program, self.rate = cp, program, rate
+        self.options = {} if solver is None else {"solver": solver}
+        self.F: Any = cp.Variable(program.shape)
+        self.message = "no vector v admits a gain"
+        try:
+            self.own = list(constraints(self.F)) if constraints is not None else []
+            cost = cp.max(cp.abs(self.F @ program.seen.T)) if objective is None else objective(self.F)
+        except (TypeError, ValueError, AttributeError, IndexError) as error:
+            raise DataError(
+                f"constraints or objective failed on a cvxpy variable of shape {self.F.shape}: {error}."
+            ) from None
+        if not all(isinstance(c, cp.constraints.constraint.Constraint) for c in self.own):
+            raise DataError("constraints must return a list of cvxpy constraints on its argument.")
+        self.cost = cp.expressions.expression.Expression.cast_to_const(cost)
+        if not cp.Problem(cp.Minimize(self.cost), self.own).is_dcp():
+            raise DataError("constraints and objective must be convex in F by cvxpy's rules.")
+
+    def certified(self, v: Floats) -> tuple[Accepted, float] | None:
+        """A certified rounding of the best gain for v that meets the user's constraints to 1e-6, and what it costs."""
+        gain = self._gain(v)
+        found = None if gain is None else accept(self.program.plant, gain, rate=self.rate)
+        if found is None:
+            return None
+        self.F.value = found.F
+        value = float(np.asarray(self.cost.value).item())
+        room = 1e-6 * (1 + np.abs(found.F).max())
+        return (found, value) if np.isfinite(value) and all(_violation(c) <= room for c in self.own) else None
+
+    def _gain(self, v: Floats) -> Floats | None:
+        """The cheapest gain with the largest margins of invariance that some solver finds."""
+        cp, program, F = self.cp, self.program, self.F
+        (G, g), (S, s, w), bound = program.invariance, program.stability(v), program.plant.gain_bound
+        entries = cp.reshape(F, (F.size,), order="C")
+        always = [*self.own, S @ entries[program.free] + s <= -(self.rate + program.strict) * w]
+        held = np.setdiff1d(np.arange(F.size), program.free)
+        if held.size:
+            always.append(entries[held] == 0)
+        self.message = f"{reason()} was reached"
+        for margin in _MARGINS:
+            rows = [*always, G @ entries[program.free] + g >= margin * program.sizes]
+            if bound is not None:
+                most = np.tile(bound[:, None] * (1 - margin), (1, len(program.seen)))
+                rows.append(cp.abs(F @ program.seen.T) <= most)
+            if not begin(program_effort(len(g) + len(s), len(program.free))):
+                break
+            problem = cp.Problem(cp.Minimize(self.cost), rows)
+            self.message = guarded(lambda problem=problem: _status(problem, self.options), seconds_left())
+            if self.message in ("optimal", "optimal_inaccurate"):
+                if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
+                    return np.array(F.value, dtype=float)
+                self.message = "the solver called a gain optimal that is no finite matrix"
+        return None
 
 
-def _sizes(plant: Plant, count: int) -> Floats:
-    """What margins of invariance are relative to; 0 for the rows of ports, which come last."""
-    sizes = [np.abs(plant.facets) @ np.abs(A) @ np.abs(plant.rays.T) for A, _ in plant.pairs]
-    own = np.concatenate([size[plant.incidence] for size in sizes])
-    return np.append(own, np.zeros(count - len(own)))
+def _violation(constraint: Any) -> float:
+    return float(np.max(constraint.violation(), initial=0.0))
 
 
-def _status(problem: Any, solver: Any) -> str:
-    problem.solve(**({} if solver is None else {"solver": solver}))
+def _status(problem: Any, options: dict[str, Any]) -> str:
+    problem.solve(**options)
     return str(problem.status)
-
-
-def _accept(
-    plant: Plant, gain: Floats, rate: float, F: Any, own: list[Any], cost: Any, lp: Programs
-) -> tuple[Accepted, float] | None:
-    """A certified rounding of the gain that also meets the user's constraints to 1e-6, and what it costs."""
-    found = accept(plant, gain, rate=rate)
-    if found is None:
-        return None
-    F.value = found.F
-    value = float(np.asarray(cost.value).item())
-    if not np.isfinite(value):
-        return None
-    if all(np.max(c.violation(), initial=0.0) <= 1e-6 * (1 + np.abs(found.F).max()) for c in own):
-        return found, value
-    return None

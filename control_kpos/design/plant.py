@@ -128,13 +128,14 @@ class Plant:
             free[:, j] = [bool(row[np.flatnonzero(reach[:, k])[0]]) for k in range(self.n)]
         return free
 
-    def on_states(self, F: Floats) -> Floats:
-        """The gain from states to inputs: F, or F C of output feedback, in doubles."""
-        return F if self.reads is None else F @ np.asarray(self.reads.values)
+    @cached_property
+    def seen(self) -> Floats:
+        """What the gain reads at the generators, one a column: x_k, or C x_k."""
+        return self.rays.T if self.reads is None else np.asarray(self.reads.values) @ self.rays.T
 
     def gain_of(self, F: Floats) -> float:
         """max |F x_k| over inputs and generators x_k of X; of F C x_k for output feedback."""
-        return float(np.abs(self.on_states(np.asarray(F, dtype=float)) @ self.rays.T).max(initial=0.0))
+        return float(np.abs(np.asarray(F, dtype=float) @ self.seen).max(initial=0.0))
 
 
 def read_plant(

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from ..errors import SolverError
 from ..exact.budget import OutOfBudgetError, begin, budget, ended_by, reason, seconds_left
 from ..exact.intake import seconds
-from ..exact.programs import Outcome, Solution, failure, guarded, program_effort, solve, vetted
+from ..exact.programs import Solution, failure, guarded, program_effort, solve, vetted
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from .result import DesignResult
@@ -163,7 +163,6 @@ def _through_cvxpy(name: str, c: Any, A_ub: Any, b_ub: Any, A_eq: Any, b_eq: Any
     problem.solve(solver=name)
     if problem.status in ("optimal", "optimal_inaccurate"):
         return Solution("optimal", np.asarray(x.value, dtype=float))
-    known: tuple[Outcome, ...] = ("infeasible", "unbounded")
-    failed: Outcome = "failed"
-    outcome = next((word for word in known if word in problem.status), failed)
-    return Solution(outcome, np.empty(0), message=f"{name}: {problem.status}")
+    status = problem.status
+    outcome = "infeasible" if "infeasible" in status else "unbounded" if "unbounded" in status else "failed"
+    return Solution(outcome, np.empty(0), message=f"{name}: {status}")

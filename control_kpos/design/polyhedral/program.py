@@ -59,12 +59,12 @@ class GainProgram:
 
     def __init__(self, plant: Plant, lp: Solver) -> None:
         self.plant, self.lp = plant, lp
-        self.read = plant.on_states(np.eye(plant.shape[1]))
+        self.read = np.eye(plant.n) if plant.reads is None else np.asarray(plant.reads.values)
         self.shape = plant.shape
         pattern = np.ones(self.shape, dtype=bool) if plant.pattern is None else plant.pattern
         self.free = np.flatnonzero(pattern.ravel())
         # generators seen by the gain, and drifts A_s (A_s - I in discrete time)
-        self.seen = plant.rays @ self.read.T
+        self.seen = plant.seen.T
         eye = np.eye(plant.n) if plant.discrete else 0.0
         self.drifts = [A - eye for A, _ in plant.pairs]
         inputs = [np.abs(plant.facets @ B).max(initial=0.0) for _, B in plant.pairs]
@@ -85,6 +85,12 @@ class GainProgram:
             outer = self.forms(np.asarray(plant.system.Y.facets), [(C, D)])
             G, g = stacked(G, outer[0]), np.concatenate([g, outer[1]])
         return G, g
+
+    @cached_property
+    def sizes(self) -> Floats:
+        """What margins of invariance are relative to."""
+        G, g = self.invariance
+        return abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
 
     def forms(self, facets: Floats, pairs: Sequence[tuple[Floats, Floats]], where: Any = True) -> tuple[Any, Floats]:
         """(G, g) with h_i'(A + B L R) x_k = G l + g for the pairs (i, k) `where` that is true, for every (A, B)."""
@@ -150,8 +156,7 @@ class GainProgram:
         """Gain within `most` with a slack of its own in every inequality; see `Program.spread`."""
         G, g = self.invariance
         S, s, w = self.stability(v)
-        size = abs(G) @ np.full(G.shape[1], self.unit) + np.abs(g)
-        scale = np.concatenate([np.where(size > 0, size, 1.0), w * max(self.plant.scale, rate)])
+        scale = np.concatenate([np.where(self.sizes > 0, self.sizes, 1.0), w * max(self.plant.scale, rate)])
         program = Program(gain=Block(len(self.free)))
         program.spread(np.concatenate([-g, s + rate * w]), scale, gain=stacked(G, -S))
         program.below(np.minimum(self._limits(), most), gain=self._both)

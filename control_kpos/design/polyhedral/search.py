@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -134,28 +133,19 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs) -> DesignResult:
 
 
 def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
-    """A vector inside X that every vertex may map inwards: a candidate for the common vector."""
-    if len(plant.vertices) == 1:
-        return None
-    return common_vector(plant, lp, [A + B @ plant.on_states(gain) for A, B in plant.pairs])
-
-
-def common_vector(plant: Plant, lp: Programs, loops: list[Any]) -> Floats | None:
-    """x inside X with A_s x inside -X for every closed loop, in floating point, or None."""
-    if not affords(program_effort((len(loops) + 1) * len(plant.facets), len(plant.rays))):
+    """x inside X that every vertex maps into -X (A_s x - x in discrete time), in floating point: the common vector."""
+    several, rows = len(plant.vertices) > 1, (len(plant.vertices) + 1) * len(plant.facets)
+    if not several or not affords(program_effort(rows, len(plant.rays))):
         return None
     heights = (plant.facets @ plant.rays.T).max(axis=1)
-    H = plant.facets / heights[:, None]
-    eye = np.eye(plant.n) if plant.discrete else 0.0
-    rows = np.concatenate([H @ (M - eye) for M in loops])
-    # x = sum of generators with coefficients; maximise the common margin
-    inside = plant.rays.T
-    coefficients = Block(len(plant.rays), low=0.0, high=1.0)
-    program = Program(coefficients=coefficients, margin=Block(1, low=0.0, cost=-1.0))
-    program.above(0.0, np.full(len(rows), plant.scale), coefficients=-rows @ inside)
-    program.above(0.0, np.ones(len(H)), coefficients=H @ inside)
+    H, rays, eye = plant.facets / heights[:, None], plant.rays.T, np.eye(plant.n) if plant.discrete else 0.0
+    moved = np.concatenate([H @ ((A - eye) @ rays + B @ (gain @ plant.seen)) for A, B in plant.pairs])
+    # a sum of generators with coefficients; the largest common margin
+    program = Program(coefficients=Block(len(plant.rays), low=0.0, high=1.0), margin=Block(1, low=0.0, cost=-1.0))
+    program.above(0.0, np.full(len(moved), plant.scale), coefficients=-moved)
+    program.above(0.0, np.ones(len(H)), coefficients=H @ rays)
     answer = program.solve(lp)
-    return inside @ answer["coefficients"] if answer and answer["margin"][0] > 0 else None
+    return rays @ answer["coefficients"] if answer and answer["margin"][0] > 0 else None
 
 
 def design_in_two_steps(plant: Plant, rate: float, lp: Programs) -> DesignResult:
