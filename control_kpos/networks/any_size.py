@@ -190,14 +190,11 @@ class OutWeightCertificate(Certificate):
         kinds = np.zeros(_size(coupling) // local.stacks[0].sizes[1], dtype=np.intp) if types is None else _kinds(types)
         if kinds.size and not (kinds.min() >= 0 and kinds.max() < local.n_nodes):
             raise ShapeError(f"types must name one of the {local.n_nodes} node types, 0 to {local.n_nodes - 1}.")
-        stacks, members = [], []
-        for s, index in zip(local.stacks, local.members, strict=True):
-            place = np.full(local.n_nodes, -1)
-            place[index] = np.arange(len(index))
-            chosen = np.flatnonzero(place[kinds] >= 0)
+        stacks, members, (group, place) = [], [], local.home
+        for g, s in enumerate(local.stacks):
+            chosen = np.flatnonzero(group[kinds] == g)
             if chosen.size:
-                plain = NodeStack(s.A, s.B, s.C, s.D, s.X, s.U, s.Y, s.dt)
-                stacks.append(plain.take(place[kinds[chosen]]))
+                stacks.append(replace(s, names=(), labels=()).take(place[kinds[chosen]]))
                 members.append(chosen)
         empty = NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array((0, 0))), local.dt)
         return empty.with_coupling(read_coupling(coupling, empty)), kinds

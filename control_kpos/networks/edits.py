@@ -54,25 +54,19 @@ def single_node(system: Any, dt: Any) -> NodeStack:
     return stacks[0]
 
 
-def node_number(model: NetworkModel, node: Any) -> int:
+def node_number(model: NetworkModel, node: Any, name: str = "node") -> int:
     """The number of a node, counted from the end if it is negative."""
-    if isinstance(node, (bool, np.bool_)) or not isinstance(node, (int, np.integer)):
-        raise DataError(f"node is {found(node)}; give the number of a node.")
-    if not -model.n_nodes <= node < model.n_nodes:
-        raise ShapeError(f"node {node} does not exist; the nodes are numbered 0 to {model.n_nodes - 1}.")
-    return int(node) % model.n_nodes
+    number = whole_number(node, name, least=None)
+    if not -model.n_nodes <= number < model.n_nodes:
+        raise ShapeError(f"node {number} does not exist; the nodes are numbered 0 to {model.n_nodes - 1}.")
+    return number % model.n_nodes
 
 
 def weights_by_node(model: NetworkModel, links: Mapping[int, Any] | None, name: str) -> dict[int, Any]:
     """Weights of links by the number of the node at their other end."""
     if not (links is None or isinstance(links, Mapping)):
         raise DataError(f"{name} is {found(links)}; give a dictionary of weights by the number of the node.")
-    _require_numbers(links or {}, name)
-    return {node_number(model, k): w for k, w in (links or {}).items()}
-
-
-def _require_numbers(nodes: Any, name: str) -> list[int]:
-    return [whole_number(node, f"{name}: a node", least=None) for node in nodes]
+    return {node_number(model, k, f"{name}: a node"): w for k, w in (links or {}).items()}
 
 
 def _link(weight: Any, rows: int, columns: int, name: str) -> Matrix:
@@ -262,9 +256,9 @@ def permissible_weight(
 
 def _shapes(model: NetworkModel, given: Any, name: str) -> dict[int, Any]:
     """L by the number of the node; 1 where only numbers are given."""
-    nodes = _require_numbers(given if isinstance(given, Mapping) else items(given, name), name)
-    shapes = given if isinstance(given, Mapping) else dict.fromkeys(nodes, 1.0)
-    return {node_number(model, k): w for k, w in shapes.items()}
+    if isinstance(given, Mapping):
+        return weights_by_node(model, given, name)
+    return {node_number(model, k, f"{name}: a node"): 1.0 for k in items(given, name)}
 
 
 def _weighted(certificate: NetworkCertificate, kind: int) -> Floats:
