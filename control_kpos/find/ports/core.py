@@ -182,8 +182,8 @@ class Core:
         return nonnegative_combination(frame, frame.to @ y, size=float(y[0]))[0] / frame.heights
 
 
-def core_inside(split: Split, normals: Array, vectors: Array, shrink: float, *, discrete: bool) -> Core | None:
-    """A large invariant cone around e inside {x : normals x >= 0}, times `shrink`.
+def core_inside(split: Split, normals: Array, vectors: Array, *, discrete: bool) -> Core | None:
+    """A large invariant cone around e inside {x : normals x >= 0}.
 
     Parameters
     ----------
@@ -196,13 +196,12 @@ def core_inside(split: Split, normals: Array, vectors: Array, shrink: float, *, 
         return Core(np.eye(1), np.array([[split.dominant]]), np.ones(1), [])
     out = np.abs(vectors[:, 1:]).max(axis=1, initial=0.0) / vectors[:, 0]
     size = np.clip(3 * len(split.S) * out.max(initial=0.0), *_LARGEST)
-    shrink = shrink * _INSIDE
     if split.modes is None:
-        return _one_block(split, normals, float(size), shrink, discrete)
-    return _one_for_each_mode(split.modes, normals, float(size), shrink, discrete)
+        return _one_block(split, normals, float(size), discrete)
+    return _one_for_each_mode(split.modes, normals, float(size), discrete)
 
 
-def _one_for_each_mode(m: Modes, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
+def _one_for_each_mode(m: Modes, normals: Array, largest: float, discrete: bool) -> Core | None:
     parts = _parts(m, discrete, thin=None)
     count = sum(part.R.shape[1] for part in parts)
     if len(parts) != len(m.bases) or count * len(m.right) > MOST_ENTRIES:
@@ -215,7 +214,7 @@ def _one_for_each_mode(m: Modes, normals: Array, largest: float, shrink: float, 
     for V, part in zip(m.bases, parts, strict=True):
         size = V.shape[1]
         at = slice(start, start + size)
-        corners = _scaled((part.R[1:] / part.R[0]).T, normals[:, at], normals[:, 0], shrink, largest)
+        corners = _scaled((part.R[1:] / part.R[0]).T, normals[:, at], normals[:, 0], largest)
         points = np.zeros((len(corners), len(m.right)))
         points[:, 0], points[:, at] = 1.0, corners
         rows.append(points)
@@ -243,7 +242,7 @@ def _parts(m: Modes, discrete: bool, *, thin: bool | None) -> list[ModalCone]:
     return out
 
 
-def _one_block(split: Split, normals: Array, largest: float, shrink: float, discrete: bool) -> Core | None:
+def _one_block(split: Split, normals: Array, largest: float, discrete: bool) -> Core | None:
     """The first cone of the search without half-spaces, made small enough."""
     n = len(split.right)
     if n - 1 > _HULL_DIMENSION:
@@ -253,7 +252,7 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
     for candidate in modal_cones(A, modes(A, discrete=discrete), discrete=discrete, max_rays=LARGE):
         if not (candidate.R[0] > 0).all():
             continue
-        corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], shrink, largest)
+        corners = _scaled((candidate.R[1:] / candidate.R[0]).T, normals[:, 1:], normals[:, 0], largest)
         points = np.column_stack([np.ones(len(corners)), corners])
         frame = Frame.of(points, height)
         P = None if frame is None else multipliers(Matrix(A), Matrix(points), height, discrete=discrete)
@@ -270,12 +269,12 @@ def _one_block(split: Split, normals: Array, largest: float, shrink: float, disc
     return None
 
 
-def _scaled(corners: Array, normals: Array, heights: Array, shrink: float, largest: float) -> Array:
-    """Corners scaled so that e + corner reaches the half-spaces, or a size, times `shrink`."""
+def _scaled(corners: Array, normals: Array, heights: Array, largest: float) -> Array:
+    """Corners scaled so that e + corner nearly reaches the half-spaces, or a size."""
     reach = -(normals @ corners.T)
     heights = np.broadcast_to(heights[:, None], reach.shape)
     limit = np.divide(heights, reach, out=np.full_like(reach, np.inf), where=reach > 0).min(initial=np.inf)
-    return corners * (shrink * min(float(limit), largest))
+    return corners * (_INSIDE * min(float(limit), largest))
 
 
 def _coupled(parts: list[Array], weights: Array) -> Array:

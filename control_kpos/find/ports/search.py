@@ -27,9 +27,8 @@ Array = NDArray[np.float64]
 
 # Generators are tested for redundancy up to this number, times the dimension; each test is a linear program.
 _PRUNED = 1600
-_SHRINK = (1.0, 0.2)
 # The dynamics are followed with gaps reduced by this part of the smallest one.
-_SLACK = (1e-3, 1e-4, 1e-5)
+_SLACK = (1e-4, 1e-3, 1e-5)
 # Lengths of steps along a boundary, as parts of the longest sensible one.
 _FIRST = (0.5, 0.1, 0.02, 0.004)
 
@@ -105,28 +104,18 @@ class _Search:
                 yield candidate
 
     def _proposals(self, s: Split, on_boundary: list[int]) -> Iterator[tuple[list[Path], Assembly]]:
-        """Paths of all vectors into a core, and what they make together, small ones first."""
+        """Paths of all vectors into a core, and what they make together."""
         to_split = np.asarray(np.linalg.inv(s.basis).T, dtype=np.float64)
         c, b = self.c @ s.basis, self.b @ to_split
         if not ((c[:, 0] > 0).all() and (b[:, 0] > 0).all()):
             return
-        for shrink in _SHRINK:
-            core = core_inside(s, c, b, shrink, discrete=self.discrete)
-            if core is None:
-                return
-            large: list[tuple[list[Path], Assembly]] = []
-            for slack in _SLACK:
-                spend(s.S.size)
-                f = flow(s, slack, discrete=self.discrete)
-                paths = self._paths(f, c, core, to_split, on_boundary)
-                if paths is None:
-                    continue
-                built = assemble(f, paths, core)
-                if built.points.size <= _PRUNED:
-                    yield paths, built
-                else:
-                    large.append((paths, built))
-            yield from sorted(large, key=lambda found: len(found[1].points))
+        core = core_inside(s, c, b, discrete=self.discrete)
+        for slack in _SLACK if core is not None else ():
+            spend(s.S.size)
+            f = flow(s, slack, discrete=self.discrete)
+            paths = self._paths(f, c, core, to_split, on_boundary)
+            if paths is not None:
+                yield paths, assemble(f, paths, core)
 
     def _paths(self, f: Flow, c: Array, core: Core, to_split: Array, on_boundary: list[int]) -> list[Path] | None:
         """A path into the core for every vector, or None."""
