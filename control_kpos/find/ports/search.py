@@ -1,25 +1,37 @@
 """An invariant cone for one matrix that holds given vectors and lies in given half-spaces.
 
-Tried in this order: the orthant; chains through a vector in rational arithmetic (`chain`), first where orbits would
-start along a boundary or where the dominant eigenvalue is repeated; orbits into a core (`orbit`).
+Tried in this order: the orthant; chains through a vector in rational arithmetic, first where orbits would start along a
+boundary or where the dominant eigenvalue is repeated; orbits into a core (`orbit`).
+
+Chains, for matrices with rational eigenvalues:
+
+    g_0 = b,   g_(k+1) = (A - m_k I) g_k     so that     A g_k = m_k g_k + g_(k+1)
+
+for the eigenvalues m_0..m_(n-1) in any order: A annihilates what comes after g_(n-1), so the cone of the g_k is
+invariant (Cumani, 1982).  It lies in c'x >= 0 if c'g_k >= 0 for all k.  Nothing is rounded: repeated eigenvalues and
+zeros of any relative degree are no trouble.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from fractions import Fraction
+from itertools import islice, permutations
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...exact.budget import spend
+from ...exact.linalg import Rationals, solve_columns
 from ...exact.matrix import Matrix
+from ...exact.polynomials import rational_roots
 from ...proof.proposed_weights import Frame, nonnegative_combination
 from ..generators import extreme_generators
+from ..impossible.existence import spectrum_polynomial
 from ..one_matrix.modes import Analysis
 from ..question import Candidate, Question
 from .assembly import Assembly, Path, assemble
-from .chain import rational_chains
 from .core import Core, Split, core_inside, split
 from .orbit import Flow, first_steps, flow, follow, step_bounds, steps_on_boundary
 
@@ -31,6 +43,8 @@ _PRUNED = 1600
 _SLACK = (1e-4, 1e-3, 1e-5)
 # Lengths of steps along a boundary, as parts of the longest sensible one.
 _FIRST = (0.5, 0.1, 0.02, 0.004)
+# States, and orders of the eigenvalues, above which no more chains are tried.
+_LARGEST, _ORDERS = 16, 200
 
 
 def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
@@ -76,7 +90,7 @@ class _Search:
         """Simplicial cones in rational arithmetic."""
         if not self.question.admits(self.question.dim):
             return
-        for rays, P, combinations in rational_chains(self.A, self.vectors, self.normals, discrete=self.discrete):
+        for rays, P, combinations in _rational_chains(self.A, self.vectors, self.normals, self.discrete):
             values = np.asarray(rays.values)
             if np.linalg.matrix_rank(values / self.units) < len(values):
                 continue
@@ -208,3 +222,46 @@ def _substituted(values: Array, P: Array, index: NDArray[np.intp], pointing: Arr
             q, _ = nonnegative_combination(frame, target, size=float(np.abs(target).max()) or 1.0)
             combinations[:, j] = np.maximum(q, 0.0) / frame.heights
     return combinations @ P[:, index], combinations
+
+
+def _rational_chains(
+    A: Matrix, vectors: Matrix, normals: Matrix, discrete: bool
+) -> Iterator[tuple[Matrix, Matrix, Matrix]]:
+    """Rays, multipliers, and all vectors as combinations of the rays, of simplicial cones in all half-spaces."""
+    n = A.shape[0]
+    if n > _LARGEST:
+        return
+    roots = rational_roots(spectrum_polynomial(A), np.linalg.eigvals(A.values))
+    if len(roots) < n or (discrete and min(roots) < 0):
+        return
+    M, B = A.fractions(), vectors.fractions()
+    C = Matrix.from_fractions(normals.rows_as_integers(np.arange(normals.shape[0]))).fractions()
+    for order in _orders(roots):
+        for b in B:
+            R = _chain(M, b, order, C)
+            combinations = None if R is None else solve_columns(R.T, B.T)
+            if R is not None and combinations is not None and (combinations >= 0).all():
+                P = np.diag(order) + np.eye(n, k=-1, dtype=int).astype(object)
+                yield tuple(map(Matrix.from_fractions, (R, P, combinations.T)))
+
+
+def _orders(roots: list[Fraction]) -> Iterator[tuple[Fraction, ...]]:
+    """Different orders of the eigenvalues, monotone ones first."""
+    falling = tuple(sorted(roots, reverse=True))
+    seen = {falling, falling[::-1]}
+    yield from sorted(seen, reverse=True)
+    for order in islice(permutations(falling), 5 * _ORDERS):
+        if order not in seen and len(seen) < _ORDERS:
+            seen.add(order)
+            yield order
+
+
+def _chain(M: Rationals, b: Rationals, order: tuple[Fraction, ...], C: Rationals) -> Rationals | None:
+    """The vectors g_k as rows, or None if they leave a half-space or end too early."""
+    rows = [b]
+    for root in order[:-1]:
+        rows.append(M @ rows[-1] - root * rows[-1])
+    R = np.array(rows, dtype=object)
+    if not all(row.any() for row in R) or (len(C) and (C @ R.T < 0).any()):
+        return None
+    return R
