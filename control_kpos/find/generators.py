@@ -47,16 +47,6 @@ class GeneratedCone(PolyhedralCone):
         return self._conversion.generators if self._is_swapped else self._faces.facets
 
     @property
-    def n_rays(self) -> int:
-        """Number of generators."""
-        return self.exact_rays.shape[0]
-
-    @property
-    def n_facets(self) -> int:
-        """Number of facets."""
-        return self.exact_facets.shape[0]
-
-    @property
     def is_pointed(self) -> bool:
         """True: proven before the cone was made."""
         return True

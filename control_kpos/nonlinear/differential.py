@@ -41,10 +41,10 @@ from ..exact.intervals import (
     jacobian_pieces,
 )
 from ..exact.matrix import Matrix, dense
-from ..exact.program import Block, Program
 from ..exact.programs import program_effort
 from ..proof.certificate import Status
 from ..systems.system import System
+from ..theorems.lyapunov_candidates import common_vector
 from .certificate import (
     DifferentialCertificate,
     DifferentialViolation,
@@ -166,7 +166,8 @@ def _settled(centres: Matrix, radii: Array, X: Cone, discrete: bool, source: str
         witness = _violation(certificate, None)
         return certificate if witness is None else DifferentialCertificate.settle(**data, witness=witness)
     try:
-        v = _common_vector(np.asarray(centres.values), radii, X, discrete)
+        spend(effort + program_effort(centres.shape[0] * X.n_rays, 2 * X.dim))
+        v = common_vector(np.asarray(centres.values), np.asarray(X.rays), radii, discrete=discrete)
     except OutOfBudgetError:
         return certificate
     if v is None or not affords(2 * effort - OVERTIME):
@@ -344,21 +345,3 @@ def _box(data: ArrayLike | None, n: int, name: str) -> Array:
         row = int(np.argmax(box[:, 0] > box[:, 1]))
         raise DataError(f"{name}[{row}] is [{box[row, 0]:g}, {box[row, 1]:g}]: the lower bound exceeds the upper one.")
     return np.column_stack([box[:, 0], exact.rounded(up=True)[:, 1]])  # the smallest box of doubles around
-
-
-def _common_vector(centres: Array, radii: Array, X: Cone, discrete: bool) -> Array | None:
-    """v in int X* with v'J x < 0 for all enclosed J: a linear program in v and sizes w >= |v|."""
-    spend(_effort(X, len(centres)) + program_effort(len(centres) * X.n_rays, 2 * X.dim))
-    rays = np.asarray(X.rays, dtype=float)
-    rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    n = rays.shape[1]
-    moved = np.concatenate([rays @ A.T - (rays if discrete else 0) for A in centres])
-    spread = np.concatenate([np.abs(rays) @ R.T for R in radii])
-    eye = np.eye(n)
-    program = Program(v=Block(n, -1.0, 1.0), w=Block(n, 0.0, 1.0), margin=Block(1, 0.0, 1.0, -1.0))
-    program.above(0.0, np.ones(len(rays)), v=rays)
-    program.above(0.0, np.ones(len(moved)), v=-moved, w=-spread)
-    program.below(0.0, v=eye, w=-eye)
-    program.below(0.0, v=-eye, w=-eye)
-    answer = program.solve()
-    return answer["v"] if answer and answer["margin"][0] > 1e-9 else None

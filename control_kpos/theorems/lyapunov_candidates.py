@@ -22,6 +22,7 @@ from scipy.linalg import lapack
 from ..cones import Cone
 from ..cones.polyhedral import has_open_facets
 from ..exact.matrix import Matrix, dense
+from ..exact.program import Block, Program
 
 Vector = NDArray[np.float64]
 _NODA_STEPS = 60
@@ -262,3 +263,20 @@ def _row_sum(rows: Any, units: Vector) -> Vector:
         return np.asarray(scaled.T @ (1 / _maximum(abs(scaled), 1)))
     scaled = rows * units
     return (scaled / _maximum(np.abs(scaled), 1)[:, None]).sum(axis=0)
+
+
+def common_vector(centres: Vector, rays: Vector, radii: Vector, *, discrete: bool) -> Vector | None:
+    """v with v'x > 0 and v'A x < 0 (discrete time: < v'x) on every generator, for all A within the radii of a centre.
+
+    A linear program in v and sizes w >= |v|.
+    """
+    unit, n = rays / np.linalg.norm(rays, axis=1, keepdims=True), rays.shape[1]
+    moved = np.concatenate([unit @ A.T - (unit if discrete else 0) for A in centres])
+    scale = max(float(np.abs(moved).max()), 1e-300)
+    program = Program(v=Block(n, -1.0, 1.0), w=Block(n, 0.0, 1.0), margin=Block(1, 0.0, 1.0, -1.0))
+    program.above(0.0, np.ones(len(unit)), v=unit)
+    spread = np.concatenate([np.abs(unit) @ R.T for R in radii])
+    program.above(0.0, np.ones(len(moved)), v=-moved / scale, w=-spread / scale)
+    program.below(0.0, v=np.vstack([np.eye(n), -np.eye(n)]), w=-np.vstack([np.eye(n), np.eye(n)]))
+    answer = program.solve()
+    return answer["v"] if answer and answer["margin"][0] > 1e-12 else None

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from ...exact.budget import OutOfBudgetError, affords
 from ...exact.matrix import Matrix
-from ...exact.program import widest
 from ...proof.proposed_weights import pointing_functional
+from ...theorems.lyapunov_candidates import common_vector
 from ..certificate import ConeCertificate
 from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone
@@ -130,7 +130,8 @@ def completed(question: Question, found: Proven) -> Proven:
             index, separators = extreme_generators(rays, found.candidate.pointing)
             if len(index) == len(rays):
                 found = Proven(found.certificate, replace(found.candidate, separators=separators))
-    v = common_vector(np.asarray(question.searched.values), rays, discrete=question.discrete)
+    matrices = np.asarray(question.searched.values)
+    v = common_vector(matrices, rays, np.zeros(matrices.shape), discrete=question.discrete)
     if v is None:
         return found
     certificate = ConeCertificate.settle(**{**found.certificate.data(), "v": v})
@@ -202,11 +203,3 @@ def _roundings(R: Array, units: Array, margin: float) -> Iterator[Matrix]:
             rows = [[Fraction(float(x)).limit_denominator(most) for x in row] for row in scaled]
             if np.linalg.matrix_rank(np.array(rows, dtype=float)) == rays.shape[1]:
                 yield Matrix.from_fractions(np.array(rows, dtype=object))
-
-
-def common_vector(matrices: Array, rays: Array, *, discrete: bool) -> Array | None:
-    """v with v'x > 0 and v'A_s x < 0 (discrete time: < v'x) on every generator, by a linear program."""
-    unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-    moved = np.concatenate([unit @ A.T - (unit if discrete else 0) for A in matrices])
-    v, margin = widest(np.concatenate([unit, -moved / np.maximum(np.abs(moved).max(), 1e-300)]))
-    return v if margin > 1e-12 else None
