@@ -301,9 +301,10 @@ def _of_one_matrix(question: Question, known: Analysis) -> Iterator[Candidate]:
     """Cones for one matrix, with or without vectors to hold and half-spaces to lie in."""
     if question.contains is not None or question.within is not None:
         return ports.candidates(question, known)
-    # where the modes need more rays than allowed: turn and move rays instead
-    moved = iter(()) if question.max_rays is None else FamilySearch(question).candidates()
-    return chain(one_matrix.candidates(question, known), repeated_cones(question), moved)
+    strategies = [lambda: one_matrix.candidates(question, known), lambda: repeated_cones(question)]
+    if question.max_rays is not None:  # the modes need more: turn and move rays instead
+        strategies.append(lambda: FamilySearch(question).candidates())
+    return chain.from_iterable(strategy() for strategy in strategies)
 
 
 def _obstruction(question: Question) -> Obstruction | None:

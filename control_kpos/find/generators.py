@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cones import PolyhedralCone
+from ..cones import Cone, PolyhedralCone
 from ..exact.budget import spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
@@ -84,7 +84,7 @@ def proper_cone(
     """
     if not _are_extreme(rays, separators) and rays.values.size <= _ENUMERATED:
         return PolyhedralCone(rays)
-    cone = GeneratedCone(rays)
+    cone = GeneratedCone._build(vars(Cone._from_rays(rays))["_conversion"], False)  # the rays need no reading
     vars(cone)["_right_inverse"] = right_inverse  # cones refuse to be changed from outside
     return cone
 

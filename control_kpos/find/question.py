@@ -165,7 +165,7 @@ def prove(question: Question, candidate: Candidate) -> Proven | None:
     P = candidate.multipliers
     if P is None:
         P = _by_programs(question, candidate)
-    certificate = None
+    found = None
     if P is not None:
         certificate = question.settle(
             rays=candidate.rays,
@@ -174,7 +174,7 @@ def prove(question: Question, candidate: Candidate) -> Proven | None:
             right_inverse=candidate.right_inverse,
             shares=candidate.combinations,
         )
-    found = Proven(certificate, candidate) if certificate else None
+        found = Proven(certificate, candidate) if certificate.status is Status.PROVED else None
     question.report(f"a cone with {size} rays: {'proved' if found else 'not proven'}")
     return found
 

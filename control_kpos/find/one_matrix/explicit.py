@@ -150,13 +150,14 @@ def _smallest_sum(targets: NDArray[np.complex128], *, discrete: bool, thin: bool
     """The smallest of several sums of polygons, of at most `most` generators unless `thin`."""
     best: _Sum | None = None
     effort = _PER_MODE * len(targets)
-    for groups in groupings(targets, 1.0 if discrete else 0.0, discrete=discrete):
+    for k, groups in enumerate(groupings(targets, 1.0 if discrete else 0.0, discrete=discrete)):
+        if k and best is not None and (best.size > LARGE or not affords(effort)):
+            break
+        if k:
+            spend(effort)
         built = _placed(targets, groups, discrete=discrete, thin=thin)
         if built is not None and (best is None or built.size < best.size) and (thin or not most or built.size <= most):
             best = built
-        if best is not None and (best.size > LARGE or not affords(effort)):
-            break
-        spend(effort)
     return best
 
 

@@ -177,11 +177,6 @@ class Analysis:
     discrete: bool
     modes: Modes | None
 
-    @property
-    def is_well_conditioned(self) -> bool:
-        """Whether the modes are known and may be used as they are."""
-        return self.modes is not None and self.modes.conditioning < WELL_CONDITIONED
-
     @cached_property
     def near_modes(self) -> tuple[Array, Array] | None:
         """A basis V close to eigenvectors of A, and T = V^-1 A V accurately.

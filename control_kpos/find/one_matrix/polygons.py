@@ -178,29 +178,30 @@ def needs(pairs: NDArray[np.complex128], real: NDArray[np.float64] | None, *, di
     return best
 
 
-def groupings(targets: NDArray[np.complex128], top: float, *, discrete: bool, seed: int = 0) -> Iterator[list[Group]]:
+def groupings(targets: NDArray[np.complex128], top: float, *, discrete: bool) -> list[list[Group]]:
     """Partitions of the modes into groups worth trying, each in a good order for attaching.
 
     Pairs that need no more than a triangle stay alone; the others look for partners.
     """
     gap = top - (np.abs(targets) if discrete else targets.real)
     by_gap = [int(i) for i in np.argsort(gap, kind="stable")]
-    yield [(i,) for i in by_gap]
+    found: list[list[Group]] = [[(i,) for i in by_gap]]
     pairs = [i for i in by_gap if targets[i].imag > 0]
     reals = [i for i in by_gap if targets[i].imag == 0]
     if len(pairs) + len(reals) < 2 or not pairs:
-        return
+        return found
     pairs, reals = pairs[:_PARTNERS], reals[:_PARTNERS]
     needed, members = _offers(targets, pairs, reals, top, discrete)
     alone = np.full(len(targets), -np.inf)
     alone[pairs] = needs(targets[None, pairs], None, discrete=discrete)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     for trial in range(8):
         spend(1e3 * len(members))
         spare = top - needed
         if trial:
             spare = spare * rng.uniform(0.5, 1.5, len(spare))
-        yield _greedy(members, alone >= (0.5 * top if trial % 2 else top), spare, by_gap)
+        found.append(_greedy(members, alone >= (0.5 * top if trial % 2 else top), spare, by_gap))
+    return found
 
 
 def _offers(

@@ -37,7 +37,8 @@ _SPREADS = (0.3, 0.5, 0.7, 0.15)
 
 def candidates(question: Question, a: Analysis) -> Iterator[Candidate]:
     """Cones worth proving, the most economic first."""
-    well_conditioned, most = a.is_well_conditioned, question.max_rays
+    well_conditioned = a.modes is not None and a.modes.conditioning < WELL_CONDITIONED
+    most = question.max_rays
     for cone in modal_cones(a.matrix, a.modes, discrete=a.discrete, max_rays=most):
         yield from _of_modal_cone(cone, a.units, programs=well_conditioned or cone.multipliers is None)
     if not well_conditioned and a.near_modes is not None:
@@ -98,7 +99,7 @@ def spread(A: Array, part: float, *, discrete: bool) -> Array:
     return Z @ T @ Z.T
 
 
-def _of_modal_cone(cone: ModalCone, units: Array, *, programs: bool) -> Iterator[Candidate]:
+def _of_modal_cone(cone: ModalCone, units: Array, *, programs: bool) -> list[Candidate]:
     """A cone in the user's units: with its own multipliers, then with those of linear programs."""
     own = Candidate(
         rays=Matrix(np.ascontiguousarray(cone.R.T * units)),
@@ -108,10 +109,10 @@ def _of_modal_cone(cone: ModalCone, units: Array, *, programs: bool) -> Iterator
         separators=None if cone.separators is None else cone.separators / units,
         units=units,
     )
-    if own.multipliers is not None:
-        yield own
+    found = [] if own.multipliers is None else [own]
     if programs and cone.R.shape[1] <= LARGE:
-        yield replace(own, multipliers=None, right_inverse=np.linalg.pinv(cone.R) / units)
+        found.append(replace(own, multipliers=None, right_inverse=np.linalg.pinv(cone.R) / units))
+    return found
 
 
 def _near_modes(a: Analysis, V: Array, T: Array, *, max_rays: int | None) -> Iterator[Candidate]:

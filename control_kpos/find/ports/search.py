@@ -124,7 +124,9 @@ class _Search:
         if not ((c[:, 0] > 0).all() and (b[:, 0] > 0).all()):
             return
         core = core_inside(s, c, b, discrete=self.discrete)
-        for slack in _SLACK if core is not None else ():
+        if core is None:
+            return
+        for slack in _SLACK:
             spend(s.S.size)
             f = flow(s, slack, discrete=self.discrete)
             paths = self._paths(f, c, core, to_split, on_boundary)
@@ -241,8 +243,9 @@ def _rational_chains(
             R = _chain(M, b, order, C)
             combinations = None if R is None else solve_columns(R.T, B.T)
             if R is not None and combinations is not None and (combinations >= 0).all():
-                P = np.diag(order) + np.eye(n, k=-1, dtype=int).astype(object)
-                yield tuple(map(Matrix.from_fractions, (R, P, combinations.T)))
+                P = np.diag(np.array(order, dtype=object)) + np.eye(n, k=-1, dtype=int).astype(object)
+                exact = Matrix.from_fractions
+                yield exact(R), exact(P), exact(combinations.T)
 
 
 def _orders(roots: list[Fraction]) -> Iterator[tuple[Fraction, ...]]:
