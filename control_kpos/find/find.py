@@ -6,6 +6,7 @@ Untrusted candidates are tried in order of cost until one is proven, or there is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from itertools import chain
 from typing import Any, Literal, TypeVar
 
@@ -33,7 +34,7 @@ from .one_matrix import search as one_matrix
 from .one_matrix.modes import Analysis, analysis
 from .one_matrix.repeated import repeated_cones
 from .ports import search as ports
-from .question import Candidate, FoundCone, Proven, Question, prove
+from .question import Candidate, FoundCone, Question, prove
 
 T = TypeVar("T")
 
@@ -273,14 +274,9 @@ def _find(question: Question) -> FoundCone:
         fewest, candidates = max(a.fewest_rays for a in family.analyses), family.candidates()
         obstruction = family_obstruction(question.matrices, family.modes_in_user_units(), discrete=question.discrete)
 
-    def proven(candidate: Candidate) -> Proven | None:
-        try:
-            return prove(question, candidate)
-        except OutOfBudgetError:  # another candidate may be cheaper to prove
-            return None
-
-    if obstruction is None and question.admits(fewest):
-        found = first_proven(candidates, proven)
+    allowed = question.max_rays is None or fewest <= question.max_rays
+    if obstruction is None and allowed:
+        found = first_proven(candidates, partial(prove, question))
         if found is not None:
             return FoundCone.of(question, completed(question, found) if question.switching else found, fewest)
     if family is None:
@@ -288,7 +284,7 @@ def _find(question: Question) -> FoundCone:
     if obstruction is not None:
         certificate = question.settle(witness=obstruction)
         return FoundCone(status=certificate.status, certificate=certificate, fewest_rays=fewest)
-    if not question.admits(fewest):
+    if not allowed:
         raise DataError(
             f"max_rays is {question.max_rays}, but every invariant polyhedral cone of this matrix has at least "
             f"{fewest} rays (and as many facets); ask for max_rays >= {fewest}."

@@ -7,8 +7,9 @@ candidate, with the multipliers P that come with it or with those of linear prog
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -16,13 +17,14 @@ from numpy.typing import NDArray
 
 from ..cones import Cone, PolyhedralCone
 from ..cones.base import HoldsCone
-from ..exact.budget import spend
+from ..exact.budget import OutOfBudgetError, spend
+from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
+from ..exact.signs import BilinearForms
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
 from ..proof.proposed_weights import multipliers
 from .certificate import ConeCertificate, Obstruction
-from .generators import proper_cone
 
 Array = NDArray[np.float64]
 
@@ -30,6 +32,11 @@ Array = NDArray[np.float64]
 FLAT = 1e12
 # A proof takes a few products of n x n with n x N matrices, and singular values: operations divided by n^2 N.
 _PER_PRODUCT = 0.6
+
+# More generators are not compared with each other.
+_COMPARED = 3000
+# More numbers are not put through an enumeration, which would drop redundant generators.
+_ENUMERATED = 1600
 
 
 def quiet(line: str) -> None:
@@ -145,6 +152,90 @@ class Candidate:
         return float(np.linalg.cond(R / lengths[:, None])) if (lengths > 0).all() else np.inf
 
 
+class GeneratedCone(PolyhedralCone):
+    """A `PolyhedralCone` known to be proper, whose generators (or, as a dual, normals) are taken as they are.
+
+    They are extreme wherever that could be proven at little cost; else some may be redundant.  What the cone was made
+    from costs nothing to read; the other description is enumerated when first asked for.
+    Made by `proper_cone`.
+    """
+
+    @property
+    def exact_rays(self) -> Matrix:
+        """Generators as exact data."""
+        return self._faces.rays if self._is_swapped else self._conversion.generators
+
+    @property
+    def exact_facets(self) -> Matrix:
+        """Facet normals as exact data."""
+        return self._conversion.generators if self._is_swapped else self._faces.facets
+
+    @property
+    def is_pointed(self) -> bool:
+        """True: proven before the cone was made."""
+        return True
+
+    @property
+    def is_solid(self) -> bool:
+        """True: proven before the cone was made."""
+        return True
+
+    @cached_property
+    def _interior_point(self) -> Array:
+        right_inverse = vars(self).get("_right_inverse")
+        point = None if right_inverse is None else _proven_inside(self._conversion.generators, right_inverse)
+        return super()._interior_point if point is None else point
+
+    def __repr__(self) -> str:
+        known = f"{self._conversion.generators.shape[0]} {'facets' if self._is_swapped else 'rays'}"
+        return f"<PolyhedralCone in R^{self.dim}: {known}>"
+
+
+def proper_cone(
+    rays: Matrix, separators: NDArray[np.float64] | None, right_inverse: NDArray[np.float64]
+) -> PolyhedralCone:
+    """The cone of generators that are already proven to span a proper cone.
+
+    Parameters
+    ----------
+    rays : Matrix, shape (N, n)
+    separators : ndarray, shape (N, n), or None
+        Row i should be negative on generator i and positive on all others, which proves generator i
+        extreme.  Where this fails, or without them, a cone of few generators finds redundant ones by enumeration
+        when asked for its rays; many are kept as they are.
+    right_inverse : ndarray, shape (N, n)
+        Y with rays' Y close to the identity.
+    """
+    if not _are_extreme(rays, separators) and rays.values.size <= _ENUMERATED:
+        return PolyhedralCone(rays)
+    cone = GeneratedCone._build(vars(Cone._from_rays(rays))["_conversion"], False)  # the rays need no reading
+    vars(cone)["_right_inverse"] = right_inverse  # cones refuse to be changed from outside
+    return cone
+
+
+def _proven_inside(rays: Matrix, right_inverse: Array) -> Array | None:
+    """A point that is proven to lie inside, near the middle of the generators; None if the proof fails."""
+    values = np.asarray(rays.values)
+    weights = np.ldexp(1.0, -np.frexp(np.abs(values).max(axis=1))[1])
+    point = weights @ values
+    weights = np.ldexp(weights, -np.frexp(np.abs(point).max())[1])
+    point = np.ldexp(point, -np.frexp(np.abs(point).max())[1])
+    basis, eye = Generators(rays, right_inverse), Matrix.identity(rays.shape[1])
+    inside = basis.images("x = R q", eye, Matrix(point[None, :]), Matrix(weights[:, None]))
+    if not (inside.verdict() and (inside.lower > 0).all()):
+        return None
+    point.flags.writeable = False
+    return point
+
+
+def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:
+    """Whether every separator is proven to single out its generator."""
+    if separators is None or not rays.shape[0] == len(separators) <= _COMPARED:
+        return False
+    signs = BilinearForms(Matrix(separators), None, rays).signs()
+    return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))
+
+
 @dataclass(frozen=True, eq=False)
 class Proven:
     """A certificate that is PROVED, and the candidate it is about."""
@@ -159,22 +250,21 @@ class Proven:
 
 
 def prove(question: Question, candidate: Candidate) -> Proven | None:
-    """The certificate of the candidate, or None if it proves nothing."""
+    """The certificate of the candidate, or None if it proves nothing, or a limit leaves too little for it."""
     size = candidate.rays.values.shape[0]
-    spend(_PER_PRODUCT * size * question.matrices.values.size)
-    P = candidate.multipliers
-    if P is None:
-        P = _by_programs(question, candidate)
     found = None
-    if P is not None:
-        certificate = question.settle(
-            rays=candidate.rays,
-            multipliers=P,
-            pointing=candidate.pointing,
-            right_inverse=candidate.right_inverse,
-            shares=candidate.combinations,
-        )
-        found = Proven(certificate, candidate) if certificate.status is Status.PROVED else None
+    with suppress(OutOfBudgetError):  # another candidate may be cheaper to prove
+        spend(_PER_PRODUCT * size * question.matrices.values.size)
+        P = _by_programs(question, candidate) if candidate.multipliers is None else candidate.multipliers
+        if P is not None:
+            certificate = question.settle(
+                rays=candidate.rays,
+                multipliers=P,
+                pointing=candidate.pointing,
+                right_inverse=candidate.right_inverse,
+                shares=candidate.combinations,
+            )
+            found = Proven(certificate, candidate) if certificate.status is Status.PROVED else None
     question.report(f"a cone with {size} rays: {'proved' if found else 'not proven'}")
     return found
 
