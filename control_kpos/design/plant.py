@@ -58,17 +58,17 @@ class Plant:
     ports: bool = False
     coupling: Matrix | None = None
     names: Mapping[str, Any] = field(default_factory=dict)
-
-    def __post_init__(self) -> None:
-        n, m = self.vertices[0][1].shape
-        shape = m, n if self.reads is None else self.reads.shape[0]
-        vars(self).update(n=n, m=m, shape=shape, X=self.system.X, discrete=bool(self.system.dt))
-
+    # states, inputs, shape of the gain, and two of the system's own, read far more often than set
     n: int = field(init=False)
     m: int = field(init=False)
     shape: tuple[int, int] = field(init=False)
     X: Cone = field(init=False)
     discrete: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        n, m = self.vertices[0][1].shape
+        shape = m, n if self.reads is None else self.reads.shape[0]
+        vars(self).update(n=n, m=m, shape=shape, X=self.system.X, discrete=bool(self.system.dt))
 
     @cached_property
     def pairs(self) -> list[tuple[Floats, Floats]]:

@@ -80,8 +80,8 @@ def network_feedback(
     rate : float
         Decay rate of the network.
     gain_bound : float, array_like, shape (sum m_j,), optional
-        |F_j x_k| <= gain_bound at every generator of X_j.  With a bound one program is solved, and the gains are
-        whatever it gives; without, several, for the smallest bound that is possible.
+        |F_j x_k| <= gain_bound at every generator of X_j.  With a bound one program is solved, for gains that are
+        small beside it; without, several, for the smallest bound that is possible.
     solver, time_limit, progress
         As in `state_feedback`.
 
