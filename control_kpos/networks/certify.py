@@ -156,7 +156,7 @@ def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) 
         forms = on.decrease_forms(s, v_g, q_g, 0.0, discrete)
         room, rays = 16 * (2 * (s.sizes[0] + s.sizes[2]) + 24) * HALF_ULP, s.rays[0].values
         with np.errstate(all="ignore"):
-            value, gross = ((f(v_g.values) @ f(rays).T)[:, None, :] for f in (np.asarray, np.abs))
+            value, gross = (np.einsum("jn,kn->jk", f(v_g.values), f(rays))[:, None] for f in (np.asarray, np.abs))
             first = (-forms.values - room * forms.magnitudes) / value
             # the rate term adds rate * |v|'|x| to the size of the numbers
             rate = min(rate, float((first - room * np.abs(first) * gross / value).min()))
