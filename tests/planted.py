@@ -70,3 +70,21 @@ def output(rng, n, m, q):
     closed = T @ metzler_hurwitz(rng, n) @ np.linalg.inv(T)
     B, K, C = rng.normal(size=(n, m)), rng.normal(size=(m, q)), rng.normal(size=(q, n))
     return closed - B @ K @ C, B, C, T.T, K
+
+
+def pair(gap: float, frequency: float) -> np.ndarray:
+    """Eigenvalues 0 and -gap +- i frequency."""
+    return np.array([[0, 0, 0], [0, -gap, -frequency], [0, frequency, -gap]], dtype=float)
+
+
+def with_dominant_eigenvalue(seed: int, n: int, *, discrete: bool) -> np.ndarray:
+    """A random matrix with a simple, strictly dominant, real (discrete: positive) eigenvalue."""
+    rng = np.random.default_rng(seed)
+    while True:
+        A = rng.standard_normal((n, n)) / np.sqrt(n)
+        values = np.linalg.eigvals(A)
+        size = np.abs(values) if discrete else values.real
+        first, *rest = np.argsort(-size)
+        real = values[first].imag == 0 and (values[first].real > 0 or not discrete)
+        if real and (not rest or size[first] - size[rest[0]] > 1e-3):
+            return A

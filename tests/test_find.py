@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import itertools
-import time
 from dataclasses import replace
 from fractions import Fraction
 
-import control as ct
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planted import pair, with_dominant_eigenvalue
 from scipy.linalg import block_diag
 
-import control_kpos as kp
 from control_kpos import (
     PolyhedralCone,
     Status,
@@ -26,35 +23,13 @@ from control_kpos.exact.enclosure import Generators
 from control_kpos.exact.linalg import solve_columns
 from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.polynomials import (
-    characteristic_polynomial,
     multiply,
     rational_roots,
-    scale_roots,
     square_free_factors,
 )
-from control_kpos.exact.roots import real_roots_above, roots_beyond
 from control_kpos.find import ConeCertificate, find_cone
 from control_kpos.find.impossible.existence import SpectralObstruction
 from control_kpos.find.one_matrix.modes import analysis
-
-
-def pair(gap: float, frequency: float) -> np.ndarray:
-    """Eigenvalues 0 and -gap +- i frequency."""
-    return np.array([[0, 0, 0], [0, -gap, -frequency], [0, frequency, -gap]], dtype=float)
-
-
-def with_dominant_eigenvalue(seed: int, n: int, *, discrete: bool) -> np.ndarray:
-    """A random matrix with a simple, strictly dominant, real (discrete: positive) eigenvalue."""
-    rng = np.random.default_rng(seed)
-    while True:
-        A = rng.standard_normal((n, n)) / np.sqrt(n)
-        values = np.linalg.eigvals(A)
-        size = np.abs(values) if discrete else values.real
-        first, *rest = np.argsort(-size)
-        real = values[first].imag == 0 and (values[first].real > 0 or not discrete)
-        if real and (not rest or size[first] - size[rest[0]] > 1e-3):
-            return A
-
 
 # -- a cone exists
 
@@ -253,6 +228,22 @@ def test_a_50_gon_is_not_invariant_under_a_rotation_by_one_radian():
     assert cert.status is Status.UNDECIDED
 
 
+def test_a_repeated_eigenvalue_does_not_hide_a_larger_one():
+    # +-1, +-i and 0 three times: a cone exists, whatever a witness at 0 says
+    A = block_diag([[0, 1], [-1, 0]], np.zeros((3, 3)), 1, -1).astype(float)
+    assert find_cone(A).status is Status.PROVED
+    for kind in ("beside", "ahead"):
+        witness = SpectralObstruction(0, kind, Fraction(0), 0.0, 1.0, False)
+        assert not witness.conditions(Matrix.stack([Matrix(A)]), discrete=False)[0].verdict()
+        assert ConeCertificate.settle(matrices=Matrix.stack([Matrix(A)]), witness=witness).status is Status.UNDECIDED
+
+
+def test_a_lyapunov_vector_is_not_claimed_where_it_is_not_proven():
+    found = find_cone([[-1.0, 0.5], [0.25, -2.0]])
+    forged = replace(found.certificate, by_facets=True, v=np.array([1.0, 1.0]))
+    assert not forged.check()
+
+
 # -- certificates
 
 
@@ -434,130 +425,3 @@ def test_eighty_states_whose_rightmost_eigenvalues_are_not_real():
         .conditions(Matrix.stack([Matrix(A)]), discrete=False)[0]
         .verdict()
     )
-
-
-# -- exact root counts
-
-
-@settings(max_examples=40, deadline=None)
-@given(st.integers(0, 10**6), st.integers(1, 7))
-def test_root_counts_agree_with_eigenvalues(seed, n):
-    rng = np.random.default_rng(seed)
-    A = rng.integers(-9, 10, (n, n)).astype(float)
-    bound = float(rng.uniform(0.1, 8)) + 0.01
-    values = np.linalg.eigvals(A)
-    if np.abs(values.real - bound).min() < 1e-6 or np.abs(np.abs(values) - bound).min() < 1e-6:
-        return
-    p = scale_roots(*characteristic_polynomial(Matrix(A)))
-    if np.abs(np.subtract.outer(values, values) + np.eye(n)).min() > 1e-4:  # different roots are counted
-        assert roots_beyond(p, Fraction(bound)) == (values.real > bound).sum()
-        assert roots_beyond(p, Fraction(bound), modulus=True) == (np.abs(values) > bound).sum()
-    real = np.unique(np.round(values[np.abs(values.imag) < 1e-7].real, 4))
-    if np.abs(values.imag)[np.abs(values.imag) > 0].min(initial=1.0) > 1e-4:
-        assert real_roots_above(p, Fraction(bound)) == (real > bound).sum()
-
-
-def test_real_roots_are_counted_at_and_beside_multiple_ones():
-    rng = np.random.default_rng(0)
-    for _ in range(2000):
-        p, roots = [int(rng.integers(1, 5))], set()
-        for _ in range(rng.integers(1, 6)):
-            times, constant = int(rng.integers(1, 4)), int(rng.integers(-6, 7))
-            if rng.random() < 0.6:
-                leading = int(rng.integers(1, 4))
-                roots.add(Fraction(-constant, leading))
-                factor = [leading, constant]
-            else:  # not real
-                factor = [1, constant, constant**2 // 4 + int(rng.integers(1, 3))]
-            for _ in range(times):
-                p = multiply(p, factor)
-        bounds = [*roots, Fraction(int(rng.integers(-12, 13)), int(rng.integers(1, 4)))]
-        bound = bounds[rng.integers(len(bounds))]
-        assert real_roots_above(p, bound) == sum(root > bound for root in roots)
-
-
-def test_a_repeated_eigenvalue_does_not_hide_a_larger_one():
-    # +-1, +-i and 0 three times: a cone exists, whatever a witness at 0 says
-    A = block_diag([[0, 1], [-1, 0]], np.zeros((3, 3)), 1, -1).astype(float)
-    assert find_cone(A).status is Status.PROVED
-    for kind in ("beside", "ahead"):
-        witness = SpectralObstruction(0, kind, Fraction(0), 0.0, 1.0, False)
-        assert not witness.conditions(Matrix.stack([Matrix(A)]), discrete=False)[0].verdict()
-        assert ConeCertificate.settle(matrices=Matrix.stack([Matrix(A)]), witness=witness).status is Status.UNDECIDED
-
-
-def test_a_lyapunov_vector_is_not_claimed_where_it_is_not_proven():
-    found = find_cone([[-1.0, 0.5], [0.25, -2.0]])
-    forged = replace(found.certificate, by_facets=True, v=np.array([1.0, 1.0]))
-    assert not forged.check()
-
-
-# -- answers
-
-
-def test_an_answer_is_checked_saved_and_shown(tmp_path):
-    found = find_cone(pair(1.0, 5.0))
-    assert found.check() and found.margin == found.certificate.margin and found.message == found.explanation == ""
-    found.save(tmp_path / "cone.json")
-    assert load_certificate(tmp_path / "cone.json").status is Status.PROVED
-    assert "16 rays" in repr(found) and "PROVED" in found._repr_html_() and "conditioning" in found._repr_html_()
-    refuted = find_cone(pair(0.0, 1.0))
-    assert refuted.check() and refuted.witness is refuted.obstruction and refuted.cone is None
-    assert not replace(refuted, certificate=found.certificate).check()
-    unknown = find_cone(pair(2.0**-40, 1.0))
-    assert not unknown.check() and unknown.message and unknown.message in unknown.explain()
-    with pytest.raises(DataError, match="nothing was proven"):
-        unknown.save(tmp_path / "none.json")
-
-
-TURNING = [[-1, 4, 0], [-4, -1, 0], [0, 0, 1]]
-USES = {
-    "system": lambda X: kp.ConeStateSpace(np.array(TURNING), np.eye(3), np.eye(3), 0, X=X).X,
-    "positivity": lambda X: kp.state_positivity(TURNING, X).X,
-    "stability": lambda X: kp.linear_lyapunov(TURNING, X).X,
-    "feedback": lambda X: kp.state_feedback(ct.ss(np.array(TURNING), np.eye(3), np.eye(3), 0), X=X).closed_loop.X,
-    "product": lambda X: kp.product([X, kp.orthant(1)]).factors[0],
-    "times": lambda X: (kp.orthant(1) * X).factors[1],
-    "intersection": lambda X: PolyhedralCone(np.eye(3)) & X & X,
-    "sum": lambda X: PolyhedralCone(np.eye(3)) + X,
-    "within": lambda X: find_cone(TURNING, within=X).cone,
-    "contains": lambda X: kp.PolyhedralCone.from_facets([[0, 0, 1]]).contains(X),
-    "nodes": lambda X: kp.stack(A=np.array([TURNING] * 2), B=np.zeros((2, 3, 1)), C=np.zeros((2, 1, 3)), X=X).X,
-    "nonlinear": lambda X: kp.differential_positivity(TURNING, X).X,
-}
-
-
-@pytest.mark.filterwarnings("ignore::control_kpos.errors.ActuatorLossWarning")
-@pytest.mark.parametrize("use", USES)
-def test_an_answer_is_taken_wherever_a_cone_is(use):
-    found = find_cone(TURNING)
-    assert USES[use](found) == USES[use](found.cone)
-    with pytest.raises(DataError, match=r"search that found no cone.*not real"):
-        USES[use](find_cone(pair(0.0, 1.0)))
-
-
-def test_a_numerically_flat_cone_is_not_handed_on():
-    flat = replace(find_cone(TURNING), status=Status.UNDECIDED, conditioning=1e13, message="numerically flat")
-    with pytest.raises(DataError, match="numerically flat"):
-        state_positivity(TURNING, flat)
-
-
-def test_without_a_time_limit_the_answer_is_counted_not_timed(monkeypatch):
-    """A clock that jumps by an hour at every look changes nothing."""
-    rng = np.random.default_rng(0)
-    family = [rng.standard_normal((3, 3)) - 2 * np.eye(3) for _ in range(3)]
-    questions = [pair(1.0, 5.0), with_dominant_eigenvalue(0, 8, discrete=False), family]
-    expected = [find_cone(question, restarts=3) for question in questions]
-    jumps = itertools.count(0.0, 3600.0)
-    monkeypatch.setattr(time, "monotonic", lambda: next(jumps))
-    for question, before in zip(questions, expected, strict=True):
-        after = find_cone(question, restarts=3)
-        assert (after.status, after.message) == (before.status, before.message)
-        assert after.rays is None or np.array_equal(after.rays, before.rays)
-
-
-def test_an_answer_tells_which_limit_ended_the_search(monkeypatch):
-    assert "The time limit of 1e-06 s ended the search" in find_cone(pair(1.0, 5.0), time_limit=1e-6).explain()
-    monkeypatch.setattr("control_kpos.find.find._EFFORT", 10.0)
-    spent = find_cone(pair(1.0, 5.0))
-    assert spent.status is Status.UNDECIDED and "The effort set for this search ended the search" in spent.explain()

@@ -121,6 +121,11 @@ def test_files_hold_one_idea(module):
     assert lines <= MAX_LINES or module in LONG_FILES, f"{MODULES[module]} has {lines} lines; split it"
 
 
+@pytest.mark.parametrize("path", sorted((ROOT / "tests").glob("*.py")), ids=lambda path: path.stem)
+def test_files_of_tests_are_no_longer(path):
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= MAX_LINES
+
+
 def test_the_house_has_ten_folders():
     folders = {path.relative_to(PACKAGE).parts[0] for path in MODULES.values() if path.parent != PACKAGE}
     assert len(folders) <= 10

@@ -241,3 +241,43 @@ def test_wrong_approximations_prove_nothing(monkeypatch):
             held = [[x for x in (1, 2, 3) if abs(x * 2**d.places - d.x) <= d.radius] for d in discs]
             assert sorted(map(len, held)) == [1, 1, 1]
     roots._isolated.cache_clear()
+
+
+# -- exact root counts
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 7))
+def test_root_counts_agree_with_eigenvalues(seed, n):
+    rng = np.random.default_rng(seed)
+    A = rng.integers(-9, 10, (n, n)).astype(float)
+    bound = float(rng.uniform(0.1, 8)) + 0.01
+    values = np.linalg.eigvals(A)
+    if np.abs(values.real - bound).min() < 1e-6 or np.abs(np.abs(values) - bound).min() < 1e-6:
+        return
+    p = scale_roots(*characteristic_polynomial(Matrix(A)))
+    if np.abs(np.subtract.outer(values, values) + np.eye(n)).min() > 1e-4:  # different roots are counted
+        assert roots_beyond(p, Fraction(bound)) == (values.real > bound).sum()
+        assert roots_beyond(p, Fraction(bound), modulus=True) == (np.abs(values) > bound).sum()
+    real = np.unique(np.round(values[np.abs(values.imag) < 1e-7].real, 4))
+    if np.abs(values.imag)[np.abs(values.imag) > 0].min(initial=1.0) > 1e-4:
+        assert real_roots_above(p, Fraction(bound)) == (real > bound).sum()
+
+
+def test_real_roots_are_counted_at_and_beside_multiple_ones():
+    rng = np.random.default_rng(0)
+    for _ in range(2000):
+        p, roots = [int(rng.integers(1, 5))], set()
+        for _ in range(rng.integers(1, 6)):
+            times, constant = int(rng.integers(1, 4)), int(rng.integers(-6, 7))
+            if rng.random() < 0.6:
+                leading = int(rng.integers(1, 4))
+                roots.add(Fraction(-constant, leading))
+                factor = [leading, constant]
+            else:  # not real
+                factor = [1, constant, constant**2 // 4 + int(rng.integers(1, 3))]
+            for _ in range(times):
+                p = multiply(p, factor)
+        bounds = [*roots, Fraction(int(rng.integers(-12, 13)), int(rng.integers(1, 4)))]
+        bound = bounds[rng.integers(len(bounds))]
+        assert real_roots_above(p, bound) == sum(root > bound for root in roots)

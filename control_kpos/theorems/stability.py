@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone
-from ..errors import DataError
 from ..exact.condition import Condition, all_hold
 from ..exact.intake import choice
 from ..exact.matrix import Matrix, bit_length
@@ -119,8 +118,6 @@ class LyapunovCertificate(ClaimOnPositivity):
 
     def conditions(self) -> Sequence[Condition]:
         """The inequalities on v, and on the slow direction if there is one."""
-        if self.v is None:
-            raise DataError("v is missing.")
         v = exactly(self, "v")[None]
         rays = self.X.exact_rays
         out = [
@@ -289,14 +286,14 @@ def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -
 
 def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, fastest: bool) -> LyapunovCertificate | None:
     """A proof from one solve, or from shifts if the cone is not simplicial; None where doubles do not suffice."""
-    A, X, discrete = positivity.A, positivity.X, positivity.discrete
     try:
         v = problem.left_vector(0.0)
     except SingularMatrixError:
         v = None
-    if v is not None and _is_lyapunov(Matrix(v[None]), A, X, discrete):
-        return (_fastest(positivity, problem) if fastest else None) or _proved(positivity, Matrix(v))
-    for x in problem.growing_directions() if not X.is_simplicial else ():
+    proved = None if v is None else _proved(positivity, Matrix(v))
+    if proved:
+        return (_fastest(positivity, problem) if fastest else None) or proved
+    for x in problem.growing_directions() if not positivity.X.is_simplicial else ():
         witness = _growing(positivity, x)
         if witness is not None:
             return LyapunovCertificate.settle(positivity=positivity, witness=witness)
