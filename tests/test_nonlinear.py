@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import control_kpos as kp
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
-from control_kpos.exact.intervals import jacobian_enclosure
+from control_kpos.exact.jacobians import jacobian_enclosure
 from control_kpos.nonlinear import differential_positivity
 
 DAMPED = kp.PolyhedralCone([[1, 0], [1, -2]])
@@ -179,3 +179,193 @@ def test_bad_input_is_named():
         differential_positivity(singular, kp.orthant(2), [[-1, 1], [0, 1]])
     with pytest.raises(ShapeError, match="empty"):
         differential_positivity([], kp.orthant(2))
+
+
+BOX = [[-1, 1], [-1, 1]]
+
+
+def mode(f, region=None, X=None, **keywords):
+    inputs = len(keywords.get("inputs", []))
+    system = ct.nlsys(lambda t, x, u, p: f(x) if not inputs else f(x, u), inputs=inputs, states=2)
+    return differential_positivity(
+        system, kp.orthant(2) if X is None else X, BOX if region is None else region, **keywords
+    )
+
+
+def swallowed(look):
+    """True if what is looked at is so; False if not, or if looking fails."""
+
+    def function(x):
+        try:
+            return bool(look(x))
+        except Exception:  # noqa: BLE001 -- as people write it
+            return False
+
+    return function
+
+
+LOOKS = {
+    "equal": lambda x: x[1] == 0.3,
+    "unequal": lambda x: x[1] != 0.3,
+    "all equal": lambda x: (x == 0.3).all(),
+    "less": lambda x: x[1] < 0,
+    "in": lambda x: x[1] in [0.3, 0.4],
+    "dict": lambda x: {0.3: True}[x[1]],
+    "hash": lambda x: hash(x[1]) % 2,
+    "str": lambda x: str(x[1]).startswith("-"),
+    "repr": lambda x: repr(x[1]).startswith("-"),
+    "format": lambda x: f"{x[1]:.2f}".startswith("-"),
+    "float": lambda x: float(x[1]) < 0,
+    "int": lambda x: int(x[1]) < 0,
+    "floor": lambda x: math.floor(x[1]) < 0,
+    "round": lambda x: round(x[1]) < 0,
+    "bool": lambda x: not x[1],
+    "isinstance": lambda x: isinstance(x[1], float),
+    "class": lambda x: x[1].__class__ is np.float64,
+    "type": lambda x: type(x[1]) is np.float64,
+    "attribute": lambda x: x[1].real < 0,
+    "hasattr": lambda x: hasattr(x[1], "dtype"),
+    "coercion": lambda x: np.asarray(x, dtype=float)[1] < 0,
+    "sign": lambda x: np.sign(x)[1] < 0,
+    "isnan": lambda x: not np.isnan(x[1]),
+    "sort": lambda x: np.argsort(x)[0],
+    "quotient": lambda x: 1 / x[1] and False,
+    "modulo": lambda x: x[1] % 1 > 0.5,
+}
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_a_function_that_looks_at_its_argument_is_not_enclosed(look):
+    branch = swallowed(LOOKS[look])
+    for wanted in (True, False):
+        cert = mode(lambda x, w=wanted: [-x[0] + (-x[1] if branch(x) is w else x[1]), -x[1]])
+        assert cert.status is kp.Status.UNDECIDED and cert.source == "sampled"
+        assert "looks at its arguments" in cert.explain()
+
+
+def test_a_function_that_looks_at_inputs_or_time_is_not_enclosed():
+    cert = mode(lambda x, u: [-x[0] - x[1], -x[1]] if u[0] == 0 else [-x[0] + x[1], -x[1]], inputs=[[0, 1]])
+    assert cert.source == "sampled" and cert.status is kp.Status.UNDECIDED
+
+    def quietly(t, x, u, p):
+        try:
+            late = t > 5
+        except TypeError:
+            late = False
+        return [-x[0] - x[1] if late else -x[0] + x[1], -x[1]]
+
+    with pytest.raises(DataError, match="depends on time"):
+        differential_positivity(ct.nlsys(quietly, inputs=0, states=2), kp.orthant(2), BOX)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, None, "a", 1j])
+def test_what_is_no_number_is_not_proven(value):
+    with pytest.raises(DataError, match=r"x = \(0, 0\)"):
+        mode(lambda x: [value, -x[1]])
+    with pytest.raises(DataError, match="may be negative"):
+        mode(lambda x: [-x[0] + 0 * np.log(x[1] - 7), -x[1]])
+
+
+@pytest.mark.parametrize(("low", "high", "slope"), [(-1, 0, -1), (0, 1, 1), (-1, 1, 0)])
+def test_the_slope_inside_counts_at_a_kink(low, high, slope):
+    region = [[0, 1], [low, high]]
+    for f, sign in ((lambda x: [-x[0] + abs(x[1]), -x[1]], slope), (lambda x: [-x[0] - abs(x[1]), -x[1]], -slope)):
+        cert = mode(f, region)
+        assert cert.status is (kp.Status.PROVED if sign > 0 else kp.Status.REFUTED) and cert.check()
+        if not cert and cert.witness.point is not None:
+            assert cert.witness.point[1] != 0
+    # both slopes will do
+    for f in (abs, lambda y: np.maximum(y, 0), lambda y: np.minimum(0.0, y), lambda y: np.clip(y, -0.5, 0.2)):
+        assert mode(lambda x, f=f: [-x[0] + 2 * x[1] + f(x[1]), -x[1]], region)
+    wide = mode(lambda x: [-x[0] - abs(x[1]) + 1000 * (x[1] ** 2 - (x[1] + 0) * x[1]), -x[1]], region)
+    assert wide.status is not kp.Status.REFUTED or (high == 1 and wide.witness.point[1] > 0)
+
+
+def test_there_is_no_slope_at_a_kink_in_a_region_without_width():
+    edge = [[0, 1], [0, 0]]
+    for sign in (-1, 1):
+        assert mode(lambda x, s=sign: [-x[0] + s * abs(x[1]), -x[1]], edge).status is kp.Status.UNDECIDED
+        assert mode(lambda x, s=sign: [-x[0] + s * np.maximum(x[1], 0), -x[1]], edge).status is not kp.Status.REFUTED
+    assert mode(lambda x: [-x[0] + np.maximum(x[1], 2 * x[1]), -x[1]], edge)
+    assert mode(lambda x: [-x[0] - x[1], -x[1]], edge).status is kp.Status.REFUTED
+
+
+def test_maximum_minimum_and_clip_of_whole_arrays():
+    for f in (
+        lambda x: np.array([[-2, 1], [1, -2]]) @ np.maximum(x, 0.1),
+        lambda x: np.minimum(x, 0.5)[::-1] - 3 * x,
+        lambda x: np.clip(x, -0.5, None)[::-1] - 3 * x,
+        lambda x: np.clip(x, -0.5, 0.5)[::-1] - 3 * x,
+    ):
+        cert = mode(f)
+        assert cert and cert.source == "enclosed"
+    assert mode(lambda x: -np.minimum(x, 0.5)[::-1] - 3 * x).status is kp.Status.REFUTED
+
+
+@pytest.mark.parametrize(
+    ("f", "reach"),
+    [
+        (lambda y: y**1.5, 3),
+        (lambda y: y**2.5 + y**1.25, 3),
+        (lambda y: 2 * y / (1 + y), 1),
+        (lambda y: np.minimum(y, 1.0), 2),
+        (lambda y: np.sqrt(1 + y), 9),
+    ],
+)
+def test_functions_are_called_inside_the_region_only(f, reach):
+    def guarded(x):
+        if isinstance(x, np.ndarray) and x.dtype == float:
+            assert (x >= 0).all() and (x <= reach).all()
+        return [-x[0] + f(x[1]), f(x[0]) - 3 * x[1]]
+
+    region = [[0, reach]] * 2
+    cert = mode(lambda x: [-x[0] + f(x[1]), f(x[0]) - 3 * x[1]], region)
+    assert cert and cert.source == "enclosed"
+    assert mode(lambda x: [-x[0] - f(x[1]), -x[1]], region).status is kp.Status.REFUTED
+    assert mode(guarded, region).source == "enclosed"
+    opaque = mode(lambda x: [-math.sqrt(x[0]), math.sqrt(x[0]) - x[1]], region)
+    assert opaque.source == "sampled" and opaque.status is kp.Status.UNDECIDED
+
+
+@pytest.mark.parametrize("f", [np.sqrt, lambda y: y**0.5, lambda y: y**0.75, lambda y: 1 / y, np.log])
+def test_unbounded_slopes_are_named(f):
+    for region in ([[0, 1]] * 2, [[-1, 1]] * 2):
+        with pytest.raises(DataError, match=r"bounded|not finite at x"):
+            mode(lambda x: [-x[0], f(x[0]) - x[1]], region)
+    assert mode(lambda x: [-x[0], x[0] + 0.01 * f(x[0]) - x[1]], [[0.2, 1]] * 2)
+
+
+def test_errors_of_the_function_name_the_point():
+    def fails(x):
+        raise KeyError("speed")
+
+    with pytest.raises(DataError, match=r"fails at x = \(0, 0\): KeyError: 'speed'") as info:
+        mode(fails)
+    assert isinstance(info.value.__cause__, KeyError)
+    with pytest.raises(DataError, match=r"fails at x = \(0, 0\): ZeroDivisionError"):
+        mode(lambda x: [1 / float(x[0]) if x[0] else 1 / 0, x[1]])
+    with pytest.raises(DataError, match="ValueError: math domain error"):
+        mode(lambda x: [math.log(x[0] - 5), x[1]])
+    with pytest.raises(ShapeError, match="3 values for 2 states"):
+        mode(lambda x: [math.sin(x[0]), x[1], 1])
+    with pytest.raises(DataError, match=r"u = \(1\)"):
+        mode(lambda x, u: [1 / (1 - int(u[0])), x[1]], inputs=[[1, 1]])
+
+
+def test_warnings_as_errors_change_nothing():
+    functions = [
+        lambda x: [-x[0] + np.exp(-1e3 * (2 + x[1])) + x[1] ** 9, -x[1]],
+        lambda x: [-x[0] + 1e-320 * x[1] ** 3, -x[1]],
+        lambda x: [-x[0] + math.sin(x[1]), -x[1]],
+    ]
+    for f in functions:
+        usual = mode(f)
+        with np.errstate(all="raise"):
+            strict = mode(f)
+        assert usual.status is strict.status and usual.explain() == strict.explain()
+
+    def strictly(x):
+        with np.errstate(all="raise"):
+            return [-x[0] + 1e-300 * x[1] ** 3, -x[1]]
+
+    assert mode(strictly, [[0, 1], [0.5, 1]])

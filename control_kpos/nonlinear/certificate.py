@@ -176,8 +176,10 @@ class DifferentialCertificate(Certificate):
             good = sum(invariance(self, s).verdict() is True for s in range(self.centres.shape[0]))
             return (
                 f"Not proven: {good} of {self.centres.shape[0]} sampled Jacobians are K-positive on X, up to the error "
-                "of finite differences, and nothing is known between them. Write the system with numpy functions and "
-                "arithmetic only, so that its Jacobian can be enclosed."
+                "of finite differences, and nothing is known between them. The system's function was not enclosed, "
+                "because it looks at its arguments (comparisons, float(), isinstance, functions of math and the like) "
+                "or does something with them that intervals do not know. Write it with numpy functions and arithmetic "
+                "only, np.minimum, np.maximum, np.clip and abs included."
             )
         if not self:
             return (

@@ -32,16 +32,16 @@ from ..exact.intake import (
     seconds,
     whole_number,
 )
-from ..exact.intervals import (
-    UnboundedError,
-    UnsupportedError,
+from ..exact.jacobians import (
     box_points,
     enclosed_jacobian,
     jacobian_by_differences,
     jacobian_pieces,
+    values_on_box,
 )
 from ..exact.matrix import Matrix, dense
 from ..exact.programs import program_effort
+from ..exact.unreadable import UnboundedError, Unreadable, UnsupportedError
 from ..proof.certificate import Status
 from ..systems.system import System
 from ..theorems.lyapunov_candidates import common_vector
@@ -55,6 +55,8 @@ from .certificate import (
 Array = NDArray[np.float64]
 
 _SAMPLES = 200
+# Points where values are compared with their enclosures, and the relative difference that rounding may make.
+_COMPARED, _DIFFERENCE = 12, 1e-6
 # Operations of a decision without a time limit: a minute or so.
 _EFFORT = 6e10
 # The part of them that goes into enclosures; the rest looks for a violation.
@@ -64,6 +66,7 @@ _FOR_PROOFS = 0.7
 _PER_ENCLOSURE, _PER_JACOBIAN = 1e6, 3e5
 
 
+@np.errstate(all="ignore")
 def differential_positivity(
     jacobians: Any,
     X: Cone | ArrayLike,
@@ -98,14 +101,15 @@ def differential_positivity(
     Returns
     -------
     DifferentialCertificate
-        `explain()` says what follows.  A system whose function cannot be called with intervals is sampled,
-        which is stated and never PROVED.
+        `explain()` says what follows.  A system whose function cannot be called with intervals, or looks at its
+        arguments, is sampled, which is stated and never PROVED.  Functions are called inside the region only, and at
+        an end of it, or at a kink of `abs`, `np.maximum`, `np.minimum` and `np.clip`, slopes from inside count.
 
     Raises
     ------
     ShapeError, ConeMismatchError, DataError, NotProperConeError
         Sizes that do not fit; a region that is not a box; a Jacobian that is unbounded on the region; a system
-        that depends on time.
+        that depends on time, or whose function fails at a point of the region.
 
     Examples
     --------
@@ -239,6 +243,7 @@ def _of_system(
     enclosure = _Enclosure(_closed_over(sys, n, instant), X, discrete)
     whole = np.concatenate([box, held])
     try:
+        _require_agreement(sys, enclosure, whole, n)
         found, is_proven = _pieces(enclosure, whole, n, pieces)
     except UnsupportedError:
         if instant.was_read:
@@ -279,7 +284,7 @@ def _at_points(enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any]
         if k and not enclosure.affords(1, 3):
             return None
         try:
-            centre, radius = enclosed_jacobian(enclosure, np.column_stack([point, point]), n)
+            centre, radius = enclosed_jacobian(enclosure, np.column_stack([point, point]), n, kinks=False)
         except UnboundedError:
             continue
         at_point = {**data, "centres": Matrix(centre[None]), "radii": radius[None]}
@@ -289,20 +294,19 @@ def _at_points(enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any]
     return None
 
 
-class _AnyTime:
+class _AnyTime(Unreadable):
     """Stands for every time: a function that computes with it cannot be enclosed, and that is remembered."""
+
+    __slots__ = ("was_read",)
 
     def __init__(self) -> None:
         self.was_read = False
 
-    def _read(self, *_: Any, **__: Any) -> Any:
+    def _looked_at(self) -> str:
         self.was_read = True
-        raise UnsupportedError("the function depends on time")
+        return "the function depends on time"
 
-    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _read
-    __mod__ = __rmod__ = __floordiv__ = __pow__ = __rpow__ = __neg__ = __pos__ = __abs__ = _read
-    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = _read
-    __float__ = __int__ = __index__ = __bool__ = __array__ = __array_ufunc__ = _read
+    __array__ = __array_ufunc__ = Unreadable._refuse
 
 
 def _closed_over(sys: NonlinearIOSystem, n: int, instant: _AnyTime) -> Callable[[Any], Any]:
@@ -316,19 +320,59 @@ def _closed_over(sys: NonlinearIOSystem, n: int, instant: _AnyTime) -> Callable[
     return function
 
 
+def _value(sys: NonlinearIOSystem, n: int, point: Array) -> Array:
+    """f(x, u) in floating point, at a point of the region."""
+    try:
+        value = sys.dynamics(0.0, point[:n].copy(), point[n:].copy())
+        if np.iscomplexobj(value):
+            raise TypeError("complex values")
+        value = np.asarray(value, dtype=float)
+    except Exception as error:
+        raise DataError(
+            f"jacobians: the system's function fails at {_named(point, n)}: {type(error).__name__}: {error}"
+        ) from error
+    if value.shape != (n,):
+        raise ShapeError(f"the system's update function returned {value.size} values for {n} states.")
+    if not np.isfinite(value).all():
+        raise DataError(f"jacobians: the system's function is not finite at {_named(point, n)}; choose another region.")
+    return value
+
+
+def _named(point: Array, n: int) -> str:
+    x, u = (", ".join(f"{number:.6g}" for number in part) for part in (point[:n], point[n:]))
+    return f"x = ({x})" + (f", u = ({u})" if u else "")
+
+
+def _require_agreement(sys: NonlinearIOSystem, enclosure: _Enclosure, whole: Array, n: int) -> None:
+    """Refuse a function that does with numbers something else than with intervals, as far as a few points show."""
+    for k, point in enumerate(box_points(whole, _COMPARED)):
+        if k and not enclosure.affords(1, 0):
+            return
+        try:
+            values, _ = values_on_box(enclosure, point, point)
+        except UnboundedError:
+            continue
+        low, high = np.array([y.value for y in values]).T
+        slack = (high - low) + _DIFFERENCE * (1 + np.abs(low) + np.abs(high))
+        seen = _value(sys, n, point)
+        if seen.shape == low.shape and ((seen < low - slack) | (high + slack < seen)).any():
+            raise UnsupportedError("the function treats numbers unlike intervals")
+
+
 def _sampled(sys: NonlinearIOSystem, X: Cone, box: Array, held: Array, discrete: bool) -> DifferentialCertificate:
-    """Jacobians by central differences at points of the region, as many as the effort allows."""
+    """Jacobians by differences at points of the region, as many as the effort allows."""
     n = len(box)
     found, effort = [], _PER_ENCLOSURE
     for point in box_points(np.concatenate([box, held]), _SAMPLES):
         if found and not affords(effort + _effort(X, len(found) + 1)):
             break
         before = operations_left()
-        found.append(jacobian_by_differences(lambda x: sys.dynamics(0.0, x[:n], x[n:]), point, box))
+        _value(sys, n, point)
+        found.append(jacobian_by_differences(lambda z: _value(sys, n, z), point, box))
         effort = max(effort, before - operations_left())
+        if not np.isfinite(found[-1]).all():
+            raise DataError(f"jacobians: the Jacobian is not finite at {_named(point, n)}; choose a smaller region.")
     stack = np.array(found)
-    if not np.isfinite(stack).all():
-        raise DataError("the Jacobian is not finite at some points of region; choose a smaller region.")
     return DifferentialCertificate.settle(
         centres=Matrix(stack), radii=np.zeros(stack.shape), X=X, discrete=discrete, source="sampled"
     )

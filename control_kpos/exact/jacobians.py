@@ -1,0 +1,181 @@
+"""Jacobians of a function on boxes: enclosed by intervals on boxes that are cut, or seen by differences."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import DataError, ShapeError
+from .intervals import IntervalDual, Quantities, is_finite_number
+from .unreadable import UnboundedError, UnsupportedError, Watch, watched
+
+Array = NDArray[np.float64]
+
+# An unbounded enclosure is cut in two this often before it is given up.
+_DEEPEST = 10
+
+
+def values_on_box(function: Callable[[Any], Any], lower: Any, upper: Any) -> tuple[list[IntervalDual], Watch]:
+    """The function's values with their derivatives, and what was noted; constants become intervals, too."""
+    n = len(lower)
+    x = np.empty(n, dtype=object).view(Quantities)
+    for i, (a, b) in enumerate(zip(lower, upper, strict=True)):
+        unit = np.zeros(n)
+        unit[i] = 1.0
+        x[i] = IntervalDual((float(a), float(b)), (unit, unit))
+    values, watch = watched(function, x)
+    zero = np.zeros(n)
+    for i, y in enumerate(values):
+        if type(y) is not IntervalDual:
+            if not is_finite_number(y):
+                raise UnsupportedError("the function returns something that is not a finite number")
+            values[i] = IntervalDual((float(y), float(y)), (zero, zero))
+    return values, watch
+
+
+def jacobian_enclosure(
+    function: Callable[[Any], Any], lower: Sequence[float] | Array, upper: Sequence[float] | Array
+) -> tuple[Array, Array]:
+    """Bounds of the Jacobian of a function on a box.
+
+    Parameters
+    ----------
+    function : callable
+        Takes an object array of n quantities, returns n quantities; made of arithmetic and elementary
+        functions.
+    lower, upper : array_like, shape (n,)
+
+    Returns
+    -------
+    low, high : ndarray, shape (n, n)
+        Proven: every Jacobian on the box lies between them.
+
+    Raises
+    ------
+    UnboundedError, UnsupportedError
+
+    Examples
+    --------
+    >>> low, high = jacobian_enclosure(lambda x: [x[1], -np.sin(x[0])], [-1, 0], [1, 0])
+    >>> bool(low[1, 0] <= -1 and high[1, 0] >= -np.cos(1)), low[0].round(3), high[0].round(3)
+    (True, array([0., 1.]), array([0., 1.]))
+    """
+    return _ends(values_on_box(function, lower, upper)[0])
+
+
+def _ends(values: list[IntervalDual]) -> tuple[Array, Array]:
+    return np.array([y.gradient[0] for y in values]), np.array([y.gradient[1] for y in values])
+
+
+def enclosed_jacobian(function: Callable[[Any], Any], box: Array, n: int, *, kinks: bool = True) -> tuple[Array, Array]:
+    """Midpoint and radius of the Jacobian with respect to the first n quantities."""
+    values, watch = values_on_box(function, box[:, 0], box[:, 1])
+    if watch.met_kink and (box[:, 0] == box[:, 1]).all() and not kinks:
+        raise UnboundedError("the derivative may not exist at this point")
+    low, high = _ends(values)
+    if low.shape[0] != n:
+        raise ShapeError(f"the system's update function returned {low.shape[0]} values for {n} states.")
+    low, high = low[:, :n], high[:, :n]
+    centre = 0.5 * low + 0.5 * high
+    exact = low == high
+    radius = np.nextafter(np.maximum(np.nextafter(centre - low, np.inf), np.nextafter(high - centre, np.inf)), np.inf)
+    # An end that is exactly zero stays exactly zero: h'J x >= 0 may hold with equality there.
+    at_zero = ((low == 0) | (high == 0)) & ~exact
+    centre = np.where(exact, low, np.where(at_zero, 0.5 * (low + high), centre))
+    return centre, np.where(exact, 0.0, np.where(at_zero, np.abs(centre), radius))
+
+
+def jacobian_pieces(
+    function: Callable[[Any], Any],
+    whole: Array,
+    n: int,
+    decided: Callable[[Array, Array], bool],
+    most: int,
+    late: Callable[[int], bool] = lambda _: False,
+) -> Iterator[tuple[Array, Array]]:
+    """Enclosures on at most `most` boxes that cover `whole`, cut in two where `decided` says no, until it is late.
+
+    `late` is called with the number of boxes that wait.
+    """
+    waiting, produced = [(whole, 0)], 0
+    sides = np.flatnonzero(whole[:, 1] > whole[:, 0])
+    while waiting:
+        box, depth = waiting.pop()
+        final = produced + len(waiting) + 1 >= most or not sides.size or late(len(waiting) + 1)
+        try:
+            centre, radius = enclosed_jacobian(function, box, n)
+        except UnboundedError as error:
+            if final or depth >= _DEEPEST:
+                corner = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in box)
+                raise DataError(
+                    f"the enclosed Jacobian is unbounded on region {corner}: {error}; choose a smaller region."
+                ) from None
+            waiting += _halves(box, sides, depth)
+            continue
+        if final or decided(centre, radius):
+            produced += 1
+            yield centre, radius
+            continue
+        if depth == 0 and not late(1 + 3 * len(sides)):
+            sides = _that_matter(function, box, n, sides)
+        waiting += _halves(box, sides, depth)
+
+
+def _that_matter(function: Callable[[Any], Any], box: Array, n: int, sides: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The sides that the enclosed Jacobian depends on, as seen at both ends and the middle; all, if none does."""
+    whole = enclosed_jacobian(function, box, n)
+
+    def matters(side: int) -> bool:
+        for place in (box[side, 0], 0.5 * box[side, 0] + 0.5 * box[side, 1], box[side, 1]):
+            flat = box.copy()
+            flat[side] = place
+            try:
+                if any((a != b).any() for a, b in zip(whole, enclosed_jacobian(function, flat, n), strict=True)):
+                    return True
+            except UnboundedError:
+                return True
+        return False
+
+    chosen = [side for side in sides if matters(side)]
+    return np.array(chosen) if chosen else sides
+
+
+def _halves(box: Array, sides: NDArray[np.intp], depth: int) -> list[tuple[Array, int]]:
+    """Cut the sides in turns, so that no direction is favoured by its units."""
+    side = int(sides[depth % len(sides)])
+    middle = 0.5 * box[side, 0] + 0.5 * box[side, 1]
+    first, second = box.copy(), box.copy()
+    first[side, 1] = second[side, 0] = middle
+    return [(second, depth + 1), (first, depth + 1)]
+
+
+def jacobian_by_differences(function: Callable[[Array], Array], point: Array, box: Array) -> Array:
+    """Jacobian with respect to the first len(box) quantities, by differences inside the box: no enclosure.
+
+    A side of length zero is left: nothing can be seen inside it.
+    """
+    columns = []
+    with np.errstate(all="ignore"):
+        for i, (low, high) in enumerate(box):
+            step = 1e-6 * max(1.0, abs(point[i]), high - low)
+            ahead, behind = point.copy(), point.copy()
+            ahead[i], behind[i] = point[i] + step, point[i] - step
+            if high > low:
+                ahead[i], behind[i] = min(ahead[i], high), max(behind[i], low)
+            columns.append((function(ahead) - function(behind)) / (ahead[i] - behind[i]))
+    return np.column_stack(columns)
+
+
+def box_points(box: Array, count: int) -> Iterator[Array]:
+    """The centre, corners and random points of a box."""
+    yield 0.5 * box[:, 0] + 0.5 * box[:, 1]
+    rng = np.random.default_rng(0)
+    corners = min(2 ** len(box), count // 2)
+    for k in range(corners):
+        pick = [(k >> i) & 1 for i in range(len(box))] if corners == 2 ** len(box) else rng.integers(0, 2, len(box))
+        yield box[np.arange(len(box)), pick]
+    for _ in range(count - corners):
+        yield box[:, 0] + rng.random(len(box)) * (box[:, 1] - box[:, 0])

@@ -1,0 +1,100 @@
+"""Arguments from which nothing can be read, and a watch over what a function does with them.
+
+A statement about a function on a whole set rests on one call only if the function takes the same path for all of it.
+Whatever could make it branch (comparisons, hashes, text, conversions, `isinstance`) is refused here.  A refusal is
+remembered, whatever the function does with the exception.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextvars import ContextVar
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass
+class Watch:
+    """What happened during one call of a function."""
+
+    refusals: list[Exception] = field(default_factory=list)
+    met_kink: bool = False
+
+
+_WATCH: ContextVar[Watch] = ContextVar("_WATCH")
+
+
+class RefusedError(Exception):
+    """Raised into a function that is being watched, and remembered from the moment it is made."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        if (watch := _WATCH.get(None)) is not None:
+            watch.refusals.append(self)
+
+
+class UnboundedError(RefusedError, ArithmeticError):
+    """A value or a derivative is not bounded on the box."""
+
+
+class UnsupportedError(RefusedError, TypeError):
+    """The function does something with its argument that intervals do not know."""
+
+
+def note_kink() -> None:
+    """Two slopes meet inside the quantities at hand."""
+    if (watch := _WATCH.get(None)) is not None:
+        watch.met_kink = True
+
+
+def watched(function: Callable[[Any], Any], argument: Any) -> tuple[list[Any], Watch]:
+    """The values of a function that met no refusal, as a list, and what else was noted.
+
+    Raises
+    ------
+    UnboundedError, UnsupportedError
+        The refusal that ended the function; UnsupportedError also if the function went on after one, or failed.
+    """
+    watch = Watch()
+    values: list[Any] = []
+    failure: Exception | None = None
+    before = _WATCH.set(watch)
+    try:
+        values = list(np.asarray(function(argument), dtype=object).ravel())
+    except Exception as error:  # noqa: BLE001 -- the function is the user's
+        failure = error
+    finally:
+        _WATCH.reset(before)
+    if failure is None and not watch.refusals:
+        return values, watch
+    if failure is not None and watch.refusals == [failure]:
+        raise failure
+    raise UnsupportedError(f"the function catches an exception of ours, or fails: {failure}") from failure
+
+
+class Unreadable:
+    """A quantity that tells nothing about itself; subclasses allow what is true of all its values."""
+
+    __slots__ = ()
+
+    def _refuse(self, *_: Any, **__: Any) -> Any:
+        raise UnsupportedError(self._looked_at())
+
+    def _looked_at(self) -> str:
+        return "the function looks at its argument: comparison, conversion, text or type"
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__array"):  # numpy asks
+            raise AttributeError(name)
+        return self._refuse()
+
+    __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
+    __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = __pow__ = __rpow__ = _refuse
+    __neg__ = __pos__ = __abs__ = __round__ = __trunc__ = __floor__ = __ceil__ = _refuse
+    __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __hash__ = _refuse
+    __float__ = __int__ = __index__ = __complex__ = __bool__ = __str__ = __repr__ = __format__ = _refuse
+    __copy__ = __deepcopy__ = __reduce_ex__ = __sizeof__ = __dir__ = _refuse
+
+    __class__: Any = property(_refuse)  # what `isinstance` reads where the type itself does not answer
