@@ -1,8 +1,15 @@
-"""What objects show in a notebook: a small card of HTML, never more than fits in a cell."""
+"""What objects show: numbers rounded to the safe side, and in a notebook a small card of HTML that fits in a cell.
+
+"At least" and "exp(-rate t)" take `floored`, "at most", "below" and "no more than" take `raised`.  A number that is
+stated takes `about`.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from decimal import MAX_EMAX, MIN_EMIN, ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from fractions import Fraction
 from html import escape
 
 import numpy as np
@@ -44,10 +51,56 @@ def card(title: str, rows: Iterable[tuple[str, str]] = (), *, status: str = "", 
     )
 
 
+def floored(x: float | Fraction, digits: int = 6) -> str:
+    """The largest decimal number of so many digits that is not above x.
+
+    >>> floored(0.9999999), floored(-0.9999999), floored(Fraction(2, 3), 3)
+    ('0.999999', '-1', '0.666')
+    """
+    return _rounded(x, digits, ROUND_FLOOR)
+
+
+def raised(x: float | Fraction, digits: int = 6) -> str:
+    """The smallest decimal number of so many digits that is not below x.
+
+    >>> raised(1.0000001), raised(-1.0000001), raised(Fraction(2, 3) / 10**9, 3)
+    ('1.00001', '-1', '6.67e-10')
+    """
+    return _rounded(x, digits, ROUND_CEILING)
+
+
+def _rounded(x: float | Fraction, digits: int, rounding: str) -> str:
+    if isinstance(x, float) and not math.isfinite(x):
+        return f"{x:g}"
+    context = Context(prec=digits, rounding=rounding, Emin=MIN_EMIN, Emax=MAX_EMAX, traps=[])
+    exact = Fraction(x)
+    quotient = context.divide(Decimal(exact.numerator), Decimal(exact.denominator)).normalize(context)
+    exponent = quotient.adjusted()
+    if -5 < exponent < digits:
+        return f"{quotient:f}"
+    return f"{quotient.scaleb(-exponent, context):f}e{exponent:+03d}"
+
+
+def about(*values: float | Fraction, digits: int = 6, form: str = "{}") -> str:
+    """Numbers in `form`, after the word "about" if one of them has more digits.
+
+    >>> about(-0.5), about(1 / 3, digits=3), about(0.5, 3**0.5, form="{} +/- {}j")
+    ('-0.5', 'about 0.333', 'about 0.5 +/- 1.73205j')
+    """
+    texts = [f"{float(v):.{digits}g}" for v in values]
+    exact = all(
+        Fraction(text) == v if isinstance(v, Fraction) else float(text) == v or math.isnan(v)
+        for text, v in zip(texts, values, strict=True)
+    )
+    return ("" if exact else "about ") + form.format(*texts)
+
+
+def shown(x: NDArray[np.float64], most: int = 6) -> str:
+    """The first entries of a vector."""
+    form = ", ".join(["{}"] * min(len(x), most) + ["..."] * (len(x) > most))
+    return about(*x[:most], digits=4, form=f"({form})")
+
+
 def shown_rows(rows: NDArray[np.float64]) -> str:
     """Vectors, one after the other, as many as fit."""
-    shown = [
-        "(" + ", ".join(f"{v:.4g}" for v in row[:_MOST_COLUMNS]) + (", ..." if len(row) > _MOST_COLUMNS else "") + ")"
-        for row in rows[:_MOST_ROWS]
-    ]
-    return ", ".join(shown) + (", ..." if len(rows) > _MOST_ROWS else "")
+    return ", ".join([shown(row, _MOST_COLUMNS) for row in rows[:_MOST_ROWS]] + ["..."] * (len(rows) > _MOST_ROWS))

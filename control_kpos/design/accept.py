@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import about
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, spend
 from ..exact.intake import exact_matrix
@@ -322,11 +323,11 @@ def _loses_rank(M: NDArray[Any]) -> bool:
 
 def _note(mode: Any, discrete: bool) -> str:
     bad = abs(mode) >= 1 if discrete else mode.real >= 0
-    name = f"{mode.real:.4g}" if mode.imag == 0 else f"{mode.real:.4g} +/- {mode.imag:.4g}j"
+    parts, form = ((mode.real,), "{}") if mode.imag == 0 else ((mode.real, mode.imag), "{} +/- {}j")
     consequence = (
         "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
         "change the actuators"
         if bad
         else "it is stable and stays as it is, which limits the decay rate but not the design"
     )
-    return f"The mode {name} is not controllable: {consequence}."
+    return f"The mode {about(*parts, digits=4, form=form)} is not controllable: {consequence}."

@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..cards import raised
 from ..cones import Cone, orthant
 from ..errors import DataError
 from ..exact.condition import Condition
@@ -72,7 +73,7 @@ class GainBoundCertificate(Demand):
     def explain(self) -> str:
         """What is proven, in words."""
         if self:
-            bound = np.array2string(np.asarray(self.bound), precision=4)
+            bound = f"[{' '.join(raised(b, 4) for b in self.bound)}]"
             return f"Proved: |F x_k| is at most {bound} at every generator of X."
         return "The gain exceeds its bound at some generator of X."
 
@@ -294,8 +295,9 @@ class DisturbanceCertificate(Demand):
     def explain(self) -> str:
         """What is proven, in words."""
         if self:
+            gamma = raised(self.gamma)
             return (
-                f"Proved: the L-infinity gain from w to z is below {self.gamma:.6g}: if every |w_i(t)| is at most 1, "
-                f"every |z_i(t)| stays below {self.gamma:.6g} from rest."
+                f"Proved: the L-infinity gain from w to z is below {gamma}: if every |w_i(t)| is at most 1, "
+                f"every |z_i(t)| stays below {gamma} from rest."
             )
         return "The bound on the L-infinity gain is not proven."

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import raised
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.budget import affords, spend
@@ -214,7 +215,7 @@ class NoFeedback(Contradiction):
         if any(u[0] == "output" for u in used):
             demands.append("outputs in Y")
         if any(w.drift):
-            speed = f"a decay rate above {self.rate:g}" if self.rate else "stability"
+            speed = f"a decay rate above {raised(self.rate)}" if self.rate else "stability"
             demands.append(speed)
         verdict = "cannot be had with any F" if len(demands) == 1 else "exclude each other for every F"
         return (

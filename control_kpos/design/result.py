@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cards import shown_rows
+from ..cards import about, floored, raised, shown_rows
 from ..proof.answer import Answer
 from ..proof.certificate import Status
 
@@ -34,9 +35,9 @@ class Nearest:
     def __str__(self) -> str:
         parts = []
         if self.decay_rate is not None:
-            parts.append(f"a decay rate just below {self.decay_rate:.6g} with everything else as asked")
+            parts.append(f"a decay rate just below {floored(self.decay_rate)} with everything else as asked")
         if self.gain_bound is not None:
-            parts.append(f"a gain bound just above {self.gain_bound:.6g} with everything else as asked")
+            parts.append(f"a gain bound just above {raised(self.gain_bound)} with everything else as asked")
         return " or ".join(parts) if parts else "nothing nearby was found"
 
 
@@ -138,8 +139,9 @@ class DesignResult(Answer):
         if self:
             proof = "" if self.certificate is None else f" {self.certificate.explain()}"
             return (
-                f"Certified gain for {self.law}. {self.objective}: {self.value:.6g} reached, limit {self.limit:.6g} "
-                f"by the linear programs. Decay rate {self.decay_rate:.6g}.{proof} {self._weakening()}{notes}"
+                f"Certified gain for {self.law}. {self.objective}: {about(self.value)} reached, "
+                f"limit {about(self.limit)} by the linear programs. Decay rate {floored(self.decay_rate)}."
+                f"{proof} {self._weakening()}{notes}"
             )
         proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
         nearest = f" Possible instead: {self.nearest}." if self.nearest is not None else ""
@@ -154,8 +156,9 @@ class DesignResult(Answer):
             return ""
         if least <= 0:
             return "Actuators may lose any part of their effect, even all, without losing the proof."
+        percent = raised(100 * Fraction(least), 4)
         return (
-            f"The gain must act as designed: the proof covers actuators at {100 * least:.4g} % to 100 % of their "
+            f"The gain must act as designed: the proof covers actuators at {percent} % to 100 % of their "
             "effect, and below that invariance or stability can be lost."
         )
 
@@ -166,8 +169,7 @@ class DesignResult(Answer):
         -------
         list of (str, str)
         """
-        reached = ((self.objective, self.value), ("decay rate", self.decay_rate)) if self else ()
-        rows = [(name, f"{fact:.6g}") for name, fact in reached]
+        rows = [(self.objective, about(self.value)), ("decay rate", floored(self.decay_rate))] if self else []
         if isinstance(self.F, np.ndarray) and self.F.ndim == 2:
             rows.append(("F" if self.law == OBSERVER else f"F in {self.law}", shown_rows(self.F)))
         return rows
@@ -175,4 +177,5 @@ class DesignResult(Answer):
     def __repr__(self) -> str:
         if not self:
             return super().__repr__()
-        return f"<DesignResult PROVED, {self.objective} {self.value:.4g}, decay rate {self.decay_rate:.4g}>"
+        value, rate = about(self.value, digits=4), floored(self.decay_rate, 4)
+        return f"<DesignResult PROVED, {self.objective} {value}, decay rate {rate}>"

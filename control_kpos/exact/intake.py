@@ -179,11 +179,6 @@ def require_shape(M: Matrix, name: str, shape: tuple[int | None, ...], meaning: 
     return M
 
 
-def shown(x: NDArray[np.float64]) -> str:
-    """The first entries of a vector, for messages."""
-    return f"({', '.join(f'{v:.4g}' for v in x[:6])}{', ...' if len(x) > 6 else ''})"
-
-
 def flag(value: Any, name: str) -> bool:
     """True or False; 1 and 0 will do.
 

@@ -13,12 +13,14 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from control import StateSpace, TransferFunction
 
+from ..cards import about
 from ..cones import Cone
 from ..cones.base import held_cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError, TooLargeError
 from ..exact.budget import OutOfBudgetError, budget, ended_by, reason
 from ..exact.intake import choice, dimensions, exact_matrix, flag, items, seconds, whole_number
 from ..exact.matrix import Matrix
+from ..exact.products import exact_product
 from ..exact.rational_programs import exact_feasibility
 from ..exact.signs import BilinearForms
 from ..progress import Reporter, Target
@@ -223,9 +225,10 @@ def _require_fit(vectors: Matrix | None, normals: Matrix | None) -> None:
     outside = [] if vectors is None or normals is None else BilinearForms(normals, None, vectors).signs() < 0
     if vectors is not None and normals is not None and np.any(outside):
         i, j = (int(k) for k in np.argwhere(outside)[0])
+        product = float(exact_product(normals[[i]], vectors[[j]]).values[0, 0])
         raise ConeMismatchError(
             f"vector {j} of contains (column {j} of B) lies outside half-space {i} of within (row {i} of C): their "
-            f"product is {float(normals.values[i] @ vectors.values[j]):.6g} < 0, so no cone holds the one and "
+            f"product is {about(product, digits=3)} < 0, so no cone holds the one and "
             "lies in the other. Change the sign of an input or output, or choose other ones."
         )
     _require_one_side(vectors, "contains", "vectors", "holds them holds a line, and is not pointed")

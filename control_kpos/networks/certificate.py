@@ -22,6 +22,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import floored
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
@@ -218,7 +219,7 @@ class NetworkCertificate(ClaimOnNetwork):
             )
             return (
                 f"Proved: {what} is positive and exponentially stable with decay rate at least "
-                f"{self.decay_rate:.4g} per {unit}. "
+                f"{floored(self.decay_rate, 4)} per {unit}. "
                 f"The weakest is {model.name_of(weakest)}, with scale-free margin "
                 f"{self.node_margins[weakest]:.3g}. {delays}, "
                 "and when links are weakened, lost or switched over time, as long as what is left and what is "

@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from ..cards import about, floored
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
@@ -44,9 +45,10 @@ class CouplingViolation:
     value: float
 
     def __str__(self) -> str:
+        product = about(self.value, digits=3)
         return (
             f"W does not map Y into U: the link from node {self.source} to node {self.target} takes generator "
-            f"{self.ray} of its output cone across facet {self.facet} of its input cone (product {self.value:.3g} < 0)"
+            f"{self.ray} of its output cone across facet {self.facet} of its input cone (product {product} < 0)"
         )
 
 
@@ -125,7 +127,7 @@ class NetworkInstability:
         alive = int(np.count_nonzero(self.x))
         return (
             f"the network does not decay along a state x in X with {alive} nonzero entries "
-            f"(growth rate at least {self.rate:.3g})"
+            f"(growth rate at least {floored(self.rate, 3)})"
         )
 
 

@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import about, shown
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
@@ -48,8 +49,8 @@ class DifferentialViolation:
     point: Array | None
 
     def __str__(self) -> str:
-        where = "" if self.point is None else f" at x = ({', '.join(f'{x:.4g}' for x in self.point)})"
-        product = f"h'J x = {self.value:.3g} < 0"
+        where = "" if self.point is None else f" at x = {shown(self.point)}"
+        product = f"h'J x = {about(self.value, digits=3)} < 0"
         return f"the Jacobian{where} turns generator {self.ray} out through facet {self.facet} ({product})"
 
 

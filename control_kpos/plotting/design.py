@@ -8,6 +8,7 @@ import control as ct
 import matplotlib.pyplot as plt
 import numpy as np
 
+from ..cards import floored
 from ..design import DesignResult
 from ..design.tradeoff import Tradeoff
 from ..errors import DataError
@@ -115,13 +116,17 @@ def plot_closed_loop(sys: Any, design: DesignResult, *, title: str | None = None
     if not design or design.closed_loop.nstates != 2 or not hasattr(design.closed_loop, "X"):
         raise DataError("plot_closed_loop needs a successful design for a plant with two states.")
     X = design.closed_loop.X
+    rate = floored(design.decay_rate, 3)
     with control_style():
         figure, axes = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="tight")
         open_loop = ct.ss(sys.A, sys.B, sys.C, sys.D, sys.dt, states=sys.state_labels)
         parts = [
             phase_portrait(open_loop, X=X, ax=axes[0], title="without feedback", **{"level_lines": False, **kwargs}),
             phase_portrait(
-                design.closed_loop, ax=axes[1], title=f"{design.law}, decay rate {design.decay_rate:.3g}", **kwargs
+                design.closed_loop,
+                ax=axes[1],
+                title=f"{design.law}, decay rate {rate}",
+                **kwargs,
             ),
         ]
         cplt = ct.ControlPlot(np.array([part.lines for part in parts], dtype=object), np.array([axes]), figure)

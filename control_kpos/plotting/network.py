@@ -15,6 +15,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import shortest_path
 
+from ..cards import raised
 from ..errors import DataError, ShapeError
 from ..exact.intake import exact_matrix, found, whole_number, words
 from ..exact.matrix import dense
@@ -310,7 +311,7 @@ def _draw_pattern(ax: Any, A: sp.csr_array) -> list[Any]:
 
 def _draw_half_plane(ax: Any, upper: float, poles: NDArray[np.complex128]) -> list[Any]:
     width = max(float(np.ptp(poles.real)), abs(upper), 1e-300)
-    line = ax.axvline(upper, color=BLUE, linewidth=1.8, zorder=2, label=f"certified bound {upper:.5g}")
+    line = ax.axvline(upper, color=BLUE, linewidth=1.8, zorder=2, label=f"certified bound {raised(upper, 5)}")
     right = max(upper, 0.0) + 0.15 * width
     face = ax.axvspan(upper, right, facecolor=SKY, alpha=0.3, zorder=0, label="proven free of poles")
     axis = ax.axvline(0.0, color="0.5", linewidth=0.8, linestyle=":", zorder=1)
@@ -326,7 +327,7 @@ def _draw_disc(ax: Any, radius: float) -> list[Any]:
         Rectangle((-edge, -edge), 2 * edge, 2 * edge, facecolor=SKY, alpha=0.3, zorder=0, label="proven free of poles")
     )
     inside = ax.add_patch(Circle((0, 0), radius, facecolor="white", edgecolor=BLUE, linewidth=1.8, zorder=1))
-    inside.set_label(f"certified bound {radius:.5g}")
+    inside.set_label(f"certified bound {raised(radius, 5)}")
     circle = ax.add_patch(Circle((0, 0), 1.0, fill=False, edgecolor="0.5", linestyle=":", zorder=2))
     ax.set(xlim=(-edge, edge), ylim=(-edge, edge))
     ax.set_aspect("equal", adjustable="box")

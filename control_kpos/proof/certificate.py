@@ -18,7 +18,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cards import card
+from ..cards import card, floored
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold, residuals
 from ..exact.matrix import Matrix
@@ -321,7 +321,7 @@ class Certificate(ABC):
         rows = [("scale-free margin", f"{self.margin:.3g}")]
         rate = getattr(self, "decay_rate", np.nan)
         if self and np.isfinite(rate):
-            rows.append(("decay rate", f"{rate:.6g}"))
+            rows.append(("decay rate", floored(rate)))
         return card(type(self).__name__, rows, status=self.status.name, text=self.explain())
 
     def data(self) -> dict[str, Any]:

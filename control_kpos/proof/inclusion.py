@@ -29,11 +29,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..cards import about, shown
 from ..cones import Cone
 from ..errors import DataError, ShapeError
 from ..exact.condition import Condition
 from ..exact.enclosure import Generators
-from ..exact.intake import require_shape, shown
+from ..exact.intake import require_shape
 from ..exact.matrix import Matrix
 from ..exact.products import exact_product
 from ..exact.signs import BilinearForms
@@ -77,7 +78,7 @@ class PositivityViolation:
     def __str__(self) -> str:
         return (
             f"{self.condition} fails at facet {self.facet}, normal {shown(self.normal)}, and generator "
-            f"{self.ray}, {shown(self.generator)}: the product is {self.value:.3g} < 0"
+            f"{self.ray}, {shown(self.generator)}: the product is {about(self.value, digits=3)} < 0"
         )
 
 
@@ -103,7 +104,7 @@ class PlaneViolation(PositivityViolation):
     def __str__(self) -> str:
         return (
             f"{self.condition} fails at the supporting plane with normal {shown(self.normal)} and generator "
-            f"{self.ray}, {shown(self.generator)}: the product is {self.value:.3g} < 0"
+            f"{self.ray}, {shown(self.generator)}: the product is {about(self.value, digits=3)} < 0"
         )
 
     def exact_normal(self) -> Matrix:

@@ -20,10 +20,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..cards import floored, shown
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold
-from ..exact.intake import exact_matrix, require_shape, shown
+from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
@@ -175,7 +176,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         if self:
             return (
                 f"Proved exponentially dissipative: V(x) = v'x grows no faster than the supply r'u + q'y, less "
-                f"{self.decay_rate:.6g} V(x) per unit of time; {supply}. Scale-free margin {self.margin:.3g}."
+                f"{floored(self.decay_rate)} V(x) per unit of time; {supply}. Scale-free margin {self.margin:.3g}."
             )
         if self.witness is not None:
             every = "any r" if self.r is None else "this supply rate"

@@ -14,9 +14,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..cards import shown
 from ..cones import Cone
 from ..errors import DataError, KposError, UndecidedError
-from ..exact.intake import choice, exact_matrix, require_shape, shown
+from ..exact.intake import choice, exact_matrix, require_shape
 from ..exact.linalg import identity, solve_columns
 from ..exact.matrix import Matrix, dense
 from ..proof.certificate import Status

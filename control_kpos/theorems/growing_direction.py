@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..cards import shown
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
@@ -39,8 +40,7 @@ class InstabilityDirection:
     exact: Fractions = Fractions("x")
 
     def __str__(self) -> str:
-        shown = ", ".join(f"{v:.4g}" for v in self.x[:6]) + (", ..." if len(self.x) > 6 else "")
-        return f"a direction x = ({shown}) in X along which the state does not decay"
+        return f"a direction x = {shown(self.x)} in X along which the state does not decay"
 
 
 @register_record

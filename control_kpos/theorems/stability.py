@@ -22,6 +22,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..cards import floored, raised
 from ..cones import Cone
 from ..exact.condition import Condition, all_hold
 from ..exact.intake import choice
@@ -188,10 +189,9 @@ class LyapunovCertificate(ClaimOnPositivity):
                 f"{'spectral radius is at least 1' if self.discrete else 'rightmost eigenvalue is not negative'}."
             )
         if self:
-            law = f"(1 - {self.decay_rate:.6g})^k" if self.discrete else f"exp(-{self.decay_rate:.6g} t)"
-            bound = (
-                f" No rate above {self.decay_rate_bound:.6g} is possible." if np.isfinite(self.decay_rate_bound) else ""
-            )
+            law = f"(1 - {floored(self.decay_rate)})^k" if self.discrete else f"exp(-{floored(self.decay_rate)} t)"
+            most = self.decay_rate_bound
+            bound = f" No rate above {raised(most)} is possible." if np.isfinite(most) else ""
             return (
                 f"Proved exponentially stable on the invariant cone X: V(x) = v'x decreases at least as {law}.{bound} "
                 f"Scale-free margin {self.margin:.3g}; invariance has margin {self.positivity.margin:.3g}. "

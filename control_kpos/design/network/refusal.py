@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...cards import raised
 from ...cones import product
 from ...exact.budget import OutOfBudgetError, affords, budget
 from ...exact.matrix import Matrix, dense
@@ -112,7 +113,7 @@ def _blocking_node(task: Task) -> DesignResult | None:
             slow = _alone(plant, 0.0, lp) if rate > 0 else result
             if slow is not None:
                 return replace(slow, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
-            return replace(result, message=f"{model.name_of(j)} cannot have a decay rate of {rate:g} even alone.")
+            return replace(result, message=f"{model.name_of(j)} cannot have a decay rate of {raised(rate)} even alone.")
     return None
 
 

@@ -6,12 +6,14 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from ...cards import raised
 from ...cones import Cone
 from ...errors import (
     ActuatorLossWarning,
@@ -248,8 +250,9 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
     notes = [] if exact else [_rounding_note(program, gains, closed)]
     weakest = int(np.argmax(fraction))
     if fraction[weakest] > 0:
+        percent = raised(100 * Fraction(fraction[weakest]), 4)
         notes.append(
-            f"Weakened local gains are covered down to {100 * fraction[weakest]:.4g} % of their effect at the most "
+            f"Weakened local gains are covered down to {percent} % of their effect at the most "
             f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
         )
     return DesignResult(
@@ -348,8 +351,9 @@ def loss_of_positivity(model: NetworkModel, invariant: Floats, fraction: Floats)
     if not invariant.any():
         return ""
     first = int(np.argmax(invariant))
+    percent = raised(100 * Fraction(fraction[first]), 4)
     return (
-        f"below {100 * fraction[first]:.4g} % of its local gain, {model.name_of(first)} is no longer certified to stay "
+        f"below {percent} % of its local gain, {model.name_of(first)} is no longer certified to stay "
         "in its state cone, and then nothing is certified about the network; weakened gains break positivity at "
         f"{np.count_nonzero(invariant)} of {model.n_nodes} nodes (certified_fraction holds the limit of each)."
     )

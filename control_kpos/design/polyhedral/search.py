@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...cards import floored
 from ...exact.budget import OutOfBudgetError, affords, reason
 from ...exact.program import Block, Program
 from ...exact.programs import program_effort
@@ -87,7 +88,7 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hi
         return proof
     nearest = Nearest(decay_rate=float(fastest)) if rate > 0 and 0 < fastest < np.inf else None
     reached = (
-        "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {fastest + 0.0:.6g}"
+        "no invariant gain was found" if fastest == -np.inf else f"the fastest decay rate found is {floored(fastest)}"
     )
     ended = "the alternation gave up" if affords() else f"{reason()} ended the alternation"
     return undecided(f"{ended}; {reached}.", plant, nearest=nearest)
@@ -128,7 +129,7 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs) -> DesignResult:
     limit, v = best.rate, best.v
     result = first_proven(RATE_PARTS, lambda part: _any_rate(plant, program, lp, limit * part, v))
     if result is None:
-        return undecided(f"gains with a decay rate up to {limit:.6g} were found, but none was proven.", plant)
+        return undecided(f"gains with a decay rate up to {floored(limit)} were found, but none was proven.", plant)
     return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=limit)
 
 

@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ...cards import raised
 from ...exact.budget import OutOfBudgetError, affords
 from ...exact.matrix import Matrix
 from ...proof.proposed_weights import pointing_functional
@@ -56,8 +57,9 @@ class FamilySearch:
     def shortfall(self, fewest_rays: int) -> str:
         """What a search without success says."""
         if self.best > -NEARLY:  # some start came close to a cone
+            error = raised(max(-self.best, 0.0), 1)
             return (
-                f"Rays were found that all matrices keep up to {max(-self.best, 0.0):.1g}, but the numbers leave no "
+                f"Rays were found that all matrices keep up to {error}, but the numbers leave no "
                 "margin for a proof. If such a cone is meant to exist, give exact data (fractions), else a smaller "
                 "family."
             )

@@ -17,6 +17,7 @@ import numpy as np
 from control import StateSpace
 from numpy.typing import NDArray
 
+from ...cards import about
 from ...cones import PolyhedralCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
@@ -88,7 +89,7 @@ class CodesignResult(ConeAnswer):
         if self.F is None:
             return super().explain()
         size = float(np.abs(self.F).max())
-        return f"A cone and a gain (largest entry {size:.4g}) were found. {super().explain()}"
+        return f"A cone and a gain (largest entry {about(size, digits=4)}) were found. {super().explain()}"
 
     def facts(self) -> list[tuple[str, str]]:
         """Names and values for the card that a notebook shows.
@@ -100,7 +101,8 @@ class CodesignResult(ConeAnswer):
         if self.F is None or self.poles is None:
             return []
         poles = ", ".join(f"{pole:.4g}" for pole in np.sort_complex(self.poles))
-        return [("cone", repr(self.cone)), ("largest entry of F", f"{np.abs(self.F).max():.4g}"), ("poles", poles)]
+        size = about(float(np.abs(self.F).max()), digits=4)
+        return [("cone", repr(self.cone)), ("largest entry of F", size), ("poles", poles)]
 
 
 def design_cone_and_feedback(

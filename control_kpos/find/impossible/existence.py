@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ...cards import about, raised
 from ...exact.condition import Condition
 from ...exact.enclosure import Bounds
 from ...exact.matrix import Matrix
@@ -76,7 +77,7 @@ class SpectralObstruction:
         if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
             return None
         holds = excludes_cones(spectrum_polynomial(matrices[self.matrix]), self)
-        return [fact(f"the eigenvalue {self.kind} of {float(self.bound):.6g} is in the way", holds)]
+        return [fact(f"the eigenvalue {self.kind} of {about(self.bound)} is in the way", holds)]
 
     def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
         """A disc ahead of the bound that holds an eigenvalue; nothing where it is beside the bound."""
@@ -89,18 +90,18 @@ class SpectralObstruction:
     def __str__(self) -> str:
         where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
         real = self.real + 0.0  # no minus zero
-        value = f"{real:.6g} ± {abs(self.imag):.6g}i" if self.imag else f"{real:.6g}"
+        value = about(real, abs(self.imag), form="{} ± {}i") if self.imag else about(real)
         if self.discrete:
             if self.kind == "ahead":
                 return (
                     f"the eigenvalue {value} {where}has the largest modulus, and no nonnegative eigenvalue reaches it "
-                    f"(none beyond {float(self.bound):.6g})"
+                    f"(none beyond {raised(self.bound)})"
                 )
             return f"the eigenvalue {value} {where}on the circle of the spectral radius is no root of unity times it"
         if self.kind == "ahead":
             return (
                 f"the rightmost eigenvalues {value} {where}are not real, and no real eigenvalue lies to the right of "
-                f"{float(self.bound):.6g}"
+                f"{raised(self.bound)}"
             )
         return (
             f"the eigenvalues {value} {where}are not real and lie on the same vertical line as the rightmost real one; "

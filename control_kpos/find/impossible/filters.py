@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...cards import about
 from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
@@ -88,7 +89,7 @@ class PerronObstruction:
         names = ", ".join(map(str, self.cycle))
         return (
             f"the dominant directions e and functionals l of the matrices {names} contradict each other: the product "
-            f"of l_i'e_j around this cycle is {self.value:.3g} < 0, whatever their signs"
+            f"of l_i'e_j around this cycle is {about(self.value, digits=3)} < 0, whatever their signs"
         )
 
 
@@ -169,9 +170,10 @@ def _product(matrices: Matrix, cycle: tuple[int, ...], shifts: tuple[Fraction, .
         else:
             if real_roots_above(spectrum_polynomial(A), s):
                 return None
-            M = resolvent(A, s)
-            if M is None:
+            solved = resolvent(A, s)
+            if solved is None:
                 return None
+            M = solved[0]
         out = M if out is None else out @ M
     if out is None:
         return None

@@ -13,7 +13,7 @@ sign.  As k grows with s = k / t, it approaches the impulse response at time t.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -21,10 +21,12 @@ import numpy as np
 import scipy.linalg as sl
 from numpy.typing import NDArray
 
+from ...cards import about
 from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.linalg import solve_exactly
 from ...exact.matrix import Matrix
+from ...exact.products import as_doubles
 from ...exact.roots import real_roots_above
 from ...proof.encoding import register_record
 from .existence import fact, require_countable, spectrum_polynomial
@@ -50,7 +52,7 @@ class PortObstruction:
     shift : Fraction or None
         s; None in discrete time.
     value : float
-        The product, in floating point (its sign is proven).
+        The product, correctly rounded (its sign is proven).
     time : float
         About when the impulse response c'e^(At) b (c'A^k b) is negative; inf if s is real and k = 1.
     zero : float or None
@@ -84,22 +86,23 @@ class PortObstruction:
         return all(rows is not None and (rows.fractions() == row.fractions()).all(axis=1).any() for rows, row in wanted)
 
     def __str__(self) -> str:
+        value = about(self.value, digits=3)
         if self.shift is None:
-            return f"the impulse response c'A^k b is {self.value:.3g} < 0 at k = {self.power}"
+            return f"the impulse response c'A^k b is {value} < 0 at k = {self.power}"
         if self.zero is not None:
             return (
-                f"the real transmission zero {self.zero:.6g} is not to the left of the dominant eigenvalue: the "
-                f"transfer function is {self.value:.3g} at s = {float(self.shift):.6g}, where that of a cone-positive "
+                f"the real transmission zero {about(self.zero)} is not to the left of the dominant eigenvalue: the "
+                f"transfer function is {value} at s = {about(self.shift)}, where that of a cone-positive "
                 "system is positive"
             )
         if self.power == 1:
             return (
-                f"the transfer function c'(sI - A)^-1 b is {self.value:.3g} <= 0 at s = {float(self.shift):.6g}, "
+                f"the transfer function c'(sI - A)^-1 b is {value} <= 0 at s = {about(self.shift)}, "
                 "beyond the dominant eigenvalue"
             )
         return (
             f"the impulse response c'e^(At) b is negative near t = {self.time:.3g}: c'(sI - A)^-{self.power} b = "
-            f"{self.value:.3g} at s = {float(self.shift):.6g}"
+            f"{value} at s = {about(self.shift)}"
         )
 
 
@@ -117,7 +120,7 @@ def port_obstruction(A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: b
             for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
                 found = PortObstruction(c, b, k, s, value, time, zero)
                 if _negative(A, found):
-                    return found
+                    return replace(found, value=_rounded_value(A, found))
     return None
 
 
@@ -195,26 +198,35 @@ def _suspects(
                     break
 
 
+def _exact_value(A: Matrix, w: PortObstruction) -> tuple[int, Fraction] | None:
+    """The product that is claimed to be negative, as an integer and a positive factor; None if s is too small."""
+    (b, b_unit), (c, c_unit) = w.vector.as_integers(), w.normal.as_integers()
+    if w.shift is None:
+        moved: tuple[NDArray[np.object_], int | Fraction] | None = A.as_integers()
+    elif w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift):
+        return None
+    else:
+        moved = resolvent(A, w.shift)
+    if moved is None:
+        return None
+    (M, unit), x = moved, b[0]
+    for _ in range(w.power):
+        spend(_PER_PRODUCT * M.size)
+        x = M @ x
+    return int(c[0] @ x), Fraction(unit) ** w.power * b_unit * c_unit
+
+
 def _negative(A: Matrix, w: PortObstruction) -> bool:
     """The claim in exact arithmetic: negative, or zero for a transfer function that is not zero."""
-    b, c = w.vector.as_integers()[0][0], w.normal.as_integers()[0][0]
-    if w.shift is None:
-        M = A.as_integers()[0]
-        x = b
-        for _ in range(w.power):
-            spend(_PER_PRODUCT * M.size)
-            x = M @ x
-        return bool(c @ x < 0)
-    if w.power < 1 or real_roots_above(spectrum_polynomial(A), w.shift):
-        return False
-    inverse, x = resolvent(A, w.shift), b
-    if inverse is None:
-        return False
-    for _ in range(w.power):
-        spend(_PER_PRODUCT * inverse.size)
-        x = inverse @ x
-    value = c @ x
-    return bool(value < 0 or (w.power == 1 and value == 0 and _is_not_identically_zero(A, b, c)))
+    found = _exact_value(A, w)
+    if found is None or found[0] or w.shift is None or w.power != 1:
+        return found is not None and found[0] < 0
+    return _is_not_identically_zero(A, w.vector.as_integers()[0][0], w.normal.as_integers()[0][0])
+
+
+def _rounded_value(A: Matrix, w: PortObstruction) -> float:
+    found = _exact_value(A, w)
+    return np.nan if found is None else float(as_doubles(np.array(found[:1], dtype=object), found[1])[0])
 
 
 def _is_not_identically_zero(A: Matrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
@@ -226,10 +238,10 @@ def _is_not_identically_zero(A: Matrix, b: NDArray[np.object_], c: NDArray[np.ob
     return False
 
 
-def resolvent(A: Matrix, s: Fraction) -> NDArray[np.object_] | None:
-    """(s I - A)^-1 as integers up to a positive factor; None if s is an eigenvalue."""
+def resolvent(A: Matrix, s: Fraction) -> tuple[NDArray[np.object_], Fraction] | None:
+    """(s I - A)^-1 as integers and a positive factor; None if s is an eigenvalue."""
     M, factor = A.as_integers()
     ratio = s / Fraction(factor)
     eye = np.eye(len(M), dtype=int).astype(object)
     solved = solve_exactly(eye * ratio.numerator - M * ratio.denominator, eye)
-    return None if solved is None else solved[0]
+    return None if solved is None else (solved[0], ratio.denominator / (Fraction(factor) * solved[1]))

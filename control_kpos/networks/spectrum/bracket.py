@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ...cards import floored, raised
 from ...errors import DataError
 from ...exact.condition import Condition, all_hold
 from ...exact.matrix import Matrix
@@ -112,7 +113,7 @@ class AbscissaCertificate(ClaimOnNetwork):
     def explain(self) -> str:
         what = "radius" if self.model.discrete else "abscissa"
         if self:
-            return f"Proved: the spectral {what} lies in [{self.lower:.12g}, {self.upper:.12g}]."
+            return f"Proved: the spectral {what} lies in [{floored(self.lower, 12)}, {raised(self.upper, 12)}]."
         return (
             f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
             "certificate says what breaks it; otherwise the bracket is too narrow for rounding, and a larger width may "

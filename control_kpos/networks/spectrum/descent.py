@@ -20,6 +20,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ...cards import raised
 from ...cones import Orthant
 from ..blocks import Floats, Index
 from ..model import NetworkModel
@@ -114,7 +115,7 @@ def descend(
         jump = np.inf if best is None else abs(try_at.theta - best.theta)
         best = try_at
         if progress is not None:
-            progress(f"step {step + 1}: spectral abscissa about {best.theta:.9g}, below {best.shift:.9g}")
+            progress(f"step {step + 1}: spectral abscissa about {best.theta:.9g}, below {raised(best.shift, 9)}")
         gap = best.shift - best.theta
         goal = 0.45 * relative * abs(best.theta)
         if gap <= goal or (stop is not None and stop(best)):
