@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .cards import about, floored, raised
+from .cards import about, floored, raised, shown
 from .cones import orthant
 from .design import state_feedback
 from .errors import CertificateFileError, FalseClaimError
@@ -148,12 +148,12 @@ def one_node(output: Path) -> bool:
         print(f"  F2 = -13 {'-+'[change > 0]} 1e-10: {verdict.status.name}")
     _say(f"Theorem 2: {stable.explain()}")
     v = np.asarray(stable.v)
-    print(f"  v = ({_numbers(v / np.abs(v).max())}), decay rate {floored(stable.decay_rate, 10)}")
-    print(f"  poles {_numbers(np.sort(node.poles().real))}")
+    print(f"  v = {shown(v / np.abs(v).max())}, decay rate {floored(stable.decay_rate, 10)}")
+    print(f"  poles {shown(np.sort(node.poles().real))}")
     paper_v = np.array([5.09, 0.836])
     values, slopes = paper_cone().rays @ paper_v, paper_cone().rays @ node.A.T @ paper_v
     print("  The paper's v = (5.09, 0.836) is one too: on the generators")
-    print(f"  v'x = {_numbers(values)} and v'Ax = {_numbers(slopes)}.")
+    print(f"  v'x = {shown(values)} and v'Ax = {shown(slopes)}.")
     print(f"Theorem 3: from force to position the induced gain is {about(node.gain('L1'))}; exactly it is 1/22.")
     cplt = phase_portrait(node, pointdata=[-1, 2, -5, 5], title="Closed loop, F = [-21, -13], in its cone")
     cplt.figure.savefig(output / "phase_portrait.png", dpi=150)
@@ -191,7 +191,7 @@ def rings(output: Path, sizes: Sequence[int]) -> bool:
     computed = np.linalg.eigvals(closed + roots[:, None, None] * (B @ C)).real.max()
     print(f"Largest real part of the 2000 eigenvalues for N = 1000, computed: {computed:.6f}")
     print("  For every N it belongs to lambda^2 + 13 lambda + 22 - w = 0 at w = 1,")
-    print(f"  (-13 + sqrt(85))/2 = {about(_RING)}.")
+    print(f"  (-13 + sqrt(85))/2, {about(_RING)}.")
     print("  The paper prints -1.48 for N = 1000; that is wrong (F = [-17, -13] would give -1.475).")
     return bool(as_expected and abs(computed - _RING) < 1e-9)
 
@@ -210,13 +210,7 @@ def _say(text: str, indent: str = "") -> None:
 def _why(certificate: LyapunovCertificate) -> str:
     """What refutes stability, with its numbers."""
     witness = certificate.witness
-    return (
-        f"A x lies in X for x = ({_numbers(witness.x)})" if isinstance(witness, InstabilityDirection) else str(witness)
-    )
-
-
-def _numbers(values: np.ndarray) -> str:
-    return ", ".join(f"{value:.6g}" for value in values)
+    return f"A x lies in X for x = {shown(witness.x)}" if isinstance(witness, InstabilityDirection) else str(witness)
 
 
 @contextmanager

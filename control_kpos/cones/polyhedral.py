@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..cards import about
 from ..errors import (
     DataError,
     NotProperConeError,
@@ -306,7 +307,7 @@ def _directions(rows: Matrix) -> set[tuple[int, ...]]:
 
 
 def _tuple(row: NDArray[np.float64]) -> str:
-    return "(" + ", ".join(f"{x:.6g}" for x in np.asarray(row).tolist()) + ")"
+    return about(*np.asarray(row).tolist(), form=f"({', '.join(['{}'] * len(row))})")
 
 
 def _from_rays(rays: Matrix) -> PolyhedralCone:
