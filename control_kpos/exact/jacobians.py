@@ -109,7 +109,7 @@ def jacobian_pieces(
             centre, radius = enclosed_jacobian(function, box, n)
         except UnboundedError as error:
             if final or depth >= _DEEPEST:
-                corner = ", ".join(f"[{a:.4g}, {b:.4g}]" for a, b in box)
+                corner = ", ".join(f"[{a}, {b}]" for a, b in box)
                 raise DataError(
                     f"the enclosed Jacobian is unbounded on region {corner}: {error}; choose a smaller region."
                 ) from None

@@ -21,6 +21,7 @@ import numpy as np
 from control import NonlinearIOSystem, StateSpace
 from numpy.typing import ArrayLike, NDArray
 
+from ..cards import shown
 from ..cones import Cone, as_cone
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.budget import OVERTIME, OutOfBudgetError, affords, budget, operations_left, seconds_left, spend
@@ -339,8 +340,7 @@ def _value(sys: NonlinearIOSystem, n: int, point: Array) -> Array:
 
 
 def _named(point: Array, n: int) -> str:
-    x, u = (", ".join(f"{number:.6g}" for number in part) for part in (point[:n], point[n:]))
-    return f"x = ({x})" + (f", u = ({u})" if u else "")
+    return f"x = {shown(point[:n])}" + (f", u = {shown(point[n:])}" if len(point) > n else "")
 
 
 def _require_agreement(sys: NonlinearIOSystem, enclosure: _Enclosure, whole: Array, n: int) -> None:
@@ -387,5 +387,5 @@ def _box(data: ArrayLike | None, n: int, name: str) -> Array:
         raise ShapeError(f"{name} has shape {box.shape}, but must be ({n}, 2): lower and upper bound of each of {n}.")
     if (box[:, 0] > box[:, 1]).any():
         row = int(np.argmax(box[:, 0] > box[:, 1]))
-        raise DataError(f"{name}[{row}] is [{box[row, 0]:g}, {box[row, 1]:g}]: the lower bound exceeds the upper one.")
+        raise DataError(f"{name}[{row}] is [{box[row, 0]}, {box[row, 1]}]: the lower bound exceeds the upper one.")
     return np.column_stack([box[:, 0], exact.rounded(up=True)[:, 1]])  # the smallest box of doubles around
