@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from fractions import Fraction
 
 import control as ct
 import numpy as np
@@ -14,6 +15,7 @@ from hypothesis import strategies as st
 import control_kpos as kp
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
 from control_kpos.exact.jacobians import jacobian_enclosure
+from control_kpos.exact.unreadable import UnboundedError
 from control_kpos.nonlinear import differential_positivity
 
 DAMPED = kp.PolyhedralCone([[1, 0], [1, -2]])
@@ -35,6 +37,9 @@ FUNCTIONS = [
     lambda x: [np.sqrt(10 + x[0]) ** 3, np.log(10 + x[1]) * x[0] ** -2.0 if False else x[0]],
     lambda x: [np.cosh(x[0]) - np.sinh(x[1]), abs(x[0] + 7) * x[1]],
     lambda x: np.array([[1, 2], [3, 4]]) @ np.sin(x),
+    lambda x: [x[0] ** 2 / (1 + x[0] ** 2) - (2 * x[1] + 1) / (7 + x[1]), (3 - 0.1 * x[0]) / (x[0] / 3 + 7) * x[1]],
+    lambda x: [np.exp(x[0]) / (1 + np.exp(x[0])), x[0] * x[1] / (100 - x[1] * x[0]) - 1 / (2 * (x[1] - 9))],
+    lambda x: [(x[0] - x[0] + 1) / (2 + x[1] - x[1]) * x[1], (1 - np.tanh(x[1])) / (3 + 2 * np.tanh(x[1])) / -7],
 ]
 
 
@@ -287,6 +292,8 @@ def test_there_is_no_slope_at_a_kink_in_a_region_without_width():
         assert mode(lambda x, s=sign: [-x[0] + s * abs(x[1]), -x[1]], edge).status is kp.Status.UNDECIDED
         assert mode(lambda x, s=sign: [-x[0] + s * np.maximum(x[1], 0), -x[1]], edge).status is not kp.Status.REFUTED
     assert mode(lambda x: [-x[0] + np.maximum(x[1], 2 * x[1]), -x[1]], edge)
+    fixed = mode(lambda x, u: [-x[0] - x[1] + abs(u[0]), -x[1] + np.maximum(u[0], 0)], inputs=[[0, 0]])
+    assert fixed.status is kp.Status.REFUTED  # the kink is not in the states
     assert mode(lambda x: [-x[0] - x[1], -x[1]], edge).status is kp.Status.REFUTED
 
 
@@ -307,7 +314,8 @@ def test_maximum_minimum_and_clip_of_whole_arrays():
     [
         (lambda y: y**1.5, 3),
         (lambda y: y**2.5 + y**1.25, 3),
-        (lambda y: 2 * y / (1 + y), 1),
+        (lambda y: 2 * y / (1 + y), 100),
+        (lambda y: 3 * y**2 / (0.5 + y**2) + y**2.5 / (2 + y**2.5), 50),
         (lambda y: np.minimum(y, 1.0), 2),
         (lambda y: np.sqrt(1 + y), 9),
     ],
@@ -369,3 +377,41 @@ def test_warnings_as_errors_change_nothing():
             return [-x[0] + 1e-300 * x[1] ** 3, -x[1]]
 
     assert mode(strictly, [[0, 1], [0.5, 1]])
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(0, 10**6))
+def test_random_expressions_against_exact_quotients(seed):
+    rng = np.random.default_rng(seed)
+
+    def expression(x, depth):
+        """A random expression and its value; the same draws for any x."""
+        kind = draws.integers(0, 7) if depth else 0
+        if kind <= 1:
+            return x[draws.integers(0, 2)] * int(draws.integers(1, 4)) + int(draws.integers(0, 3))
+        a = expression(x, depth - 1)
+        if kind == 2:
+            return a**2
+        if kind == 3:
+            return a / (1 + a * int(draws.integers(1, 4)))
+        b = expression(x, depth - 1)
+        return [a + b, a * b, a / (b + 1), a - b * 3][kind - 4] if kind < 7 else a
+
+    low = [Fraction(int(k), 8) for k in rng.integers(0, 16, 2)]
+    high = [a + Fraction(int(k), 16) for a, k in zip(low, rng.integers(0, 9, 2), strict=True)]
+    inside = [a + (b - a) * Fraction(int(k), 8) for a, b, k in zip(low, high, rng.integers(0, 9, 2), strict=True)]
+    draws = np.random.default_rng(seed)
+    try:
+        bottom, top = jacobian_enclosure(
+            lambda x: [expression(x, 3)], [float(a) for a in low], [float(b) for b in high]
+        )
+    except UnboundedError:
+        return
+    step = Fraction(1, 10**30)
+    for i in range(2):
+        ends = []
+        for sign in (1, -1):
+            draws = np.random.default_rng(seed)
+            ends.append(expression([x + sign * step * (j == i) for j, x in enumerate(inside)], 3))
+        slope = float((ends[0] - ends[1]) / (2 * step))
+        assert bottom[0, i] - 1e-12 * (1 + abs(slope)) <= slope <= top[0, i] + 1e-12 * (1 + abs(slope))

@@ -10,16 +10,20 @@ and the usual elementary functions cannot be called this way.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from fractions import Fraction
+from typing import Any, NamedTuple
 
 import numpy as np
 from flint import arb
 from numpy.typing import NDArray
 
 from .elementary import Interval, enclosed, integer_power, real_power, sine_and_cosine
-from .unreadable import UnboundedError, Unreadable, UnsupportedError, note_kink
+from .unreadable import UnboundedError, Unreadable, UnsupportedError, note_kink, same_object
 
 Array = NDArray[np.float64]
+
+# Longer numbers are not kept exactly.
+_LONGEST = 1000
 
 
 @np.errstate(all="ignore")
@@ -58,6 +62,41 @@ def _plus(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
     return _finite(low, high)
 
 
+class _Line(NamedTuple):
+    """scale * a + shift, where a is a quantity with a name; a constant has none, and scale 0."""
+
+    name: object
+    value: Interval
+    gradient: tuple[Array, Array]
+    scale: Fraction = Fraction(1)
+    shift: Fraction = Fraction(0)
+
+    @property
+    def key(self) -> tuple[Any, ...]:
+        return self.name, self.scale, self.shift
+
+    def moved(self, scale: Fraction, shift: Fraction) -> _Line | None:
+        """scale * this + shift; None where the numbers grow too long."""
+        scale, shift = scale * self.scale, scale * self.shift + shift
+        if max(x.bit_length() for number in (scale, shift) for x in number.as_integer_ratio()) > _LONGEST:
+            return None
+        return self._replace(scale=scale, shift=shift)
+
+    def plus(self, other: _Line) -> _Line | None:
+        if other.name is None:
+            return self.moved(Fraction(1), other.shift)
+        if self.name is None:
+            return other.moved(Fraction(1), self.shift)
+        if self.name is other.name:
+            return self._replace(scale=self.scale + other.scale).moved(Fraction(1), other.shift)
+        return None
+
+    def times(self, other: _Line) -> _Line | None:
+        if other.name is None:
+            return self.moved(other.shift, Fraction(0))
+        return other.moved(self.shift, Fraction(0)) if self.name is None else None
+
+
 class IntervalDual(Unreadable):
     """All values of a quantity on a box, and of its partial derivatives.
 
@@ -70,13 +109,18 @@ class IntervalDual(Unreadable):
     """
 
     __array_priority__ = 1000
-    __slots__ = ("gradient", "value")
+    __slots__ = ("gradient", "line", "value")
 
-    def __init__(self, value: Interval, gradient: tuple[Array, Array]) -> None:
+    def __init__(self, value: Interval, gradient: tuple[Array, Array], line: _Line | None = None) -> None:
         self.value, self.gradient = value, gradient
+        self.line = _Line(object(), value, gradient) if line is None else line
 
-    def _chain(self, value: Interval, slope: Interval) -> IntervalDual:
-        return IntervalDual(_finite(*value), _times(self.gradient, _finite(*slope)))
+    def _chain(self, name: str, value: Interval, slope: Interval) -> IntervalDual:
+        return self._named(name, _finite(*value), _times(self.gradient, _finite(*slope)))
+
+    def _named(self, function: str, value: Interval, gradient: tuple[Array, Array]) -> IntervalDual:
+        name = same_object(function, *self.line.key)
+        return IntervalDual(value, gradient, _Line(name, value, gradient))
 
     def _read(self, other: Any) -> IntervalDual:
         if isinstance(other, IntervalDual):
@@ -85,19 +129,22 @@ class IntervalDual(Unreadable):
             zero = np.zeros_like(self.gradient[0])
             exact = float(other)
             value = (exact, exact) if exact == other else _out(exact, exact)
-            return IntervalDual(value, (zero, zero))
+            number = Fraction(int(other) if isinstance(other, (int, np.integer)) else exact)
+            line = _Line(None, value, (zero, zero), Fraction(0), number) if number == other else None
+            return IntervalDual(value, (zero, zero), line)
         raise UnsupportedError(f"arithmetic with {type(other).__name__}")
 
     def __add__(self, other: Any) -> IntervalDual:
         if _is_array(other):
             return NotImplemented
         b = self._read(other)
-        return IntervalDual(_plus(self.value, b.value), _plus(self.gradient, b.gradient))
+        return IntervalDual(_plus(self.value, b.value), _plus(self.gradient, b.gradient), self.line.plus(b.line))
 
     __radd__ = __add__
 
     def __neg__(self) -> IntervalDual:
-        return IntervalDual((-self.value[1], -self.value[0]), (-self.gradient[1], -self.gradient[0]))
+        value, gradient = (-self.value[1], -self.value[0]), (-self.gradient[1], -self.gradient[0])
+        return IntervalDual(value, gradient, self.line.moved(Fraction(-1), Fraction(0)))
 
     def __pos__(self) -> IntervalDual:
         return self
@@ -117,15 +164,17 @@ class IntervalDual(Unreadable):
             return self**2
         b = self._read(other)
         first, second = _times(self.gradient, b.value), _times(b.gradient, self.value)
-        return IntervalDual(_times(self.value, b.value), _plus(first, second))
+        value, gradient = _times(self.value, b.value), _plus(first, second)
+        line = self.line.times(b.line)
+        if line is None:
+            line = _Line(same_object("*", *self.line.key, *b.line.key), value, gradient)
+        return IntervalDual(value, gradient, line)
 
     __rmul__ = __mul__
 
     def reciprocal(self) -> IntervalDual:
         """1 / x."""
-        value = _inverse(self.value)
-        slope = _times(value, value)
-        return IntervalDual(value, _times(self.gradient, (-slope[1], -slope[0])))
+        return _quotient(self._read(1.0), self)
 
     def __truediv__(self, other: Any) -> IntervalDual:
         if _is_array(other):
@@ -146,14 +195,14 @@ class IntervalDual(Unreadable):
         if power == 0:
             return self._read(1.0)
         slope = _times(self._read(power).value, _power(self.value, power - 1))
-        return IntervalDual(_power(self.value, power), _times(self.gradient, slope))
+        return self._named(f"power {power}", _power(self.value, power), _times(self.gradient, slope))
 
     def _real_power(self, power: float) -> IntervalDual:
         self._require_positive(f"power {power:g}", or_zero=power > 1)
         value, slope = (
             _hull(*(real_power(x, power, less) if x else (0.0, 0.0) for x in self.value)) for less in (0, 1)
         )
-        return self._chain(value, _times((power, power), _finite(*slope)))
+        return self._chain(f"power {power!r}", value, _times((power, power), _finite(*slope)))
 
     def _require_positive(self, what: str, or_zero: bool = False) -> None:
         low = self.value[0]
@@ -173,12 +222,12 @@ class IntervalDual(Unreadable):
 
     def sin(self) -> IntervalDual:
         """sin x."""
-        return self._chain(*sine_and_cosine(self.value))
+        return self._chain("sin", *sine_and_cosine(self.value))
 
     def cos(self) -> IntervalDual:
         """cos x."""
         (low, high), value = sine_and_cosine(self.value)
-        return self._chain(value, (-high, -low))
+        return self._chain("cos", value, (-high, -low))
 
     def tan(self) -> IntervalDual:
         """tan x."""
@@ -187,35 +236,37 @@ class IntervalDual(Unreadable):
     def exp(self) -> IntervalDual:
         """e to the x."""
         value = _rising(arb.exp, self.value)
-        return self._chain(value, value)
+        return self._chain("exp", value, value)
 
     def log(self) -> IntervalDual:
         """Natural logarithm."""
         self._require_positive("logarithm")
-        return self._chain(_rising(arb.log, self.value), _inverse(self.value))
+        return self._chain("log", _rising(arb.log, self.value), _inverse(self.value))
 
     def sqrt(self) -> IntervalDual:
         """Square root."""
         self._require_positive("square root")
         value = _rising(arb.sqrt, self.value)
-        return self._chain(value, _times((0.5, 0.5), _inverse(value)))
+        return self._chain("sqrt", value, _times((0.5, 0.5), _inverse(value)))
 
     def tanh(self) -> IntervalDual:
         """tanh x."""
         low, high = _rising(arb.tanh, self.value)
-        return self._chain((max(low, -1.0), min(high, 1.0)), _even(lambda ball: ball.sech() ** 2, self.value))
+        return self._chain("tanh", (max(low, -1.0), min(high, 1.0)), _even(lambda ball: ball.sech() ** 2, self.value))
 
     def arctan(self) -> IntervalDual:
         """arctan x."""
-        return self._chain(_rising(arb.atan, self.value), _even(lambda ball: 1 / (1 + ball * ball), self.value))
+        return self._chain(
+            "arctan", _rising(arb.atan, self.value), _even(lambda ball: 1 / (1 + ball * ball), self.value)
+        )
 
     def sinh(self) -> IntervalDual:
         """sinh x."""
-        return self._chain(_rising(arb.sinh, self.value), _even(arb.cosh, self.value))
+        return self._chain("sinh", _rising(arb.sinh, self.value), _even(arb.cosh, self.value))
 
     def cosh(self) -> IntervalDual:
         """cosh x."""
-        return self._chain(_even(arb.cosh, self.value), _rising(arb.sinh, self.value))
+        return self._chain("cosh", _even(arb.cosh, self.value), _rising(arb.sinh, self.value))
 
     def __abs__(self) -> IntervalDual:
         return larger(self, -self)
@@ -277,7 +328,8 @@ def larger(a: Any, b: Any) -> Any:
         return a
     if b.value[0] >= a.value[1] and b.value[1] > a.value[0]:
         return b
-    note_kink()
+    if any((x != y).any() for x in a.gradient for y in b.gradient):
+        note_kink()
     gradient = np.minimum(a.gradient[0], b.gradient[0]), np.maximum(a.gradient[1], b.gradient[1])
     return IntervalDual((max(a.value[0], b.value[0]), max(a.value[1], b.value[1])), gradient)
 
@@ -307,10 +359,36 @@ def _is_array(item: Any) -> bool:
 
 def _quotient(a: IntervalDual, b: IntervalDual) -> IntervalDual:
     """a / b, with (a' - (a / b) b') / b for its slope, where b occurs less often than in that of a (1 / b)."""
+    if b.line.name is None and b.line.shift:
+        line = a.line.moved(1 / b.line.shift, Fraction(0))
+    elif a.line.name is None or a.line.name is b.line.name:
+        return _fractional_linear(a.line, b.line)
+    else:
+        line = None
     inverse = _inverse(b.value)
     value = _times(a.value, inverse)
     by_b = _times(b.gradient, value)
-    return IntervalDual(value, _times(_plus(a.gradient, (-by_b[1], -by_b[0])), inverse))
+    return IntervalDual(value, _times(_plus(a.gradient, (-by_b[1], -by_b[0])), inverse), line)
+
+
+def _fractional_linear(a: _Line, b: _Line) -> IntervalDual:
+    """The quotient of two lines in one quantity: monotone in it, with a slope of one sign."""
+    ends = [Fraction(float(x)) for x in b.value]
+    below = [b.scale * x + b.shift for x in ends]
+    if min(below) <= 0 <= max(below):
+        raise UnboundedError("division by a quantity that may be zero")
+    turn = a.scale * b.shift - a.shift * b.scale
+    value = _hull(*(_around((a.scale * x + a.shift) / y) for x, y in zip(ends, below, strict=True)))
+    gradient = _times(b.gradient, _hull(*(_around(turn / y**2) for y in below)))
+    return IntervalDual(value, gradient, _Line(same_object("/", *a.key, *b.key), value, gradient))
+
+
+def _around(number: Fraction) -> Interval:
+    try:
+        near = float(number)
+    except OverflowError:
+        raise UnboundedError("a value or derivative is not bounded") from None
+    return (near, near) if near == number else _out(near, near)
 
 
 @np.errstate(all="ignore")

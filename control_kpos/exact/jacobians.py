@@ -18,13 +18,12 @@ Array = NDArray[np.float64]
 _DEEPEST = 10
 
 
-def values_on_box(function: Callable[[Any], Any], lower: Any, upper: Any) -> tuple[list[IntervalDual], Watch]:
-    """The function's values with their derivatives, and what was noted; constants become intervals, too."""
-    n = len(lower)
-    x = np.empty(n, dtype=object).view(Quantities)
+def values_on_box(function: Callable[[Any], Any], lower: Any, upper: Any, n: int) -> tuple[list[IntervalDual], Watch]:
+    """The function's values, their derivatives by the first n quantities, and what was noted."""
+    x = np.empty(len(lower), dtype=object).view(Quantities)
     for i, (a, b) in enumerate(zip(lower, upper, strict=True)):
         unit = np.zeros(n)
-        unit[i] = 1.0
+        unit[i:][:1] = 1.0
         x[i] = IntervalDual((float(a), float(b)), (unit, unit))
     values, watch = watched(function, x)
     zero = np.zeros(n)
@@ -63,7 +62,7 @@ def jacobian_enclosure(
     >>> bool(low[1, 0] <= -1 and high[1, 0] >= -np.cos(1)), low[0].round(3), high[0].round(3)
     (True, array([0., 1.]), array([0., 1.]))
     """
-    return _ends(values_on_box(function, lower, upper)[0])
+    return _ends(values_on_box(function, lower, upper, len(lower))[0])
 
 
 def _ends(values: list[IntervalDual]) -> tuple[Array, Array]:
@@ -72,13 +71,12 @@ def _ends(values: list[IntervalDual]) -> tuple[Array, Array]:
 
 def enclosed_jacobian(function: Callable[[Any], Any], box: Array, n: int, *, kinks: bool = True) -> tuple[Array, Array]:
     """Midpoint and radius of the Jacobian with respect to the first n quantities."""
-    values, watch = values_on_box(function, box[:, 0], box[:, 1])
+    values, watch = values_on_box(function, box[:, 0], box[:, 1], n)
     if watch.met_kink and (box[:, 0] == box[:, 1]).all() and not kinks:
         raise UnboundedError("the derivative may not exist at this point")
     low, high = _ends(values)
     if low.shape[0] != n:
         raise ShapeError(f"the system's update function returned {low.shape[0]} values for {n} states.")
-    low, high = low[:, :n], high[:, :n]
     centre = 0.5 * low + 0.5 * high
     exact = low == high
     radius = np.nextafter(np.maximum(np.nextafter(centre - low, np.inf), np.nextafter(high - centre, np.inf)), np.inf)

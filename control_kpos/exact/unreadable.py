@@ -21,6 +21,7 @@ class Watch:
 
     refusals: list[Exception] = field(default_factory=list)
     met_kink: bool = False
+    names: dict[Any, object] = field(default_factory=dict)
 
 
 _WATCH: ContextVar[Watch] = ContextVar("_WATCH")
@@ -47,6 +48,12 @@ def note_kink() -> None:
     """Two slopes meet inside the quantities at hand."""
     if (watch := _WATCH.get(None)) is not None:
         watch.met_kink = True
+
+
+def same_object(*description: Any) -> object:
+    """One object for each description, within a call."""
+    watch = _WATCH.get(None)
+    return object() if watch is None else watch.names.setdefault(description, object())
 
 
 def watched(function: Callable[[Any], Any], argument: Any) -> tuple[list[Any], Watch]:

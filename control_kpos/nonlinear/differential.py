@@ -349,7 +349,7 @@ def _require_agreement(sys: NonlinearIOSystem, enclosure: _Enclosure, whole: Arr
         if k and not enclosure.affords(1, 0):
             return
         try:
-            values, _ = values_on_box(enclosure, point, point)
+            values, _ = values_on_box(enclosure, point, point, n)
         except UnboundedError:
             continue
         low, high = np.array([y.value for y in values]).T
