@@ -123,3 +123,14 @@ def test_common_vector_and_disturbance_do_not_survive_perturbation():
     bound = d.others[-1]
     assert bound.check() and not replace(bound, gamma=0.5 * bound.gamma).check()
     assert not replace(bound, x=100 * bound.x).check()
+
+
+def test_what_is_refuted_for_vertices_is_a_common_vector():
+    """F = 0 keeps every matrix between these two Metzler and Hurwitz; they share no linear Lyapunov function."""
+    first, second, B = [[-1, 1.5], [0.1, -1]], [[-1, 0.1], [1.5, -1]], np.zeros((2, 1))
+    plant = kp.ConeStateSpace(first, B, [[1, 0]], 0)
+    both = kp.state_feedback(plant, vertices=[(first, B), (second, B)])
+    assert both.status is kp.Status.REFUTED and both.check()
+    assert "No gain with a common Lyapunov vector" in both.explain() and "any F." not in both.explain()
+    alone = kp.state_feedback(kp.ConeStateSpace([[1, 0], [0, -1]], B, [[1, 0]], 0))
+    assert alone.status is kp.Status.REFUTED and "common" not in alone.explain()

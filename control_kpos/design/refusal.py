@@ -94,6 +94,11 @@ class PairMultipliers:
 class Contradiction(Certificate):
     """The claim "there is such a gain", REFUTED by multipliers that make a contradiction of its inequalities."""
 
+    @property
+    def scope(self) -> str:
+        """Which gains are excluded, as words after "gain"."""
+        return ""
+
     def conditions(self) -> Sequence[Condition]:
         """The inequalities that prove the claim."""
         raise DataError("this certificate can only refute; give multipliers as its witness.")
@@ -161,6 +166,15 @@ class NoFeedback(Contradiction):
         numbers = np.array([*w.closed, *w.drift, *w.positive], dtype=object)
         return numbers, rows, np.arange(len(rows)) >= len(w.closed)
 
+    @property
+    def scope(self) -> str:
+        """Of several vertices those that share a Lyapunov vector, if stability of more than one was used."""
+        w = self.witness
+        if not isinstance(w, Multipliers):
+            return ""
+        used = sum(any(part) for part in np.reshape(np.array(w.drift, dtype=object), (-1, self.X.dim)))
+        return " with a common Lyapunov vector for all vertices" if used > 1 else ""
+
     def inequalities(self) -> Inequalities:
         """The exact inequalities that have no solution."""
         return exact_inequalities(self._plant())
@@ -217,7 +231,8 @@ class NoFeedback(Contradiction):
         if any(w.drift):
             speed = f"a decay rate above {raised(self.rate)}" if self.rate else "stability"
             demands.append(speed)
-        verdict = "cannot be had with any F" if len(demands) == 1 else "exclude each other for every F"
+        every = f"F{self.scope}"
+        verdict = f"cannot be had with any {every}" if len(demands) == 1 else f"exclude each other for every {every}"
         return (
             f"Proved impossible: {' and '.join(demands)} {verdict}; attached is {w}, checked in exact arithmetic. "
             "Relax a demand, or choose another cone."

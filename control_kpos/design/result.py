@@ -69,8 +69,8 @@ class DesignResult(Answer):
     Attributes
     ----------
     status : Status
-        PROVED: `F` does what was asked.  REFUTED: no gain does, proven by `certificate`.  UNDECIDED: no
-        gain was found, or none could be proven.
+        PROVED: `F` does what was asked.  REFUTED: no gain does, proven by `certificate`; of several vertices no gain
+        with a common Lyapunov vector, as `explain` says.  UNDECIDED: no gain was found, or none could be proven.
     F : ndarray, shape (m, n), or None
         Gain of u = F x + w.  Of networks: shape (N, m, n), or a tuple of arrays.
     closed_loop : ConeStateSpace or network, or None
@@ -145,7 +145,8 @@ class DesignResult(Answer):
             )
         proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
         nearest = f" Possible instead: {self.nearest}." if self.nearest is not None else ""
-        lead = "No gain exists" if self.status is Status.REFUTED else "No certified gain was found"
+        scope = getattr(self.certificate, "scope", "")
+        lead = f"No gain{scope} exists" if self.status is Status.REFUTED else "No certified gain was found"
         return f"{lead}: {self.message}{proof}{nearest}{notes}"
 
     def _weakening(self) -> str:

@@ -5,10 +5,12 @@ into U.  Then copies of it under any coupling with W Y inside U and
 
     sum_j r'W_jk y <= w r'K y        for every node k and generator y of Y
 
-satisfy (III') with sigma = 1, whatever their number.  With one input, one output and K = 1 these are the graphs
-with sum_j w_jk <= w.  A single node with the self-loop w K is such a network, so the bound is sharp: there
-is such a v if and only if A + w B K C is stable.  For copies of one node with one input and one output it is the
-largest eigenvalue of the weights that counts, so a bound on sum_k w_jk does as well.
+satisfy (III') with sigma = 1, whatever their number.  If D is not 0, the algebraic loops have to contract as well:
+p'D u <= t'u and w t'K y < p'y for a t that is a multiple of r do it, as sum_j t'W_jk y <= w t'K y < p'y then.  With
+one input, one output and K = 1 these are the graphs with sum_j w_jk <= w.  A single node with the self-loop w K is such
+a network, so the bound is sharp: there is such a v if and only if A + w B K C is stable.  For copies of one node with
+one input and one output it is the largest eigenvalue of W that counts, which has the sign of K and is at most w |K| in
+size if sum_k |W_jk| <= w |K|: a bound on the links that enter a node does as well.
 """
 
 from __future__ import annotations
@@ -74,12 +76,22 @@ class OutWeightCertificate(Certificate):
         r = exactly(self.local, "r").values
         if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
             raise DataError("the node types must have one r > 0 in common.")
+        contracting = self._contracting()
         if self._proves_loops:
-            return ()
+            return contracting
         if not np.array_equal(self._loops.dense().values, model.coupling.dense().values):
             raise DataError("the local certificate is not about self-loops of this weight.")
         # in files of version 0.1 the self-loops are rounded: their v, r, q have to do for the exact ones
-        return replace(self.local, model=model.with_coupling(self._loops)).conditions()
+        return [*contracting, *replace(self.local, model=model.with_coupling(self._loops)).conditions()]
+
+    def _contracting(self) -> list[Condition]:
+        """With feedthrough: t is a multiple of r, so that the loops of all these networks contract."""
+        if self.local.loop is None:
+            return []
+        r, t = exactly(self.local, "r").fractions(), self.local.loop[1].fractions()
+        ratio = next((b / a for a, b in zip(r, t, strict=True) if a), Fraction(0))
+        apart = Matrix.from_fractions(np.array([*(t - ratio * r), min(ratio, Fraction(0))], dtype=object))
+        return [Condition("t = a r, a >= 0", BilinearForms(apart[None], None, Matrix.identity(apart.shape[0])), "==")]
 
     def refutation(self) -> Sequence[Condition] | None:
         refuted = self.local.status is Status.REFUTED and self._proves_loops
@@ -97,20 +109,12 @@ class OutWeightCertificate(Certificate):
         return loops.shape == coupling.shape and not (loops.fractions() != coupling.fractions()).any()
 
     def evidence(self) -> dict[str, Any]:
-        """Nothing: `local` comes with a proof of its own.
-
-        With feedthrough, its t has to be a multiple of r, so that the loops of all these networks contract.
-        """
+        """Nothing: `local` comes with a proof of its own."""
         local, link = self.local, exact_matrix(self.link, "link").fractions() * Fraction(self.weight)
         m, q = link.shape
         for j in range(local.model.n_nodes):
             if (local.model.coupling[j * m : (j + 1) * m].plain().fractions()[:, j * q : (j + 1) * q] != link).any():
                 raise ProofOmittedError("weight times link is rounded in the self-loops that are proven")
-        if self and local.loop_weights is not None and local.r is not None:
-            r, t = exactly(local, "r").fractions(), exactly(local, "loop_weights")[1].fractions()
-            ratio = next((b / a for a, b in zip(r, t, strict=True) if a), Fraction(0))
-            if ratio < 0 or (t != ratio * r).any():
-                raise ProofOmittedError("the algebraic loops of other networks contract by weights that are not r")
         return {}
 
     @property
@@ -127,19 +131,34 @@ class OutWeightCertificate(Certificate):
         kinds, weight = self.local.model.n_nodes, float(self.weight)
         what = "copies of this node" if kinds == 1 else f"nodes of these {kinds} types"
         if self:
-            entering = " (or the sum over those that enter a node)" if kinds == 1 and self.link.shape == (1, 1) else ""
             return (
-                f"Proved: any number of {what}, on any graph with nonnegative weights whose sum over the links "
-                f"that leave a node{entering} is at most {weight:.6g}, is positive and stable with decay rate at "
-                f"least {self.decay_rate:.4g}."
+                f"Proved: any number of {what}, {self._graphs()}, is positive and stable with decay rate at least "
+                f"{self.decay_rate:.4g}."
             )
         return (
             f"Not certified: already a node with a self-loop of weight {weight:.6g} fails. {self.local.explain()} "
             "Ask for a smaller weight, or raise the local gain."
         )
 
+    def _graphs(self) -> str:
+        """The couplings that this is about, in words."""
+        weight, link = float(self.weight), exact_matrix(self.link, "link").fractions()
+        if link.shape != (1, 1):
+            return (
+                f"with any links that map Y into U and sum_j r'W_jk y <= {weight:.6g} r'K y for every node k and y "
+                "in Y, for the link K and the r of the certificate"
+            )
+        entering = " (or the sum over those that enter a node)" if self.local.model.n_nodes == 1 else ""
+        size, sign = float(abs(link[0, 0]) * Fraction(self.weight)), "nonpositive" if link[0, 0] < 0 else "nonnegative"
+        what = "whose sum" if link[0, 0] >= 0 else "the sum of whose sizes"
+        return (
+            f"on any graph with {sign} weights {what} over the links that leave a node{entering} is at most {size:.6g}"
+        )
+
     def covers(self, coupling: Any, types: Sequence[int] | None = None) -> bool:
-        """True if every link maps Y into U and the weights are bounded as the certificate asks for, exactly.
+        """True if the local v, r, q prove the network with this coupling, or its in-weights are small enough, exactly.
+
+        True is a proof that the network is positive and stable; False that this certificate does not say so.
 
         Parameters
         ----------
@@ -150,19 +169,22 @@ class OutWeightCertificate(Certificate):
         if not self:
             return False
         model, kinds = self._network(coupling, types)
-        if not all_hold(on.coupling(model)):
-            return False
-        _, r, q = self._spread(kinds)
-        if on.balance(model, q, r, None).verdict() is True:
+        if self._carry(model, kinds) is not None:
             return True
-        return self.local.model.totals[1:] == (1, 1) and self._bounds_rows(model)
+        return self.local.model.totals[1:] == (1, 1) and all_hold(on.coupling(model)) and self._bounds_rows(model)
 
     def _bounds_rows(self, model: NetworkModel) -> bool:
-        """Weights of the links that enter a node sum to at most `weight`."""
-        n = model.n_nodes
-        bound = Matrix.from_fractions(np.full((1, n), -Fraction(self.weight)))
+        """sum_k |W_jk| <= weight |link| for the links that enter a node.
+
+        What maps Y into U has the sign of the link, as the self-loops do unless they are 0.
+        """
+        n, link = model.n_nodes, exact_matrix(self.link, "link").fractions()[0, 0]
+        if not link or not self.weight:
+            return False
+        bound = Matrix.from_fractions(np.full((1, n), -Fraction(self.weight) * abs(link)))
         table = Matrix.join([model.coupling.T, bound], -2)
-        forms = BilinearForms(Matrix(np.ones((1, n + 1))), table, Matrix(sp.eye_array(n, format="csr")))
+        sums = Matrix(np.append(np.full(n, -1.0 if link < 0 else 1.0), 1.0)[None])
+        forms = BilinearForms(sums, table, Matrix(sp.eye_array(n, format="csr")))
         return Condition("sum of in-weights <= weight", forms, "<=").verdict() is True
 
     def interconnect(self, coupling: Any, types: Sequence[int] | None = None, name: str | None = None) -> ConeNetwork:
