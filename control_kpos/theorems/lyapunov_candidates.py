@@ -28,6 +28,8 @@ Vector = NDArray[np.float64]
 _NODA_STEPS = 60
 # How far from the bound the shift stays, relative to the size of A, so that the matrix is not singular.
 _NODA_GAP = 2.0**-50
+# Growth rate, relative to the size of A, from which floating point proves growth.
+_CLEARLY = 1e-6
 # Dimensions up to which directions are moved onto a face exactly.
 _FACE_ROWS = 80
 
@@ -191,9 +193,15 @@ class ScaledProblem:
             yield from self._on_face(x)
 
     def growing_directions(self) -> Iterator[Matrix]:
-        """Candidates x in X with S x in X when S is not stable."""
-        if self._noda and self._noda[-1][0] >= -1e-6:
-            yield from self.right_perron_vectors()
+        """Candidates x in X with S x in X when S is not stable.
+
+        Of simplicial cones only where that is clear and A is dense: otherwise exact arithmetic takes less than trying.
+        """
+        if not self.X.is_simplicial:
+            if self._noda and self._noda[-1][0] >= -1e-6:
+                yield from self.right_perron_vectors()
+        elif not self.A.is_sparse and self._noda and self._noda[-1][0] > _CLEARLY:
+            yield Matrix(self._unscaled_right(self._noda[-1][2]))
 
     def _on_face(self, x: Vector) -> Iterator[Matrix]:
         """x as an exact nonnegative combination of the generators of its smallest face."""

@@ -293,7 +293,7 @@ def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, faste
     proved = None if v is None else _proved(positivity, Matrix(v))
     if proved:
         return (_fastest(positivity, problem) if fastest else None) or proved
-    for x in problem.growing_directions() if not positivity.X.is_simplicial else ():
+    for x in problem.growing_directions():
         witness = _growing(positivity, x)
         if witness is not None:
             return LyapunovCertificate.settle(positivity=positivity, witness=witness)
