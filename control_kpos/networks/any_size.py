@@ -24,6 +24,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
+from ..cards import about, floored
 from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_matrix, exact_number, require_shape, vector
@@ -128,31 +129,32 @@ class OutWeightCertificate(Certificate):
         return self.local.margin
 
     def explain(self) -> str:
-        kinds, weight = self.local.model.n_nodes, float(self.weight)
+        kinds = self.local.model.n_nodes
         what = "copies of this node" if kinds == 1 else f"nodes of these {kinds} types"
         if self:
             return (
                 f"Proved: any number of {what}, {self._graphs()}, is positive and stable with decay rate at least "
-                f"{self.decay_rate:.4g}."
+                f"{floored(self.decay_rate, 4)}."
             )
         return (
-            f"Not certified: already a node with a self-loop of weight {weight:.6g} fails. {self.local.explain()} "
-            "Ask for a smaller weight, or raise the local gain."
+            f"Not certified: already a node with a self-loop of weight {about(self.weight)} fails. "
+            f"{self.local.explain()} Ask for a smaller weight, or raise the local gain."
         )
 
     def _graphs(self) -> str:
         """The couplings that this is about, in words."""
-        weight, link = float(self.weight), exact_matrix(self.link, "link").fractions()
+        link = exact_matrix(self.link, "link").fractions()
         if link.shape != (1, 1):
             return (
-                f"with any links that map Y into U and sum_j r'W_jk y <= {weight:.6g} r'K y for every node k and y "
-                "in Y, for the link K and the r of the certificate"
+                f"with any links that map Y into U and sum_j r'W_jk y <= {floored(self.weight)} r'K y for every node k "
+                "and y in Y, for the link K and the r of the certificate"
             )
         entering = " (or the sum over those that enter a node)" if self.local.model.n_nodes == 1 else ""
-        size, sign = float(abs(link[0, 0]) * Fraction(self.weight)), "nonpositive" if link[0, 0] < 0 else "nonnegative"
+        sign = "nonpositive" if link[0, 0] < 0 else "nonnegative"
         what = "whose sum" if link[0, 0] >= 0 else "the sum of whose sizes"
         return (
-            f"on any graph with {sign} weights {what} over the links that leave a node{entering} is at most {size:.6g}"
+            f"on any graph with {sign} weights {what} over the links that leave a node{entering} is at most "
+            f"{floored(self._largest_sum)}"
         )
 
     def covers(self, coupling: Any, types: Sequence[int] | None = None) -> bool:
@@ -173,15 +175,20 @@ class OutWeightCertificate(Certificate):
             return True
         return self.local.model.totals[1:] == (1, 1) and all_hold(on.coupling(model)) and self._bounds_rows(model)
 
+    @property
+    def _largest_sum(self) -> Fraction:
+        """weight |link| of nodes with one input and one output."""
+        return Fraction(self.weight) * abs(exact_matrix(self.link, "link").fractions()[0, 0])
+
     def _bounds_rows(self, model: NetworkModel) -> bool:
         """sum_k |W_jk| <= weight |link| for the links that enter a node.
 
         What maps Y into U has the sign of the link, as the self-loops do unless they are 0.
         """
-        n, link = model.n_nodes, exact_matrix(self.link, "link").fractions()[0, 0]
-        if not link or not self.weight:
+        n, most, link = model.n_nodes, self._largest_sum, exact_matrix(self.link, "link").values[0, 0]
+        if not most:
             return False
-        bound = Matrix.from_fractions(np.full((1, n), -Fraction(self.weight) * abs(link)))
+        bound = Matrix.from_fractions(np.full((1, n), -most))
         table = Matrix.join([model.coupling.T, bound], -2)
         sums = Matrix(np.append(np.full(n, -1.0 if link < 0 else 1.0), 1.0)[None])
         forms = BilinearForms(sums, table, Matrix(sp.eye_array(n, format="csr")))
