@@ -216,3 +216,11 @@ def test_vectors_that_leave_a_cone_no_room_are_refused(name, rows):
     """A cone that holds b and -b is not pointed; one between two opposite half-spaces is not solid."""
     with pytest.raises(kp.ConeMismatchError, match=f"of {name} with positive weights is zero"):
         kp.find_cone([[0, 1], [-1, -3]], **{name: rows})
+
+
+def test_a_cone_with_redundant_generators_is_decided_upon():
+    """Rays, facets and incidence of a cone of hundreds of generators, some of them redundant, belong together."""
+    s = ct.ss([[-1, 0, 0], [0, -2, 0], [0, 0, -3]], [[1], [1], [1]], [[1, -4, 4.003]], 0)
+    X = kp.find_cone(s).cone
+    assert X.incidence.shape == (X.n_facets, X.n_rays) and ((X.facets @ X.rays.T)[X.incidence] < 1e-9).all()
+    assert kp.ConeStateSpace(s, X=X).is_cone_positive() and kp.linear_lyapunov(s.A, X)

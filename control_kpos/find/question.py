@@ -20,7 +20,8 @@ from ..cones.base import HoldsCone
 from ..exact.budget import OutOfBudgetError, spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
-from ..exact.signs import BilinearForms
+from ..exact.rows import frozen
+from ..exact.signs import UNKNOWN, BilinearForms
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
 from ..proof.proposed_weights import multipliers
@@ -169,6 +170,16 @@ class GeneratedCone(PolyhedralCone):
     def exact_facets(self) -> Matrix:
         """Facet normals as exact data."""
         return self._conversion.generators if self._is_swapped else self._faces.facets
+
+    @property
+    def incidence(self) -> NDArray[np.bool_]:
+        """h_k'x_i = 0 for the generators as they are, redundant ones included; also where that is not known."""
+        return self._incidence
+
+    @cached_property
+    def _incidence(self) -> NDArray[np.bool_]:
+        signs = BilinearForms(self.exact_facets.dense(), None, self.exact_rays.dense()).signs()
+        return frozen(np.isin(signs, (0, UNKNOWN)))
 
     @property
     def is_pointed(self) -> bool:
