@@ -169,10 +169,8 @@ class NoFeedback(Contradiction):
     @property
     def scope(self) -> str:
         """Of several vertices those that share a Lyapunov vector, if stability of more than one was used."""
-        w = self.witness
-        if not isinstance(w, Multipliers):
-            return ""
-        used = sum(any(part) for part in np.reshape(np.array(w.drift, dtype=object), (-1, self.X.dim)))
+        drift = self.witness.drift if isinstance(self.witness, Multipliers) else ()
+        used = sum(any(part) for part in np.reshape(np.array(drift, dtype=object), (-1, self.X.dim)))
         return " with a common Lyapunov vector for all vertices" if used > 1 else ""
 
     def inequalities(self) -> Inequalities:
