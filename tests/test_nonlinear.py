@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import replace
 from fractions import Fraction
@@ -302,6 +303,7 @@ def test_maximum_minimum_and_clip_of_whole_arrays():
         lambda x: np.array([[-2, 1], [1, -2]]) @ np.maximum(x, 0.1),
         lambda x: np.minimum(x, 0.5)[::-1] - 3 * x,
         lambda x: np.clip(x, -0.5, None)[::-1] - 3 * x,
+        lambda x: np.mean(copy.deepcopy(x)) - 3 * x,
         lambda x: np.clip(x, -0.5, 0.5)[::-1] - 3 * x,
     ):
         cert = mode(f)

@@ -287,6 +287,12 @@ class IntervalDual(Unreadable):
 class Quantities(np.ndarray):
     """An array of quantities, with the functions of numpy that its own arrays of objects lack."""
 
+    def mean(self, axis: Any = None, dtype: Any = None, out: Any = None, **how: Any) -> Any:
+        """The sum over the number of terms."""
+        if dtype is not None or out is not None:
+            raise UnsupportedError("a type or a place for the result of mean")
+        return self.sum(axis=axis, **how) / (self.size if axis is None else self.shape[axis])
+
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **how: Any) -> Any:
         return _apply(ufunc, method, inputs, how)
 

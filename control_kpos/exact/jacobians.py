@@ -153,12 +153,12 @@ def _halves(box: Array, sides: NDArray[np.intp], depth: int) -> list[tuple[Array
 def jacobian_by_differences(function: Callable[[Array], Array], point: Array, box: Array) -> Array:
     """Jacobian with respect to the first len(box) quantities, by differences inside the box: no enclosure.
 
-    A side of length zero is left: nothing can be seen inside it.
+    Beside the box only where a side has no length: nothing can be seen inside it.
     """
     columns = []
     with np.errstate(all="ignore"):
         for i, (low, high) in enumerate(box):
-            step = 1e-6 * max(1.0, abs(point[i]), high - low)
+            step = 1e-6 * max(1.0, abs(low), abs(high))
             ahead, behind = point.copy(), point.copy()
             ahead[i], behind[i] = point[i] + step, point[i] - step
             if high > low:
@@ -176,4 +176,5 @@ def box_points(box: Array, count: int) -> Iterator[Array]:
         pick = [(k >> i) & 1 for i in range(len(box))] if corners == 2 ** len(box) else rng.integers(0, 2, len(box))
         yield box[np.arange(len(box)), pick]
     for _ in range(count - corners):
-        yield box[:, 0] + rng.random(len(box)) * (box[:, 1] - box[:, 0])
+        share = rng.random(len(box))
+        yield np.clip((1 - share) * box[:, 0] + share * box[:, 1], box[:, 0], box[:, 1])

@@ -97,11 +97,15 @@ class Unreadable:
             raise AttributeError(name)
         return self._refuse()
 
+    def _same(self, *_: Any) -> Any:
+        return self
+
+    __copy__ = __deepcopy__ = _same
     __add__ = __radd__ = __sub__ = __rsub__ = __mul__ = __rmul__ = __truediv__ = __rtruediv__ = _refuse
     __mod__ = __rmod__ = __floordiv__ = __rfloordiv__ = __divmod__ = __rdivmod__ = __pow__ = __rpow__ = _refuse
     __neg__ = __pos__ = __abs__ = __round__ = __trunc__ = __floor__ = __ceil__ = _refuse
     __lt__ = __le__ = __gt__ = __ge__ = __eq__ = __ne__ = __hash__ = _refuse
     __float__ = __int__ = __index__ = __complex__ = __bool__ = __str__ = __repr__ = __format__ = _refuse
-    __copy__ = __deepcopy__ = __reduce_ex__ = __sizeof__ = __dir__ = _refuse
+    __reduce_ex__ = __sizeof__ = __dir__ = _refuse
 
     __class__: Any = property(_refuse)  # what `isinstance` reads where the type itself does not answer
