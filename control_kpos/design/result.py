@@ -88,7 +88,8 @@ class DesignResult(Answer):
         Proven for the closed loop; NaN without a gain.
     certified_fraction : float or ndarray
         The gain may be weakened to any fraction between this one and 1 (actuators that lose effect, one
-        factor for all inputs of a node) and the proof still holds.  NaN without a gain.
+        factor for all inputs of a node): X stays invariant and v'x does not increase.  Computed in floating point, not
+        proven; nothing is said of other demands.  NaN without a gain.
     message : str
         What stands in the way, for a design that failed.
     nearest : Nearest or None
@@ -156,11 +157,14 @@ class DesignResult(Answer):
         if np.isnan(least):
             return ""
         if least <= 0:
-            return "Actuators may lose any part of their effect, even all, without losing the proof."
+            return (
+                "Computed in floating point, not proven: X stays invariant and V does not increase if actuators lose "
+                "any part of their effect, even all."
+            )
         percent = raised(100 * Fraction(least), 4)
         return (
-            f"The gain must act as designed: the proof covers actuators at {percent} % to 100 % of their "
-            "effect, and below that invariance or stability can be lost."
+            "The gain must act as designed. Computed in floating point, not proven: X stays invariant and V does not "
+            f"increase with actuators at {percent} % to 100 % of their effect; below that either can fail."
         )
 
     def facts(self) -> list[tuple[str, str]]:

@@ -252,7 +252,7 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
     if fraction[weakest] > 0:
         percent = raised(100 * Fraction(fraction[weakest]), 4)
         notes.append(
-            f"Weakened local gains are covered down to {percent} % of their effect at the most "
+            f"Computed, not proven: weakened local gains are covered down to {percent} % of their effect at the most "
             f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
         )
     return DesignResult(
