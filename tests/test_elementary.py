@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from control_kpos.exact.elementary import enclosed, integer_power, quarter_turns, real_power, sine_and_cosine
+from control_kpos.exact.interval_arithmetic import added, product, scaled, sum_of
 from control_kpos.exact.intervals import IntervalDual
 from control_kpos.exact.unreadable import UnboundedError
 
@@ -149,3 +150,42 @@ def test_domains_end():
     assert CALLS["exp"](IntervalDual((-1e300, 0.0), (one, one))).value == (0.0, 1.0)
     assert CALLS["tanh"](IntervalDual((-1e300, 1e300), (one, one))).value == (-1.0, 1.0)
     assert CALLS["sin"](IntervalDual((0.0, 0.0), (one, one))).value == (0.0, 0.0)
+
+
+# -- sums and products, against fractions
+
+ENDS = st.one_of(
+    st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.1, 5e-324, -5e-324, 2.0**-540, 1e300, -1e300, 2.0**53, 2.0**-53]),
+    st.floats(allow_nan=False, allow_infinity=False),
+)
+INTERVALS = st.tuples(ENDS, ENDS).map(lambda ends: (min(ends), max(ends)))
+
+
+def hull(numbers):
+    return min(numbers), max(numbers)
+
+
+@given(INTERVALS, INTERVALS)
+def test_sums_and_products_are_enclosed_and_tight(a, b):
+    exact_sum = tuple(Fraction(x) + Fraction(y) for x, y in zip(a, b, strict=True))
+    exact_product = hull([Fraction(x) * Fraction(y) for x in a for y in b])
+    for operation, entrywise, exact in ((sum_of, added, exact_sum), (product, scaled, exact_product)):
+        second = b if operation is product else tuple(np.array([x, x]) for x in b)
+        try:
+            low, high = operation(a, b)
+        except UnboundedError:
+            assert max(abs(x) for x in exact) > 2.0**1022
+            with pytest.raises(UnboundedError):
+                entrywise(tuple(np.array([x, x]) for x in a), second)
+            continue
+        assert low <= exact[0] <= exact[1] <= high
+        assert math.nextafter(math.nextafter(low, math.inf), math.inf) >= exact[0]
+        assert math.nextafter(math.nextafter(high, -math.inf), -math.inf) <= exact[1]
+        bounds = entrywise(tuple(np.array([x, x]) for x in a), second)
+        assert (bounds[0] == low).all() and (bounds[1] == high).all()
+
+
+@given(INTERVALS)
+def test_products_with_zero_are_exact(a):
+    assert product(a, (0.0, 0.0)) == (0.0, 0.0)
+    assert [x.tolist() for x in scaled((np.array([a[0]]), np.array([a[1]])), (0.0, 0.0))] == [[0.0], [0.0]]

@@ -18,6 +18,7 @@ from flint import arb
 from numpy.typing import NDArray
 
 from .elementary import Interval, enclosed, integer_power, real_power, sine_and_cosine
+from .interval_arithmetic import UNBOUNDED, Gradient, added, bounded, outwards, product, scaled, sum_of
 from .unreadable import UnboundedError, Unreadable, UnsupportedError, note_kink, same_object
 
 Array = NDArray[np.float64]
@@ -26,48 +27,12 @@ Array = NDArray[np.float64]
 _LONGEST = 1000
 
 
-@np.errstate(all="ignore")
-def _out(low: Any, high: Any) -> tuple[Any, Any]:
-    return _finite(np.nextafter(low, -np.inf), np.nextafter(high, np.inf))
-
-
-def _finite(low: Any, high: Any) -> tuple[Any, Any]:
-    if not (np.isfinite(low).all() and np.isfinite(high).all()):
-        raise UnboundedError("a value or derivative is not bounded")
-    return low, high
-
-
-@np.errstate(all="ignore")
-def _times(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Product of intervals.  A product with an exact zero is an exact zero, and signs survive."""
-    pairs = [np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float)) for x in a for y in b]
-    low, high = np.full(pairs[0][0].shape, np.inf), np.full(pairs[0][0].shape, -np.inf)
-    for x, y in pairs:
-        product, exact = x * y, (x == 0) | (y == 0)
-        low = np.minimum(low, np.where(exact, 0.0, np.nextafter(product, -np.inf)))
-        high = np.maximum(high, np.where(exact, 0.0, np.nextafter(product, np.inf)))
-    return _finite(low, high)
-
-
-@np.errstate(all="ignore")
-def _plus(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any]:
-    """Sum of intervals, rounded only where rounding happened (Knuth's error of a sum)."""
-    sums = [np.asarray(x, dtype=float) + y for x, y in zip(a, b, strict=True)]
-    errors = []
-    for x, y, s in zip(a, b, sums, strict=True):
-        back = s - x
-        errors.append((x - (s - back)) + (y - back))
-    low = np.where(errors[0] < 0, np.nextafter(sums[0], -np.inf), sums[0])
-    high = np.where(errors[1] > 0, np.nextafter(sums[1], np.inf), sums[1])
-    return _finite(low, high)
-
-
 class _Line(NamedTuple):
     """scale * a + shift, where a is a quantity with a name; a constant has none, and scale 0."""
 
     name: object
     value: Interval
-    gradient: tuple[Array, Array]
+    gradient: Gradient
     scale: Fraction = Fraction(1)
     shift: Fraction = Fraction(0)
 
@@ -77,6 +42,8 @@ class _Line(NamedTuple):
 
     def moved(self, scale: Fraction, shift: Fraction) -> _Line | None:
         """scale * this + shift; None where the numbers grow too long."""
+        if scale == 1 and not shift:
+            return self
         scale, shift = scale * self.scale, scale * self.shift + shift
         if max(x.bit_length() for number in (scale, shift) for x in number.as_integer_ratio()) > _LONGEST:
             return None
@@ -111,14 +78,14 @@ class IntervalDual(Unreadable):
     __array_priority__ = 1000
     __slots__ = ("gradient", "line", "value")
 
-    def __init__(self, value: Interval, gradient: tuple[Array, Array], line: _Line | None = None) -> None:
+    def __init__(self, value: Interval, gradient: Gradient, line: _Line | None = None) -> None:
         self.value, self.gradient = value, gradient
         self.line = _Line(object(), value, gradient) if line is None else line
 
     def _chain(self, name: str, value: Interval, slope: Interval) -> IntervalDual:
-        return self._named(name, _finite(*value), _times(self.gradient, _finite(*slope)))
+        return self._named(name, bounded(*value), scaled(self.gradient, bounded(*slope)))
 
-    def _named(self, function: str, value: Interval, gradient: tuple[Array, Array]) -> IntervalDual:
+    def _named(self, function: str, value: Interval, gradient: Gradient) -> IntervalDual:
         name = same_object(function, *self.line.key)
         return IntervalDual(value, gradient, _Line(name, value, gradient))
 
@@ -128,7 +95,7 @@ class IntervalDual(Unreadable):
         if is_finite_number(other):
             zero = np.zeros_like(self.gradient[0])
             exact = float(other)
-            value = (exact, exact) if exact == other else _out(exact, exact)
+            value = (exact, exact) if exact == other else outwards(exact, exact)
             number = Fraction(int(other) if isinstance(other, (int, np.integer)) else exact)
             line = _Line(None, value, (zero, zero), Fraction(0), number) if number == other else None
             return IntervalDual(value, (zero, zero), line)
@@ -138,7 +105,7 @@ class IntervalDual(Unreadable):
         if _is_array(other):
             return NotImplemented
         b = self._read(other)
-        return IntervalDual(_plus(self.value, b.value), _plus(self.gradient, b.gradient), self.line.plus(b.line))
+        return IntervalDual(sum_of(self.value, b.value), added(self.gradient, b.gradient), self.line.plus(b.line))
 
     __radd__ = __add__
 
@@ -163,8 +130,8 @@ class IntervalDual(Unreadable):
         if other is self:
             return self**2
         b = self._read(other)
-        first, second = _times(self.gradient, b.value), _times(b.gradient, self.value)
-        value, gradient = _times(self.value, b.value), _plus(first, second)
+        first, second = scaled(self.gradient, b.value), scaled(b.gradient, self.value)
+        value, gradient = product(self.value, b.value), added(first, second)
         line = self.line.times(b.line)
         if line is None:
             line = _Line(same_object("*", *self.line.key, *b.line.key), value, gradient)
@@ -194,15 +161,15 @@ class IntervalDual(Unreadable):
             return (self**-power).reciprocal()
         if power == 0:
             return self._read(1.0)
-        slope = _times(self._read(power).value, _power(self.value, power - 1))
-        return self._named(f"power {power}", _power(self.value, power), _times(self.gradient, slope))
+        slope = product(self._read(power).value, _power(self.value, power - 1))
+        return self._named(f"power {power}", _power(self.value, power), scaled(self.gradient, slope))
 
     def _real_power(self, power: float) -> IntervalDual:
         self._require_positive(f"power {power:g}", or_zero=power > 1)
         value, slope = (
             _hull(*(real_power(x, power, less) if x else (0.0, 0.0) for x in self.value)) for less in (0, 1)
         )
-        return self._chain(f"power {power!r}", value, _times((power, power), _finite(*slope)))
+        return self._chain(f"power {power!r}", value, product((power, power), bounded(*slope)))
 
     def _require_positive(self, what: str, or_zero: bool = False) -> None:
         low = self.value[0]
@@ -247,7 +214,7 @@ class IntervalDual(Unreadable):
         """Square root."""
         self._require_positive("square root")
         value = _rising(arb.sqrt, self.value)
-        return self._chain("sqrt", value, _times((0.5, 0.5), _inverse(value)))
+        return self._chain("sqrt", value, product((0.5, 0.5), _inverse(value)))
 
     def tanh(self) -> IntervalDual:
         """tanh x."""
@@ -372,9 +339,9 @@ def _quotient(a: IntervalDual, b: IntervalDual) -> IntervalDual:
     else:
         line = None
     inverse = _inverse(b.value)
-    value = _times(a.value, inverse)
-    by_b = _times(b.gradient, value)
-    return IntervalDual(value, _times(_plus(a.gradient, (-by_b[1], -by_b[0])), inverse), line)
+    value = product(a.value, inverse)
+    by_b = scaled(b.gradient, value)
+    return IntervalDual(value, scaled(added(a.gradient, (-by_b[1], -by_b[0])), inverse), line)
 
 
 def _fractional_linear(a: _Line, b: _Line) -> IntervalDual:
@@ -385,7 +352,7 @@ def _fractional_linear(a: _Line, b: _Line) -> IntervalDual:
         raise UnboundedError("division by a quantity that may be zero")
     turn = a.scale * b.shift - a.shift * b.scale
     value = _hull(*(_around((a.scale * x + a.shift) / y) for x, y in zip(ends, below, strict=True)))
-    gradient = _times(b.gradient, _hull(*(_around(turn / y**2) for y in below)))
+    gradient = scaled(b.gradient, _hull(*(_around(turn / y**2) for y in below)))
     return IntervalDual(value, gradient, _Line(same_object("/", *a.key, *b.key), value, gradient))
 
 
@@ -393,17 +360,16 @@ def _around(number: Fraction) -> Interval:
     try:
         near = float(number)
     except OverflowError:
-        raise UnboundedError("a value or derivative is not bounded") from None
-    return (near, near) if near == number else _out(near, near)
+        raise UnboundedError(UNBOUNDED) from None
+    return (near, near) if near == number else outwards(near, near)
 
 
-@np.errstate(all="ignore")
 def _inverse(value: Interval) -> Interval:
     """Range of 1 / x."""
     low, high = value
     if low <= 0 <= high:
         raise UnboundedError("division by a quantity that may be zero")
-    return _out(1 / high, 1 / low)
+    return outwards(1 / high, 1 / low)
 
 
 def _hull(*parts: Interval) -> Interval:
@@ -430,4 +396,4 @@ def _power(value: Interval, power: int) -> Interval:
     ends = [integer_power(x, power) for x in value]
     if power % 2 == 0 and value[0] < 0 < value[1]:
         ends.append((0.0, 0.0))
-    return _finite(*_hull(*ends))
+    return bounded(*_hull(*ends))

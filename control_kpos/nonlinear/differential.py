@@ -57,7 +57,7 @@ Array = NDArray[np.float64]
 
 _SAMPLES = 200
 # Points where values are compared with their enclosures, and the relative difference that rounding may make.
-_COMPARED, _DIFFERENCE = 12, 1e-6
+_COMPARED, _DIFFERENCE = 4, 1e-6
 # Operations of a decision without a time limit: a minute or so.
 _EFFORT = 6e10
 # The part of them that goes into enclosures; the rest looks for a violation.
@@ -349,7 +349,7 @@ def _require_agreement(sys: NonlinearIOSystem, enclosure: _Enclosure, whole: Arr
         if k and not enclosure.affords(1, 0):
             return
         try:
-            values, _ = values_on_box(enclosure, point, point, n)
+            values, _ = values_on_box(enclosure, point, point, 0)
         except UnboundedError:
             continue
         low, high = np.array([y.value for y in values]).T
