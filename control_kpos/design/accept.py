@@ -6,28 +6,28 @@ from the exact data and an F of few digits, and every demand is proven about tha
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
-from fractions import Fraction
-from math import lcm
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import about
+from ..cones import orthant
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, spend
-from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
 from ..systems.statespace import ConeStateSpace
 from ..theorems.positivity import cone_positivity
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
-from .certificates import CommonVectorCertificate, FeedbackCertificate, GainBoundCertificate
-from .plant import Floats, Plant
+from .actuator_loss import certified_fraction
+from .certificates import CommonVectorCertificate, DisturbanceCertificate, FeedbackCertificate, GainBoundCertificate
+from .plant import Floats, Plant, closed_loop, times
 from .result import DesignResult
 
 # Significant decimal digits tried for the gain, fewest first.
@@ -40,37 +40,17 @@ _EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
 # Relative size of a singular value that counts as zero; operations of a decomposition, for each entry and row.
 _RANK, _EFFORT = 1e-10, 10.0
-# Distance kept from the end of the interval of fractions, which is computed in floating point.
-_GUARD = 1e-9
-
-# From a gain and its first closed loop to the proof of a further demand.
-Further = Callable[[Floats, Matrix], Certificate]
 
 
 @dataclass(frozen=True)
 class Accepted:
-    """A gain with its proof."""
+    """A gain with its proof: F or K as it was accepted, the gain from states to inputs, closed loops, decay rate."""
 
     F: Floats
+    full: Matrix
     closed: tuple[Matrix, ...]
     certificate: Certificate
-
-    @property
-    def loops(self) -> Any:
-        """The proofs of stability, one for each vertex."""
-        return getattr(self.certificate, "loops", (self.certificate,))
-
-
-def closed_loop(A: Matrix, B: Matrix, F: Matrix) -> Matrix:
-    """A + B F exactly; of stacks, for each matrix."""
-    if B.is_zero:
-        return A
-    (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), F.as_integers()
-    own, product = Fraction(unit), Fraction(first) * second
-    # integers throughout: sums and products of fractions take ten times as long
-    common = lcm(own.denominator, product.denominator)
-    left, right = int(own * common), int(product * common)
-    return Matrix.over(a * left + (b @ f) * right, common)
+    rate: float
 
 
 def roundings(F: Floats) -> Iterator[Floats]:
@@ -92,7 +72,7 @@ def accept(
     rate: float = 0.0,
     x: Floats | None = None,
     gain: float = np.inf,
-    also: Further | None = None,
+    gamma: float | None = None,
 ) -> Accepted | None:
     """The first rounding of F for which every demand is proven, or None.
 
@@ -103,11 +83,11 @@ def accept(
     rate : float
         Decay rate to be proven.
     x : ndarray, shape (n,), optional
-        Candidate for the common vector of several vertices.
+        Candidate for the common vector of several vertices, or of the bound on the gain from disturbances.
     gain : float
         Roundings whose max |F x_k| exceeds this are passed over.
-    also : callable, optional
-        A further demand, to be proven about F and the first closed loop.
+    gamma : float, optional
+        Bound on the L-infinity gain, for a plant with a disturbance.
     """
     F = np.asarray(F, dtype=float)
     if F.shape != plant.shape or not np.isfinite(F).all():
@@ -123,7 +103,7 @@ def accept(
             return None
         spend(_effort(plant, margins))
         try:
-            return _prove(plant, candidate, rate, x, also)
+            return _prove(plant, candidate, rate, x, gamma)
         except DataError:  # numbers so large that the closed loop is no double
             return None
 
@@ -157,21 +137,26 @@ def slack(plant: Plant, F: Floats) -> Floats:
     return np.concatenate(out)
 
 
-def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, also: Further | None) -> Accepted | None:
+def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, gamma: float | None) -> Accepted | None:
     full = exact_gain(plant, F)
     closed = tuple(closed_loop(A, B, full) for A, B in plant.vertices)
     loops = _all_proven(_proven_loop(M, plant, rate) for M in closed)
-    others = _all_proven(_others(plant, full, closed, loops, rate, x)) if loops else None
-    if others is not None and also is not None:
-        others = _all_proven((*others, also(F, closed[0])))
+    others = _all_proven(_others(plant, full, closed, loops, rate, x, gamma)) if loops else None
     if others is None:
         return None
     single = len(loops) == 1 and not others
-    return Accepted(F, closed, loops[0] if single else FeedbackCertificate.settle(loops=loops, others=others))
+    proof = loops[0] if single else FeedbackCertificate.settle(loops=loops, others=others)
+    return Accepted(F, full, closed, proof, rate)
 
 
 def _others(
-    plant: Plant, full: Matrix, closed: tuple[Matrix, ...], loops: tuple[Any, ...], rate: float, x: Floats | None
+    plant: Plant,
+    full: Matrix,
+    closed: tuple[Matrix, ...],
+    loops: tuple[Any, ...],
+    rate: float,
+    x: Floats | None,
+    gamma: float | None,
 ) -> Iterator[Certificate | None]:
     """What is demanded besides the stability of every closed loop."""
     if plant.gain_bound is not None:
@@ -184,6 +169,11 @@ def _others(
     if plant.coupling is not None:
         for M in closed:
             yield _proven_loop(closed_loop(M, plant.coupling, Matrix.identity(plant.n)), plant, rate)
+    if plant.disturbance is not None:
+        E, G, H, D = plant.disturbance
+        W, Z = orthant(E.shape[1]), orthant(G.shape[0])
+        proof = cone_positivity(closed[0], E, closed_loop(G, H, full), D, plant.X, W, Z, discrete=plant.discrete)
+        yield DisturbanceCertificate.settle(positivity=proof, x=x, gamma=gamma)
     if len(closed) > 1:
         yield None if x is None else CommonVectorCertificate.settle(loops=tuple(l.positivity for l in loops), x=x)
 
@@ -208,8 +198,8 @@ def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | 
 
 def exact_gain(plant: Plant, F: Floats) -> Matrix:
     """The gain from states to inputs: F, or F C of output feedback."""
-    K = exact_matrix(F, "F")
-    return K if plant.reads is None else closed_loop(Matrix.zeros(plant.m, plant.n), K, plant.reads)
+    K = Matrix(np.array(F))
+    return K if plant.reads is None else times(K, plant.reads)
 
 
 # -- results
@@ -237,7 +227,7 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
     loop = ConeStateSpace(
         found.closed[0],
         plant.vertices[0][1],
-        closed_loop(sys.C, sys.D, exact_gain(plant, found.F)),
+        closed_loop(sys.C, sys.D, found.full),
         sys.D,
         sys.dt,
         X=plant.X,
@@ -255,7 +245,8 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
         value=value,
         limit=limit,
         decay_rate=proven_rate(found),
-        certified_fraction=certified_fraction(plant, found),
+        certified_fraction=partial(certified_fraction, plant, found.full, found.certificate, found.rate),
+        weakened_rate=found.rate,
         notes=controllability_notes(plant),
     )
 
@@ -263,35 +254,6 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
 def proven_rate(found: Accepted) -> float:
     """Decay rate of the slowest vertex."""
     return float(getattr(found.certificate, "decay_rate", np.nan))
-
-
-# -- actuators that lose effect
-
-
-def certified_fraction(plant: Plant, found: Accepted) -> float:
-    """Smallest s such that every fraction in [s, 1] of the gain keeps X invariant and the same v decreasing.
-
-    All inequalities of the certificate are linear in s, A + s B F, so these fractions are an interval that ends at 1.
-    """
-    u, loops, extra = found.F @ plant.seen, found.loops, 0.0
-    if plant.coupling is not None:
-        loops = [c for c in found.certificate.parts() if isinstance(c, LyapunovCertificate)][-len(plant.vertices) :]
-        extra = np.asarray(plant.coupling.values)
-    starts = [np.zeros(1)]
-    for (A, B), loop in zip(plant.pairs, loops, strict=True):
-        base, slope = plant.facets @ A @ plant.rays.T, plant.facets @ B @ u
-        starts.append(interval_starts(base[None, plant.incidence], slope[None, plant.incidence]))
-        drift, v = A + extra - (np.eye(plant.n) if plant.discrete else 0.0), np.asarray(loop.v)
-        starts.append(interval_starts(-(v @ drift @ plant.rays.T)[None], -(v @ B @ u)[None]))
-    return float(np.concatenate(starts).max())
-
-
-def interval_starts(constant: Floats, slope: Floats) -> Floats:
-    """Row by row the smallest s in [0, 1] with constant + t slope >= 0 for all t in [s, 1]; at 1 this is known."""
-    size = np.abs(constant) + np.abs(slope)
-    falling = constant < -1e-13 * size
-    ends = np.where(falling, -constant / slope * (1 + _GUARD), 0.0)
-    return np.clip(np.nan_to_num(ends, nan=1.0, posinf=1.0).max(axis=1, initial=0.0), 0.0, 1.0)
 
 
 # -- modes that no feedback moves

@@ -11,6 +11,7 @@ which is linear in xi, z_k = xi_k F x_k and gamma.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,9 +22,7 @@ from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix
 from ..exact.program import Block, Program, Solver
 from ..proof.answer import first_proven
-from ..theorems.positivity import cone_positivity
-from .accept import Accepted, accept, beyond_feedback, closed_loop, succeed, undecided
-from .certificates import DisturbanceCertificate
+from .accept import Accepted, accept, beyond_feedback, succeed, undecided
 from .plant import Floats, Plant
 from .result import DesignResult
 from .simplicial.inequalities import output_rows
@@ -58,12 +57,13 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     if len(plant.vertices) > 1:
         raise DataError("disturbance rejection takes one plant; leave vertices out.")
     E, G, H, D = read_disturbance(data, plant)
+    plant = replace(plant, disturbance=(E, G, H, D))
     W, Z = orthant(E.shape[1]), orthant(G.shape[0])
     message = "w in the orthant must not leave X or z's orthant directly: E must map into X and D be nonnegative."
     blocked = beyond_feedback(plant, message, B=E, D=D, U=W, Y=Z)
     if blocked is not None:
         return blocked
-    program = DisturbanceProgram(plant, rate, (E, G, H, D), lp)
+    program = DisturbanceProgram(plant, rate, lp)
     least = program.program()
     least.add(gamma=Block(1, cost=1.0))
     least.below(-program.through, x=program.total, gamma=-np.ones(len(program.total)))
@@ -89,12 +89,7 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     def prove(candidate: tuple[float, Floats]) -> Accepted | None:
         gamma, (F, inside) = candidate[0], program.read(candidate[1])
 
-        def bounded(gain: Floats, loop: Matrix) -> DisturbanceCertificate:
-            out = closed_loop(G, H, Matrix(gain))
-            positivity = cone_positivity(loop, E, out, D, plant.X, W, Z, discrete=plant.discrete)
-            return DisturbanceCertificate.settle(positivity=positivity, x=inside, gamma=gamma)
-
-        return accept(plant, F, rate=rate, also=bounded)
+        return accept(plant, F, rate=rate, x=inside, gamma=gamma)
 
     found = first_proven(points(), prove)
     if found is None:
@@ -103,11 +98,11 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
 
 
 class DisturbanceProgram(SimplicialProgram):
-    """The inequalities of the module's head over x = (xi, z), for E, G, H, D in doubles."""
+    """The inequalities of the module's head over x = (xi, z), for E, G, H, D of the plant in doubles."""
 
-    def __init__(self, plant: Plant, rate: float, data: tuple[Matrix, ...], lp: Solver) -> None:
+    def __init__(self, plant: Plant, rate: float, lp: Solver) -> None:
         super().__init__(plant, lp)
-        E, G, H, D = (np.asarray(M.values) for M in data)
+        E, G, H, D = (np.asarray(M.values) for M in plant.disturbance)  # type: ignore[union-attr]
         self.rate, self.through = rate, D.sum(axis=1)
         self.push = (plant.facets @ E).sum(axis=1) / np.einsum("ij,ij->i", plant.facets, plant.rays)
         self.closed = stacked(self.closed, output_rows(G, H, np.eye(len(G)), plant.rays)[0])

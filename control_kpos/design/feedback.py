@@ -20,10 +20,10 @@ from ..exact.intake import choice, exact_number, is_number
 from ..exact.matrix import Matrix
 from ..progress import Target
 from ..systems.system import System
-from .accept import beyond_feedback, closed_loop
+from .accept import beyond_feedback
 from .disturbance import reject_disturbance
 from .modelling import design_with_constraints
-from .plant import Plant, read_plant, read_system, require_simplicial
+from .plant import Plant, closed_loop, read_plant, read_system, require_simplicial
 from .polyhedral.search import design_by_alternation, design_in_two_steps
 from .result import OBSERVER, DesignResult, dual_words
 from .running import Programs, SolverChoice, within

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import cached_property
+from math import lcm
 from typing import Any
 
 import numpy as np
@@ -46,6 +48,8 @@ class Plant:
         True: B U in X and (C + D F) X in Y are demanded as well.
     coupling : Matrix or None
         Stability is asked of A + B F + coupling, invariance of A + B F.
+    disturbance : tuple of Matrix, or None
+        (E, G, H, D): the L-infinity gain from w to z in x' = (A + B F) x + E w, z = (G + H F) x + D w is bounded.
     names : mapping
         Labels of inputs, outputs and states.
     """
@@ -57,6 +61,7 @@ class Plant:
     pattern: NDArray[np.bool_] | None = None
     ports: bool = False
     coupling: Matrix | None = None
+    disturbance: tuple[Matrix, Matrix, Matrix, Matrix] | None = None
     names: Mapping[str, Any] = field(default_factory=dict)
     # states, inputs, shape of the gain, and two of the system's own, read far more often than set
     n: int = field(init=False)
@@ -136,6 +141,37 @@ class Plant:
     def gain_of(self, F: Floats) -> float:
         """max |F x_k| over inputs and generators x_k of X; of F C x_k for output feedback."""
         return float(np.abs(np.asarray(F, dtype=float) @ self.seen).max(initial=0.0))
+
+
+# -- exact sums and products
+
+
+def closed_loop(A: Matrix, B: Matrix, F: Matrix) -> Matrix:
+    """A + B F exactly; of stacks, for each matrix."""
+    if B.is_zero:
+        return A
+    (a, unit), (b, first), (f, second) = A.as_integers(), B.as_integers(), F.as_integers()
+    own, product = Fraction(unit), Fraction(first) * second
+    # integers throughout: sums and products of fractions take ten times as long
+    common = lcm(own.denominator, product.denominator)
+    left, right = int(own * common), int(product * common)
+    return Matrix.over(a * left + (b @ f) * right, common)
+
+
+def times(left: Matrix, right: Matrix) -> Matrix:
+    """left right exactly; of stacks, for each matrix."""
+    (a, unit), (b, other) = left.as_integers(), right.as_integers()
+    factor = Fraction(unit) * other
+    return Matrix.over((a @ b) * factor.numerator, factor.denominator)
+
+
+def shifted(A: Matrix, number: float) -> Matrix:
+    """A + number I exactly."""
+    n = A.shape[-1]
+    return closed_loop(A, Matrix.identity(n), Matrix(number * np.eye(n))) if number else A
+
+
+# -- arguments
 
 
 def read_plant(

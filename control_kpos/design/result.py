@@ -62,6 +62,36 @@ def dual_words(text: str) -> str:
     return text
 
 
+def percent(fraction: float) -> str:
+    """A fraction of an effect in per cent, rounded up, with so many digits that it is below 100."""
+    texts = (raised(100 * Fraction(fraction), digits) for digits in (4, 6, 9))
+    return next((text for text in texts if text != "100"), "100")
+
+
+class Lazy:
+    """A field that may be given as a function without arguments, which is asked when the field is first read.
+
+    Parameters
+    ----------
+    default : object
+    """
+
+    def __init__(self, default: Any) -> None:
+        self.default = default
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self.name = name
+
+    def __get__(self, record: Any, owner: type | None = None) -> Any:
+        held = self.default if record is None else vars(record)[self.name]
+        if callable(held):
+            held = vars(record)[self.name] = held()
+        return held
+
+    def __set__(self, record: Any, value: Any) -> None:
+        vars(record)[self.name] = value
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class DesignResult(Answer):
     """Outcome of a feedback design.  `bool(result)` is True only for PROVED; otherwise there is no gain.
@@ -87,9 +117,11 @@ class DesignResult(Answer):
     decay_rate : float
         Proven for the closed loop; NaN without a gain.
     certified_fraction : float or ndarray
-        The gain may be weakened to any fraction between this one and 1 (actuators that lose effect, one
-        factor for all inputs of a node): X stays invariant and v'x does not increase.  Computed in floating point, not
-        proven; nothing is said of other demands.  NaN without a gain.
+        Proven: everything in `certificate` holds for A + B diag(s) F, too, for all s with every s_j between this number
+        and 1 (actuators that lose effect, each on its own), with a decay rate of `weakened_rate` for its own.  Proven
+        when it is first read.  1: nothing less is proven.  Of networks: for every node.  NaN without a gain.
+    weakened_rate : float
+        The decay rate that was asked for; of networks at most the one in `certificate`.  0: some decay rate.
     message : str
         What stands in the way, for a design that failed.
     nearest : Nearest or None
@@ -108,7 +140,8 @@ class DesignResult(Answer):
     value: float = float("nan")
     limit: float = float("nan")
     decay_rate: float = float("nan")
-    certified_fraction: Any = float("nan")
+    certified_fraction: Lazy = Lazy(float("nan"))
+    weakened_rate: float = 0.0
     nearest: Nearest | None = None
     notes: Sequence[str] = field(default_factory=tuple)
     law: str = "u = F x"
@@ -156,15 +189,16 @@ class DesignResult(Answer):
         least = float(self.certified_fraction)
         if np.isnan(least):
             return ""
+        if least >= 1:
+            return "Nothing is proven of actuators that lose effect: the gain must act as designed."
+        slower = (
+            f"with a decay rate of at least {floored(self.weakened_rate)}" if self.weakened_rate else "however slowly"
+        )
         if least <= 0:
-            return (
-                "Computed in floating point, not proven: X stays invariant and V does not increase if actuators lose "
-                "any part of their effect, even all."
-            )
-        percent = raised(100 * Fraction(least), 4)
+            return f"All of this is proven, {slower}, also if actuators lose any part of their effect, even all."
         return (
-            "The gain must act as designed. Computed in floating point, not proven: X stays invariant and V does not "
-            f"increase with actuators at {percent} % to 100 % of their effect; below that either can fail."
+            f"All of this is proven, {slower}, for actuators at {percent(least)} % to 100 % of their effect, each on "
+            "its own; nothing is proven below."
         )
 
     def facts(self) -> list[tuple[str, str]]:

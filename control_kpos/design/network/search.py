@@ -6,14 +6,13 @@ import warnings
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ...cards import raised
+from ...cards import floored
 from ...cones import Cone
 from ...errors import (
     ActuatorLossWarning,
@@ -25,18 +24,21 @@ from ...exact.budget import OutOfBudgetError, affords, reason, spend
 from ...exact.intake import flag, items
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
+from ...networks.certificate import NetworkCertificate, node_vectors
+from ...networks.conditions import decrease_forms
 from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, gather
 from ...networks.network import ConeNetwork
 from ...networks.nodes import NodeStack
 from ...progress import Target
 from ...proof.answer import first_proven
-from ...proof.certificate import Status, exactly
+from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
-from ..accept import closed_loop, interval_starts, undecided
+from ..accept import undecided
+from ..actuator_loss import Demand, least_fractions, lifted
 from ..feedback import read_rate
-from ..plant import read_bound
-from ..result import DesignResult
+from ..plant import closed_loop, read_bound
+from ..result import DesignResult, percent
 from ..running import Programs, SolverChoice, within
 from ..simplicial.program import Failure
 from .program import MARGINS, NetworkProgram, Task
@@ -246,15 +248,10 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
         return None
     if certificate.decay_rate < task.rate and not -network.spectral_abscissa()[1] >= task.rate:
         return None
-    invariant, fraction = node_fractions(model, gains, certificate)
+    kept = min(task.rate, certificate.decay_rate)
+    fraction, fragile = node_fractions(model, gains, certificate, kept)
     notes = [] if exact else [_rounding_note(program, gains, closed)]
-    weakest = int(np.argmax(fraction))
-    if fraction[weakest] > 0:
-        percent = raised(100 * Fraction(fraction[weakest]), 4)
-        notes.append(
-            f"Computed, not proven: weakened local gains are covered down to {percent} % of their effect at the most "
-            f"sensitive node ({model.name_of(weakest)}); see certified_fraction for each."
-        )
+    notes += _weakening(model, fraction, kept)
     return DesignResult(
         status=Status.PROVED,
         F=_shaped(task, gains),
@@ -265,8 +262,9 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
         limit=limit,
         decay_rate=max(certificate.decay_rate, task.rate),
         certified_fraction=fraction,
+        weakened_rate=kept,
         notes=tuple(notes),
-        alarm=loss_of_positivity(model, invariant, fraction),
+        alarm=loss_of_positivity(model, fraction, fragile),
     )
 
 
@@ -324,36 +322,52 @@ def _shaped(task: Task, gains: list[Floats]) -> Any:
     return tuple(slots)
 
 
-def node_fractions(model: NetworkModel, gains: list[Floats], certificate: Any) -> tuple[Floats, Floats]:
-    """Smallest fractions of the local gains that keep the node invariant, and the network certified, node by node.
+def node_fractions(
+    model: NetworkModel, gains: list[Floats], certificate: NetworkCertificate, rate: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """The fractions of the local gains that keep the network certified with this decay rate, proven for every node.
 
-    All nodes may be weakened at once.
+    All nodes may be weakened at once, every input on its own.  Second: nodes that leave their state cone for some
+    weaker gain, which is proven as well.
     """
-    v = exactly(certificate, "v").values
-    block_b, block_c = model.block_matrices[1], model.block_matrices[2]
-    received = block_c.T @ (model.WT @ (block_b.T @ v))
-    invariant, certified = np.zeros(model.n_nodes), np.zeros(model.n_nodes)
-    for s, index, F, v_j, c_j in zip(
-        model.stacks, model.members, gains, model.split(v, 0), model.split(received, 0), strict=True
+    v, _, q = node_vectors(certificate)
+    certified, fragile = np.zeros(model.n_nodes), np.zeros(model.n_nodes, dtype=bool)
+    for s, index, F, v_j, q_j in zip(
+        model.stacks, model.members, gains, model.split(v, 0), model.split(q, 2), strict=True
     ):
-        rays, facets = np.asarray(s.X.rays).T, np.asarray(s.X.facets)
-        A, BF = np.asarray(s.A.values), np.asarray(s.B.values) @ F
-        where = np.ones_like(s.X.incidence) if model.discrete else np.asarray(s.X.incidence)
-        drift = A - np.eye(s.sizes[0]) if model.discrete else A
-        fall, fall_slope = (-(v_j[:, None] @ M @ rays)[:, 0] for M in (drift, BF))
-        invariant[index] = interval_starts((facets @ A @ rays)[:, where], (facets @ BF @ rays)[:, where])
-        certified[index] = np.maximum(invariant[index], interval_starts(fall - c_j @ rays, fall_slope))
-    return invariant, certified
+        seen = lifted(s.rays[0].plain(), Matrix(np.array(F)).T)
+        stays = Demand(s.X.exact_facets.plain(), s.A, s.B, seen, where=None if model.discrete else s.X.incidence)
+        fall = decrease_forms(s, v_j, q_j, rate, model.discrete)
+        pushed = Matrix.join([s.B, Matrix.zeros(1, fall.left.shape[-1] - s.sizes[0], s.sizes[1])], -2)
+        falls = Demand(-fall.left, fall.middle, pushed, seen, strict=not rate)  # type: ignore[arg-type]
+        shape = (len(index),)
+        invariant, fragile[index] = least_fractions([stays], shape)
+        certified[index] = np.maximum(invariant, least_fractions([falls], shape)[0])
+    return certified, fragile
 
 
-def loss_of_positivity(model: NetworkModel, invariant: Floats, fraction: Floats) -> str:
-    """What to warn of: the node whose invariance suffers first from a weaker gain."""
-    if not invariant.any():
+def _weakening(model: NetworkModel, fraction: Floats, rate: float) -> list[str]:
+    """What is proven of local actuators that lose effect."""
+    weakest = int(np.argmax(fraction))
+    least, name = float(fraction[weakest]), model.name_of(weakest)
+    slower = f"with a decay rate of at least {floored(rate)}" if rate else "with some decay rate"
+    if least >= 1:
+        return [f"Nothing is proven if actuators of {name} lose effect; see certified_fraction for each node."]
+    if least <= 0:
+        return [f"The network stays certified, {slower}, if local actuators lose any part of their effect, even all."]
+    return [
+        f"The network stays certified, {slower}, for local actuators at {percent(least)} % to 100 % of their effect, "
+        f"each on its own; the most sensitive node is {name}, see certified_fraction for each."
+    ]
+
+
+def loss_of_positivity(model: NetworkModel, fraction: Floats, fragile: NDArray[np.bool_]) -> str:
+    """What to warn of: of the nodes that leave their state cone with a weaker gain, the one that needs most of it."""
+    if not fragile.any():
         return ""
-    first = int(np.argmax(invariant))
-    percent = raised(100 * Fraction(fraction[first]), 4)
+    first = int(np.argmax(np.where(fragile, fraction, -1.0)))
     return (
-        f"below {percent} % of its local gain, {model.name_of(first)} is no longer certified to stay "
+        f"below {percent(fraction[first])} % of its local gain, {model.name_of(first)} is no longer certified to stay "
         "in its state cone, and then nothing is certified about the network; weakened gains break positivity at "
-        f"{np.count_nonzero(invariant)} of {model.n_nodes} nodes (certified_fraction holds the limit of each)."
+        f"{np.count_nonzero(fragile)} of {model.n_nodes} nodes (certified_fraction holds the limit of each)."
     )
