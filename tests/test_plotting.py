@@ -243,3 +243,52 @@ def test_choosing_the_backend_in_a_picture_leaves_interactive_mode_on(monkeypatc
             assert plt.isinteractive()
     finally:
         plt.ioff()
+
+
+def pictures():
+    """One picture of each kind, and what python-control draws into the axes of others."""
+    node = kp.examples.mass_spring_node()
+    net = kp.feedback_interconnect([node] * 4, kp.examples.ring(4))
+    plain, two = ct.ss([[-1]], [[1]], [[1]], 0), ct.ss([[-1, 0], [0, -2]], [[1], [1]], np.eye(2), 0)
+    ours = {
+        "cone": lambda: kp.plot_cone(kp.orthant(2)),
+        "named": lambda: kp.plot_cone(kp.orthant(2), label="orthant"),
+        "phase": lambda: kp.phase_portrait(node),
+        "network": lambda: kp.plot_network(net),
+        "poles": lambda: kp.plot_poles(net),
+    }
+    theirs = {
+        "step": lambda: ct.step_response(plain).plot(),
+        "steps": lambda: ct.step_response(two).plot(),
+        "bode": lambda: ct.bode_plot(plain),
+        "nyquist": lambda: ct.nyquist_plot(plain),
+        "poles": lambda: ct.pole_zero_plot(plain),
+    }
+    return ours, theirs
+
+
+def test_python_control_draws_into_a_new_figure_after_a_cone_in_space():
+    """Into axes of three dimensions python-control cannot draw, as the docstring says."""
+    kp.plot_cone(kp.orthant(3))
+    plt.figure()
+    ct.nyquist_plot(ct.ss([[-1]], [[1]], [[1]], 0))
+    plt.gcf().canvas.draw()
+
+
+@pytest.mark.parametrize("second", pictures()[1])
+@pytest.mark.parametrize("first", pictures()[0])
+def test_python_control_draws_after_a_picture_of_ours_and_before_it(first, second):
+    ours, theirs = (those[name] for those, name in zip(pictures(), (first, second), strict=True))
+    for one, other in ((ours, theirs), (theirs, ours)):
+        plt.close("all")
+        one()
+        other()
+        for number in plt.get_fignums():
+            plt.figure(number).canvas.draw()
+
+
+def test_every_line_has_a_label_of_text():
+    for picture in pictures()[0].values():
+        plt.close("all")
+        axes = picture().axes.ravel()
+        assert all(isinstance(line.get_label(), str) for ax in axes for line in ax.get_lines())

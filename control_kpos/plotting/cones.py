@@ -20,6 +20,7 @@ from .figure import (
     GREEN,
     ORANGE,
     PINK,
+    UNNAMED,
     YELLOW,
     Points,
     choose_axes,
@@ -75,6 +76,11 @@ def plot_cone(
     NotProperConeError
         The cone contains a line or has no interior.
 
+    Notes
+    -----
+    python-control draws into the axes of the current figure if there is one only, and not all of its plots work in
+    three dimensions.  Call `plt.figure()` before them when the current figure shows a cone in space.
+
     Examples
     --------
     >>> import control_kpos as kp
@@ -122,7 +128,7 @@ def _draw_cone_in_plane(
     sector = Polygon(np.vstack([[0, 0], arc]), closed=True, facecolor=color, alpha=0.3, linewidth=0, zorder=0)
     faces = [ax.add_patch(sector)]
     rays = [ax.plot([0, r[0]], [0, r[1]], color=color, linestyle=dashes, linewidth=1.8)[0] for r in (arc[0], arc[-1])]
-    rays[0].set_label(label)
+    rays[0].set_label(label or UNNAMED)
     ax.axhline(0, color="0.6", linewidth=0.6, zorder=0)
     ax.axvline(0, color="0.6", linewidth=0.6, zorder=0)
     ax.set(xlabel="x[0]", ylabel="x[1]")
@@ -143,7 +149,7 @@ def _draw_cone_in_space(
     lid = Poly3DCollection([ring], facecolors=color, edgecolors=color, alpha=0.12, linestyle=":")
     faces = [ax.add_collection3d(walls), ax.add_collection3d(lid)]
     rays = [ax.plot(*np.column_stack([np.zeros(3), r]), color=color, linestyle=dashes, linewidth=1.6)[0] for r in ring]
-    rays[0].set_label(label)
+    rays[0].set_label(label or UNNAMED)
     ax.set(xlabel="x[0]", ylabel="x[1]", zlabel="x[2]")
     ax.set_aspect("equal")
     ax.locator_params(nbins=5)

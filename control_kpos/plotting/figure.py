@@ -24,6 +24,8 @@ from ..exact.intake import found, words
 Points: TypeAlias = NDArray[np.float64]
 
 BLUE, ORANGE, GREEN, PINK, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
+# The label of what has no place in a legend: python-control reads the labels of all lines, and None is no text.
+UNNAMED = "_nolegend_"
 
 
 @contextmanager

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.patches import Circle, Rectangle
+from matplotlib.text import Text
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.csgraph import shortest_path
@@ -94,15 +95,15 @@ def plot_network(
     with control_style():
         ax = choose_axes(ax, "rectilinear", "network")
         if n_nodes > MOST_NODES:
-            lines = [_draw_pattern(ax, net.sparse_A), [], []]
-            what = f"closed loop of {n_nodes} nodes, {net.sparse_A.nnz} entries"
-        else:
-            links = _links(net)
-            xy = graph_layout(links) if positions is None else _positions(positions, net)
-            lines = _draw_graph(ax, net, links, xy)
-            what = f"{n_nodes} nodes, {net.certificate.status.name}"
-        legend = bool(ax.get_legend_handles_labels()[0])
-        return finished(lines, ax, user_ax, title, f"{net.name}: {what}", legend=legend)
+            what = f"{net.name}: closed loop of {n_nodes} nodes, {net.sparse_A.nnz} entries"
+            return finished([_draw_pattern(ax, net.sparse_A), [], []], ax, user_ax, title, what, legend=False)
+        links = _links(net)
+        xy = graph_layout(links) if positions is None else _positions(positions, net)
+        lines = _draw_graph(ax, net, links, xy)
+        what = f"{net.name}: {n_nodes} nodes, {net.certificate.status.name}"
+        cplt = finished(lines, ax, user_ax, title, what, legend=bool(ax.get_legend_handles_labels()[0]))
+        cplt.lines[2] = _legible(ax, cplt.lines[2], xy)
+        return cplt
 
 
 def plot_poles(net: ConeNetwork, ax: Any = None, *, k: int | None = None, title: str | None = None) -> ct.ControlPlot:
@@ -227,7 +228,7 @@ def _draw_graph(ax: Any, net: ConeNetwork, links: sp.csr_array, xy: Points) -> l
         norm = LogNorm(low, high) if high > 30 * low else Normalize(low if high > 1.02 * low else 0.0, high)
         nodes = ax.scatter(*xy.T, s=size, c=margins, cmap="cividis_r", norm=norm, edgecolors="black", zorder=2)
         nodes.set_linewidth(0.6)
-        ax.figure.colorbar(nodes, ax=ax, label="scale-free margin of the node", shrink=0.8)
+        _bar_of_colours(ax, nodes, "scale-free margin of the node")
         broken, mark = np.array([int(np.argmin(margins))]), "weakest node"
     else:
         nodes = ax.scatter(*xy.T, s=size, color=SKY, edgecolors="black", linewidths=0.6, zorder=2)
@@ -258,23 +259,30 @@ def _draw_graph(ax: Any, net: ConeNetwork, links: sp.csr_array, xy: Points) -> l
     ax.set_aspect("equal", adjustable="datalim")
     ax.margins(0.18)
     ax.set_axis_off()
-    return [drawn, [nodes], marks + _legible(ax, labels, xy)]
+    return [drawn, [nodes], marks + labels]
 
 
-def _legible(ax: Any, labels: list[Any], xy: Points) -> list[Any]:
-    """The labels that cover no node and no earlier label; the others are taken away."""
+def _bar_of_colours(ax: Any, drawn: Any, label: str) -> None:
+    """Inside the axes of the picture: python-control would draw into another axes of the figure."""
+    ax.figure.colorbar(drawn, cax=ax.inset_axes((1.04, 0.1, 0.04, 0.8)), label=label)
+
+
+def _legible(ax: Any, marks: list[Any], xy: Points) -> list[Any]:
+    """Marks without the names that cover a node or an earlier name, which are taken away.
+
+    Ask when nothing moves any more: legends and titles take room.
+    """
     ax.figure.draw_without_rendering()
     places = ax.transData.transform(xy)
-    kept: list[Any] = []
     boxes: list[Any] = []
-    for label in labels:
-        box = label.get_window_extent()
+    for name in [mark for mark in marks if isinstance(mark, Text)]:
+        box = name.get_window_extent()
         if any(box.overlaps(other) for other in boxes) or any(box.contains(*place) for place in places):
-            label.remove()
+            name.remove()
+            marks = [mark for mark in marks if mark is not name]
         else:
-            kept.append(label)
             boxes.append(box)
-    return kept
+    return marks
 
 
 def broken_nodes(net: ConeNetwork) -> NDArray[np.intp]:
@@ -302,7 +310,7 @@ def _draw_pattern(ax: Any, A: sp.csr_array) -> list[Any]:
         image = np.ma.masked_equal(count, 0)
         out = [ax.imshow(image, cmap="cividis_r", norm=LogNorm(), extent=(0, n, n, 0), interpolation="nearest")]
         cell = -(-n // _BINS)
-        ax.figure.colorbar(out[0], ax=ax, label=f"nonzero entries per {cell} x {cell} cell", shrink=0.8)
+        _bar_of_colours(ax, out[0], f"nonzero entries per {cell} x {cell} cell")
     ax.set_aspect("equal", adjustable="box")
     ax.set(xlabel="from state", ylabel="to state")
     ax.xaxis.set_major_locator(MaxNLocator(4))
