@@ -15,7 +15,7 @@ import json
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
@@ -208,7 +208,9 @@ def system(d: Json, A: Json, radius: Json, cones: list[Cone]) -> System:
     expect(type(d["discrete"]) is bool, "discrete is neither true nor false")
     bounds = given(radius and {"matrix": radius["array"]}, X.dim, X.dim)
     need(all(a >= 0 for column in bounds for a in column.values()), "a radius is not negative")
-    return System(matrix(A, X.dim, X.dim), X=X, U=U, Y=Y, discrete=d["discrete"], radius=bounds, **rest)
+    out = System(matrix(A, X.dim, X.dim), X=X, U=U, Y=Y, discrete=d["discrete"], radius=bounds, **rest)
+    expect(d.get("own_links_closed") in (None, True), "own_links_closed is true where it stands")
+    return own_links_closed(out, numbers(d["sizes"])) if "own_links_closed" in d else out
 
 
 def positive(s: System, e: Json) -> None:
@@ -364,6 +366,56 @@ def invariant(s: System, e: Json) -> None:
 
 
 # -- networks: one large system, with the nodes side by side
+
+
+def own_links_closed(s: System, sizes: list[Fraction]) -> System:
+    """W_jj as a part of node j of the given sizes (states, inputs, outputs), and W without these blocks.
+
+    With S = (I - W_jj D_j)^-1 node j becomes A + B S W_jj C, B S, C + D S W_jj C, D S.
+    """
+    inputs, outputs = ([j // 3 for j in range(kind, len(sizes), 3) for _ in range(int(sizes[j]))] for kind in (1, 2))
+    expect(len(inputs) == s.U.dim and len(outputs) == s.Y.dim, "the sizes are not those of the nodes")
+    own, rest = (
+        [{i: a for i, a in w.items() if (inputs[i] == outputs[k]) is mine} for k, w in enumerate(s.W)]
+        for mine in (True, False)
+    )
+    loops = chained(own, s.D)
+    S = inverse([total((1, {k: Fraction(1)}), (-1, x)) for k, x in enumerate(loops)])
+    heard = chained(S, own, s.C)
+    A, C = (plus(M, chained(N, heard)) for M, N in ((s.A, s.B), (s.C, s.D)))
+    return replace(s, A=A, B=chained(s.B, S), C=C, D=chained(s.D, S), W=rest)
+
+
+def chained(*factors: Matrix) -> Matrix:
+    """The product of matrices."""
+    return reduce(lambda M, N: [image(M, x) for x in N], factors)
+
+
+def plus(M: Matrix, N: Matrix) -> Matrix:
+    """M + N."""
+    return [total((1, x), (1, y)) for x, y in zip(M, N, strict=True)]
+
+
+def inverse(M: Matrix) -> Matrix:
+    """The inverse, by operations on the columns of M over those of the identity."""
+    rest: list[tuple[Vector, Vector]] = [(x, {k: Fraction(1)}) for k, x in enumerate(M)]
+    done: list[tuple[Vector, Vector]] = []
+    for i in range(len(M)):
+        k = next((k for k, (x, _) in enumerate(rest) if i in x), -1)
+        need(k >= 0, "the links of nodes to themselves are well posed")
+        x, z = rest.pop(k)
+        pivot = total((1 / x[i], x)), total((1 / x[i], z))
+        rest, done = ([clear(pair, pivot, i) for pair in part] for part in (rest, done))
+        done.append(pivot)
+    return [z for _, z in done]
+
+
+def clear(pair: tuple[Vector, Vector], pivot: tuple[Vector, Vector], i: int) -> tuple[Vector, Vector]:
+    """Without entry i, by subtraction of the pivot."""
+    a = pair[0].get(i)
+    if a is None:
+        return pair
+    return total((1, pair[0]), (-a, pivot[0])), total((1, pair[1]), (-a, pivot[1]))
 
 
 def loop(s: System, e: Json) -> tuple[Vector, Vector]:

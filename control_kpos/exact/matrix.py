@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
+from functools import partial, reduce
 from math import gcd, lcm
 from typing import Any, TypeAlias
 
@@ -31,6 +32,8 @@ Doubles: TypeAlias = Any
 
 # Above this many entries a dense array is refused (2e8 doubles are 1.6 GB).
 DENSE_LIMIT = 200_000_000
+# Binary digits of the numerators of a stack, brought to one denominator, above which that is refused.
+_LONGEST = 10**9
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +53,9 @@ class Matrix:
         True if `values` is a csr_array.
     is_double : bool
         True if the doubles in `values` are the exact data.
-    numerators, denominator : ndarray of int (object), int
-        Exact data numerators / denominator, for fractions, decimals and large integers.
+    numerators, denominator : ndarray of int (object), int or ndarray of int (object), shape (N, 1, 1)
+        Exact data numerators / denominator, for fractions, decimals and large integers.  Every matrix of a stack
+        may have a denominator of its own, all positive.
     integer_rows : callable or None
         Exact rows on demand: index array -> integers, each row up to a positive factor.  For
         generators and facets of a cone, whose length has no meaning.
@@ -60,7 +64,7 @@ class Matrix:
     values: Doubles
     radius: Doubles | None = None
     numerators: Integers | None = None
-    denominator: int = 1
+    denominator: int | Integers = 1
     integer_rows: Callable[[Index], Integers] | None = None
     shape: tuple[int, ...] = field(init=False, repr=False)
     is_sparse: bool = field(init=False, repr=False)
@@ -96,13 +100,14 @@ class Matrix:
         return cls(values, np.where(exact, 0.0, rounding_radius(values)), nums, den)
 
     @classmethod
-    def over(cls, integers: Integers, denominator: int) -> Matrix:
+    def over(cls, integers: Integers, denominator: int | Integers) -> Matrix:
         """integers / denominator, any shape; nothing is reduced."""
-        flat = integers.ravel().tolist()
+        below = np.broadcast_to(np.asarray(denominator, dtype=object), integers.shape).ravel().tolist()
+        pairs = list(zip(integers.ravel().tolist(), below, strict=True))
         try:
-            values = np.array([x / denominator for x in flat], dtype=float)
+            values = np.array([x / d for x, d in pairs], dtype=float)
         except OverflowError:
-            values = np.array([nearest_double(Fraction(x, denominator)) for x in flat])  # names the number
+            values = np.array([nearest_double(Fraction(x, d)) for x, d in pairs])  # names the number
         values = values.reshape(integers.shape)
         mantissa, exponent = np.frexp(values)
         whole, shift = np.ldexp(mantissa, 53).astype(np.int64).astype(object), exponent.astype(np.int64) - 53
@@ -148,10 +153,9 @@ class Matrix:
         values = beside([part.values for part in parts])
         if all(part.is_double for part in parts):
             return cls(values)
-        exact = [part.as_integers() for part in parts]
-        common = lcm(*(Fraction(factor).denominator for _, factor in exact))
-        scaled = [(ints, int(factor * common)) for ints, factor in exact]
-        numerators = beside([ints if scale == 1 else ints * scale for ints, scale in scaled])
+        exact = [part._quotient(each=axis < 0) for part in parts]
+        common = reduce(_common_multiple, (below for _, below in exact))
+        numerators = beside([_times(ints, common // below) for ints, below in exact])
         return cls(values, beside([part._error() for part in parts]), numerators, common)
 
     @classmethod
@@ -179,7 +183,8 @@ class Matrix:
     def as_integers(self) -> tuple[Integers, int | Fraction]:
         """All entries as integers N with a common positive factor f: exact = N * f."""
         if self.numerators is not None:
-            return self.numerators, Fraction(1, self.denominator)
+            numerators, common = self._quotient(each=False)
+            return numerators, Fraction(1, common)
         if self.integer_rows is not None:
             raise TypeError("rows with factors of their own have no common factor")
         ints, exponent = integers_of_doubles(dense(self.values))
@@ -187,8 +192,25 @@ class Matrix:
 
     def fractions(self) -> NDArray[np.object_]:
         """All entries as Fraction (object array); only for matrices with a common factor."""
+        if self.numerators is not None and not isinstance(self.denominator, int):
+            return self.numerators * np.vectorize(partial(Fraction, 1), otypes=[object])(self.denominator)
         ints, factor = self.as_integers()
         return np.array([Fraction(x) * factor for x in ints.ravel()], dtype=object).reshape(ints.shape)
+
+    def _quotient(self, *, each: bool) -> tuple[Integers, Any]:
+        """Numerators and their denominator; one for all matrices of a stack unless `each` may have its own."""
+        if self.numerators is None:
+            ints, factor = self.as_integers()
+            return ints * Fraction(factor).numerator, Fraction(factor).denominator
+        if each or isinstance(self.denominator, int):
+            return self.numerators, self.denominator
+        common = lcm(*self.denominator.ravel().tolist())
+        if common.bit_length() * self.numerators.size > _LONGEST:
+            raise TooLargeError(
+                f"{len(self.numerators)} matrices with denominators of their own have one in common of "
+                f"{common.bit_length()} binary digits."
+            )
+        return self.numerators * (common // self.denominator), common
 
     def rounded(self, *, up: bool) -> NDArray[np.float64]:
         """Doubles that are nowhere below the exact numbers (`up`), or nowhere above them; dense."""
@@ -210,7 +232,13 @@ class Matrix:
         radius = self.radius[index]  # type: ignore[index]
         if self.integer_rows is not None:
             return Matrix(values, radius, integer_rows=_Rows(self.integer_rows, np.arange(self.shape[0])[index]))
-        return Matrix(values, radius, None if self.numerators is None else self.numerators[index], self.denominator)
+        if self.numerators is None:
+            return Matrix(values, radius)
+        below = self.denominator
+        if not isinstance(below, int):
+            below = below[index]
+            below = int(below.item()) if below.ndim < 3 else below
+        return Matrix(values, radius, self.numerators[index], below)
 
     @property
     def T(self) -> Matrix:
@@ -290,6 +318,17 @@ def _rows_below(parts: Sequence[Matrix]) -> Matrix:
     parts = [part for part in parts if part.shape[0]] or parts[:1]
     values = np.concatenate([dense(part.values) for part in parts])
     return Matrix(values, np.concatenate([part._error() for part in parts]), integer_rows=_RowsBelow(parts))
+
+
+def _common_multiple(a: Any, b: Any) -> Any:
+    """The least, entry by entry where one of them is an array."""
+    return (
+        lcm(a, b) if isinstance(a, int) and isinstance(b, int) else np.lcm(np.asarray(a, object), np.asarray(b, object))
+    )
+
+
+def _times(ints: Integers, factor: Any) -> Integers:
+    return ints if isinstance(factor, int) and factor == 1 else ints * factor
 
 
 def bit_length(integers: Integers) -> int:

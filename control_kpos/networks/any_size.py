@@ -37,9 +37,9 @@ from ..theorems.stability import LyapunovCertificate
 from . import conditions as on
 from .blocks import Floats, Index, converging
 from .certificate import NetworkCertificate, node_vectors
-from .certify import certify
+from .certify import certify_as_given
 from .coupling import is_graph, read_coupling
-from .given_rates import certify_rates
+from .given_rates import certify_rates_as_given
 from .model import NetworkModel, gather
 from .network import ConeNetwork
 from .nodes import NodeStack
@@ -327,11 +327,11 @@ def scale_free_certificate(
     bound = exact_number(weight, "weight", nonnegative=True)
     model = bare.with_coupling(_self_loops(shape, bound, count))
     if count == 1:
-        local = certify(model)
+        local = certify_as_given(model)
     else:
-        local = certify_rates(model, Matrix.from_fractions(np.full(count, -bound)), Matrix(np.ones(count)))
+        local = certify_rates_as_given(model, Matrix.from_fractions(np.full(count, -bound)), Matrix(np.ones(count)))
         if not local and bound > 0:
-            whole = certify(model)
+            whole = certify_as_given(model)
             local = whole if whole.status is Status.REFUTED else local
     return OutWeightCertificate.settle(local=local, weight=_plain(bound), link=_plain(shape), witness=local.witness)
 

@@ -15,7 +15,7 @@ contract, which p_k in int Y_k* and t_j prove.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -31,6 +31,7 @@ from . import conditions as on
 from . import files
 from .blocks import Floats
 from .model import NetworkModel
+from .own_links import own_links_closed, same_network
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -94,6 +95,14 @@ class ClaimOnNetwork(Certificate):
     def loop(self) -> LoopWeights:
         """`loop_weights`, exactly."""
         return None if self.loop_weights is None else exactly(self, "loop_weights")
+
+    def is_consistent(self) -> bool:
+        """True if links of nodes to themselves were closed rightly, should they have been."""
+        origin = self.model.origin
+        if origin is None:
+            return True
+        closed = own_links_closed(replace(origin))
+        return closed is not None and same_network(closed, self.model)
 
     def contents(self) -> dict[str, Any]:
         """The network as one large system, and the fields."""
@@ -209,20 +218,21 @@ class NetworkCertificate(ClaimOnNetwork):
     def explain(self) -> str:
         model = self.model
         what = f"the network of {model.n_nodes} nodes ({model.totals[0]} states)"
+        links = "the links"
+        if model.origin is not None:
+            what += ", with the links of nodes to themselves closed first as parts of these nodes,"
+            links = "the links between different nodes"
         if self:
             weakest = int(np.argmin(self.node_margins))
             unit = "step" if model.discrete else "unit of time"
-            delays = (
-                "It stays stable under any constant delays of the links"
-                if not model.has_feedthrough
-                else "It stays stable under any constant delays of the links whose sources have no feedthrough"
-            )
+            without = " whose sources have no feedthrough" if model.has_feedthrough else ""
+            delays = f"It stays stable under any constant delays of {links}{without}"
             return (
                 f"Proved: {what} is positive and exponentially stable with decay rate at least "
                 f"{floored(self.decay_rate, 4)} per {unit}. "
                 f"The weakest is {model.name_of(weakest)}, with scale-free margin "
                 f"{self.node_margins[weakest]:.3g}. {delays}, "
-                "and when links are weakened, lost or switched over time, as long as what is left and what is "
+                f"and when {links} are weakened, lost or switched over time, as long as what is left and what is "
                 "taken away "
                 "both map Y into U. Not so for a weakened feedback inside a node."
             )

@@ -9,14 +9,14 @@ A_cl x in X exists and is found at a shift just above the abscissa.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 
 from ..cones import Cone, Orthant
-from ..exact.condition import Condition
+from ..exact.condition import Condition, all_hold
 from ..exact.matrix import Matrix
 from ..exact.rounding import HALF_ULP
 from ..proof.certificate import Status
@@ -25,6 +25,7 @@ from . import conditions as on
 from .blocks import Floats, Index
 from .certificate import NetworkCertificate
 from .model import NetworkModel
+from .own_links import has_own_links, own_links, own_links_closed
 from .spectrum.descent import (
     Approach,
     Progress,
@@ -46,6 +47,7 @@ from .witnesses import (
     NetworkInstability,
     NodeViolation,
     below_abscissa,
+    positive_parts,
 )
 
 # Distance to the margin, relative to the rates of the nodes, from which on refinement decides better than shifts.
@@ -55,6 +57,43 @@ Data: TypeAlias = "tuple[Floats, Floats, Floats]"
 
 
 def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
+    """Decide Theorem 4 for a network; with W_jj as a part of node j, if that is what breaks it as it was given."""
+    found = None if broken_by_own_link(model) else certify_as_given(model, progress)
+    closed = own_links_closed(model) if found is None or at_own_link(model, found.witness) else None
+    if closed is not None:
+        return certify_as_given(closed, progress)
+    return certify_as_given(model, progress) if found is None else found
+
+
+def broken_by_own_link(model: NetworkModel) -> bool:
+    """True if a link of a node to itself leaves the cones."""
+    return has_own_links(model) and at_own_link(model, broken_link(model, {}))
+
+
+def at_own_link(model: NetworkModel, witness: Any) -> bool:
+    """True if a link of a node to itself, or a node that has one, is what breaks the network."""
+    if isinstance(witness, CouplingViolation):
+        return witness.target == witness.source
+    return isinstance(witness, NodeViolation) and witness.node in own_links(model)[0]
+
+
+def positive_form(model: NetworkModel) -> NetworkModel | None:
+    """The network, or the one with links of nodes to themselves closed, if it is proven positive part by part.
+
+    That is to say (I), positive nodes and contracting algebraic loops; None if neither is.
+    """
+    if proven_by_parts(model):
+        return model
+    closed = own_links_closed(model)
+    return closed if closed is not None and proven_by_parts(closed) else None
+
+
+def proven_by_parts(model: NetworkModel) -> bool:
+    """True if (I), positive nodes and contracting algebraic loops are proven."""
+    return all_hold(positive_parts(model)) and (not model.has_feedthrough or loop_weights(model) is not None)
+
+
+def certify_as_given(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
     """Decide Theorem 4 for a network.
 
     REFUTED with the first of: a node that is not positive, a link that leaves the cones, an algebraic loop of gain 1
@@ -171,10 +210,16 @@ def violation(model: NetworkModel, tried: NetworkCertificate | None) -> NetworkC
             place = known.get(condition.name, condition).worst_violation()
             if place is not None:
                 return refuted_node(model, int(model.members[g][place[0]]))
+    link = broken_link(model, known)
+    return None if link is None else NetworkCertificate.settle(model=model, witness=link)
+
+
+def broken_link(model: NetworkModel, known: Mapping[str, Condition]) -> CouplingViolation | None:
+    """A link that leaves the cones; conditions that are known by name are not evaluated again."""
     for condition, pair in on.coupling_by_pairs(model):
         place = known.get(condition.name, condition).worst_violation()
         if place is not None:
-            return NetworkCertificate.settle(model=model, witness=_coupling_witness(model, condition, pair, place))
+            return _coupling_witness(model, condition, pair, place)
     return None
 
 

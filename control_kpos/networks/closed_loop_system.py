@@ -25,7 +25,6 @@ from ..cones import Cone, Orthant
 from ..cones.orthant import nonnegative
 from ..cones.product import product
 from ..errors import NotProperConeError, TooLargeError
-from ..exact.condition import all_hold
 from ..exact.intake import exact_number
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
@@ -41,13 +40,13 @@ from ..theorems.positivity import PositivityCertificate, state_positivity
 from ..theorems.stability import LyapunovCertificate, proven_rate
 from .blocks import Index
 from .certificate import NetworkCertificate
-from .certify import certify, loop_weights
+from .certify import certify, loop_weights, positive_form
 from .coupling import entries_of, from_entries
 from .dense_on_demand import DENSE_STATES
 from .files import product_cone
 from .model import NetworkModel, gather
 from .responses import NetworkResponses
-from .witnesses import NetworkInstability, positive_parts
+from .witnesses import NetworkInstability
 
 # Signals up to which a selection that tears the cone of a node apart is made.
 _MOST_TORN = 200
@@ -118,8 +117,7 @@ class ClosedLoopSystem(NetworkResponses):
         known = vars(self).get("certificate")
         if known is not None and (known.status is Status.PROVED or isinstance(known.witness, NetworkInstability)):
             return known.status is not Status.UNDECIDED
-        contracts = not self.model.has_feedthrough or loop_weights(self.model) is not None
-        return contracts and all_hold(positive_parts(self.model))
+        return positive_form(self.model) is not None
 
     def is_cone_positive(self) -> bool:
         """Decide whether x stays in X and y in Y for all x(0) in X and w(t) in U.

@@ -31,6 +31,7 @@ from .certify import loop_weights, provable_rate, settle, supply_rates
 from .coupling import entries_of, from_entries
 from .model import NetworkModel, gather, same_timebase
 from .nodes import NodeStack
+from .own_links import own_links_closed
 
 # Sizes of e c beside C_i'h tried in turn: as much decay as the sources of the new node can afford.
 _SIZES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
@@ -151,6 +152,8 @@ def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Inde
     """
     if certificate.status is not Status.PROVED or certificate.v is None or certificate.sigma is None:
         return None
+    if certificate.model.origin is not None:
+        model = own_links_closed(model) or model
     if (origin >= 0).all():
         same = _restricted(certificate, model, origin)
         if same.status is Status.PROVED:

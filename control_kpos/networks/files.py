@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..cones import Cone, product
+from ..cones import Cone, Orthant, product
 from ..errors import DataError
 from ..exact.matrix import Matrix
 from ..proof import weights as proofs
@@ -23,6 +23,7 @@ from ..proof.encoding import number_text
 from .blocks import Index, take_blocks
 from .model import BLOCKS, NetworkModel
 from .nodes import NodeStack
+from .own_links import own_links_closed
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -40,6 +41,8 @@ _PLACED = {"growth": "xzWC", "loop": "yWC", "motion": "xzu", "weights": "y"}
 
 def describe(model: NetworkModel) -> dict[str, Any]:
     """A network by the names its parts have in files."""
+    if model.origin is not None:
+        return {**describe(model.origin), "own_links_closed": True}
     labels = any(s.names for s in model.stacks)
     return {
         **{name: _side_by_side(model, name) for name in BLOCKS},
@@ -62,6 +65,11 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
     DataError
         The parts do not fit together.
     """
+    if contents.get("own_links_closed", False) is not False:
+        closed = own_links_closed(rebuild({**contents, "own_links_closed": False}))
+        if closed is None:
+            raise DataError("no node has a link to itself that could be closed.")
+        return closed
     if any(
         not ((part >= 0) & (part < 2**31) & (part == np.round(part))).all()
         for part in (contents["sizes"], contents["stack"])
@@ -145,21 +153,32 @@ def evidence(
         normal = facets, broken.facet, model.offsets[target], witness.node
         ray = _first_ray(model, source, witness.node) + broken.ray
         return {**out, **_violation(model, name, normal, cones[_KINDS[target]], ray)}
-    A, B, C, D = (_side_by_side(model, name) for name in BLOCKS)
     X, U, Y = (cones[name] for name in _KINDS)
-    prover = proofs.Prover()
-    out["P"] = prover.inclusion(X, A, X, invariance=not model.discrete)
-    for name, target, M, source in (("N", X, B, U), ("L", Y, C, X), ("K", Y, D, U), ("M", U, model.coupling, Y)):
-        out[name] = prover.inclusion(target, M, source)
+    prover, M = proofs.Prover(), _Products(model)
+    for key, target, name, source in (
+        ("P", X, "A", X),
+        ("N", X, "B", U),
+        ("L", Y, "C", X),
+        ("K", Y, "D", U),
+        ("M", U, "W", Y),
+    ):
+        if not isinstance(target, Orthant):  # there, images are their own weights
+            out[key] = prover.inclusion(target, M[name], source, invariance=key == "P" and not model.discrete)
     if loop is not None:
         out["p"], out["t"] = (proofs.numbers(part.fractions()) for part in loop)
     if witness is not None:
         shows, x, u, y, rate = _motion(model, witness)
-        moved = proofs.product(A, x) + proofs.product(B, u) - rate * x
-        extra = proofs.product(model.coupling, y) - u
-        spare = proofs.product(C, x) + proofs.product(D, u) - y
-        places = {"x": (X, x), "z": (X, moved), "u": (U, u), "y": (Y, y), "W": (U, extra), "C": (Y, spare)}
-        out.update({f"w{name}": prover.vector(*places[name]) for name in _PLACED[shows]})
+        places = {
+            "x": (X, lambda: x),
+            "z": (X, lambda: M.times("A", x) + M.times("B", u) - rate * x),
+            "u": (U, lambda: u),
+            "y": (Y, lambda: y),
+            "W": (U, lambda: M.times("W", y) - u),
+            "C": (Y, lambda: M.times("C", x) + M.times("D", u) - y),
+        }
+        for name in _PLACED[shows]:
+            target, vector = places[name]
+            out[f"w{name}"] = None if isinstance(target, Orthant) else prover.vector(target, vector())
         out.update({name: proofs.numbers(vector) for name, vector in (("x", x), ("u", u), ("y", y))})
         out.update({"shows": shows, "rate": number_text(rate)})
     if vectors is not None and sigma is not None:
@@ -167,6 +186,25 @@ def evidence(
             weight = Matrix(np.asarray(sigma)[model.owners(kind)])
             out[name] = proofs.numbers(weight.fractions() * vector.fractions())
     return out
+
+
+class _Products(dict[str, Matrix]):
+    """The matrices of the large system, made when they are asked for."""
+
+    def __init__(self, model: NetworkModel) -> None:
+        super().__init__(W=model.coupling)
+        self.model = model
+
+    def __missing__(self, name: str) -> Matrix:
+        try:
+            self[name] = _side_by_side(self.model, name)
+        except DataError as reason:
+            raise proofs.ProofOmittedError(str(reason)) from None
+        return self[name]
+
+    def times(self, name: str, x: Any) -> Any:
+        """A x, B u, C x, D u or W y in fractions."""
+        return proofs.product(self[name], x)
 
 
 def _motion(model: NetworkModel, witness: Any) -> tuple[str, Any, Any, Any, Fraction]:

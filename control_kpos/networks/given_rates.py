@@ -21,12 +21,14 @@ from . import conditions as on
 from .blocks import Floats, inverse
 from .certificate import NetworkCertificate
 from .certify import (
+    at_own_link,
     certify,
     loop_weights,
     provable_rate,
     violation,
 )
 from .model import NetworkModel
+from .own_links import own_links, own_links_closed
 from .witnesses import NodeNotDissipative, NoWeights, node_positivity
 
 SupplyRates: TypeAlias = Sequence[Any]
@@ -69,6 +71,21 @@ def _row(data: Any, name: str, size: int) -> Matrix:
 
 
 def certify_rates(model: NetworkModel, q: Matrix, r: Matrix) -> NetworkCertificate:
+    """Theorem 4 with given supply rates, of all outputs and inputs; own links closed if they break it, as in `certify`.
+
+    With u_j = W_jj y_j + v_j the supply r'u + q'y reads r'v + (q + W_jj'r)'y.
+    """
+    found = certify_rates_as_given(model, q, r)
+    closed = own_links_closed(model) if at_own_link(model, found.witness) else None
+    if closed is None:
+        return found
+    rows, columns, values = own_links(model)[1]
+    seen = q.fractions()
+    np.add.at(seen, columns, values.fractions() * r.fractions()[rows])
+    return certify_rates_as_given(closed, Matrix.from_fractions(seen), r)
+
+
+def certify_rates_as_given(model: NetworkModel, q: Matrix, r: Matrix) -> NetworkCertificate:
     """Theorem 4 with given supply rates, of all outputs and inputs.
 
     REFUTED means that these rates prove nothing: a node does not satisfy its own, or no sigma fits; the network may

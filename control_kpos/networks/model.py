@@ -51,12 +51,15 @@ class NetworkModel:
     coupling : Matrix, shape (sum m_j, sum q_k)
         W in u = W y + w; csr_array, or dense if the data are fractions.
     dt : float, bool or None
+    origin : NetworkModel or None
+        The network before the links of nodes to themselves were closed; see `own_links`.
     """
 
     stacks: tuple[NodeStack, ...]
     members: tuple[Index, ...]
     coupling: Matrix
     dt: Timebase = 0
+    origin: NetworkModel | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(np.asarray(k).astype(np.intp) for k in self.members))

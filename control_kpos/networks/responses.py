@@ -24,6 +24,7 @@ from ..exact.intake import (
 from ..exact.matrix import dense
 from ..progress import Reporter
 from .blocks import Floats, Index, converging
+from .certify import positive_form
 from .dense_on_demand import DenseOnDemand
 from .model import READABLE
 from .simulate import delayed, respond, sample_times
@@ -254,6 +255,7 @@ def _require_finite(y: Floats) -> None:
 def rightmost(network: DenseOnDemand, k: int) -> NDArray[np.complex128]:
     """k rightmost eigenvalues by ARPACK with the port solver as shifted inverse."""
     model = network.model
+    model = positive_form(model) or model
     estimate = descend(model, 1.0 if model.discrete else 0.0, relative=1e-2)
     if estimate is None:
         return spla.eigs(network.sparse_A, k=k, which="LR", return_eigenvectors=False)

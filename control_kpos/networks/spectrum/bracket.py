@@ -14,7 +14,7 @@ import numpy as np
 
 from ...cards import floored, raised
 from ...errors import DataError
-from ...exact.condition import Condition, all_hold
+from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...proof.certificate import Status
 from ...proof.weights import ProofOmittedError
@@ -25,6 +25,7 @@ from ..certificate import ClaimOnNetwork, dissipation, node_vectors
 from ..certify import (
     growth_witness,
     loop_weights,
+    positive_form,
     provable_rate,
     supply_rates,
 )
@@ -33,7 +34,6 @@ from ..witnesses import (
     LoopWeights,
     NetworkInstability,
     below_abscissa,
-    positive_parts,
 )
 from .descent import Progress, descend, slow_state
 from .leading_nodes import localised_peak
@@ -123,9 +123,10 @@ class AbscissaCertificate(ClaimOnNetwork):
 
 def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | None = None) -> AbscissaCertificate:
     """Find and prove a bracket of the spectral abscissa; see `ConeNetwork.spectral_abscissa`."""
-    loop = loop_weights(model)
-    if model.has_feedthrough and loop is None:
+    form = positive_form(model)
+    if form is None:
         return AbscissaCertificate.settle(model=model)
+    model, loop = form, loop_weights(form)
     small = sum(model.totals[:2]) <= _REFINED_FIRST
     steps = (_refined, _proven) if small else (_proven, _refined)
     best = AbscissaCertificate.settle(model=model)
@@ -140,7 +141,7 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
 
 def _refined(model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights) -> AbscissaCertificate:
     """Both sides from Perron vectors refined at the ends of the bracket."""
-    exact = bracket_exactly(model, relative, loop) if all_hold(positive_parts(model)) else None
+    exact = bracket_exactly(model, relative, loop)
     return AbscissaCertificate.settle(model=model, **(exact or {}))
 
 

@@ -28,6 +28,8 @@ from ..nodes import NodeStack
 from .port_solves import PortSystem, banded_order, direct_loop
 
 Progress: TypeAlias = Callable[[str], None]
+# Where solutions miss a cone by their error, they are sought with these parts of the tolerance.
+_CLOSER = (1.0, 1e-3, 1e-6)
 
 
 @dataclass
@@ -145,13 +147,20 @@ def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approa
     else:
         # without iterates to start from, stay where sweeps converge, as they do for large mu without feedthrough
         system.loop.sweeps_only = not model.has_feedthrough
-    v, _, c = system.dual(c, tolerance, guess=guess_v, near=best is not None)
-    if not (is_inside(model, v, dual=True) and is_inside(model, c, dual=True)):
+    for closer in _CLOSER:
+        v, _, reached = system.dual(c, tolerance * closer, guess=guess_v, near=best is not None)
+        if is_inside(model, v, dual=True) and is_inside(model, reached, dual=True):
+            break
+        guess_v = v if best is not None else None
+    else:
         return None
-    used = system.loop.iterations
-    system.loop.iterations = 0
-    x, _ = system.primal(d, tolerance, guess=guess_x, near=best is not None)
-    if not is_inside(model, x, dual=False):
+    c, used = reached, system.loop.iterations
+    for closer in _CLOSER:  # v shows that the shift is above the abscissa
+        system.loop.iterations = 0
+        x, _ = system.primal(d, tolerance * closer, guess=guess_x, near=best is not None)
+        if is_inside(model, x, dual=False):
+            break
+    else:
         return None
     theta = mu - float(np.einsum("i,i->", c, x)) / float(np.einsum("i,i->", v, x))
     return Approach(theta, mu, v, x, c, d, max(used, system.loop.iterations))
