@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 import control_kpos as kp
+from control_kpos.design.controllability import controllability_notes
+from control_kpos.design.plant import read_plant
 from control_kpos.exact import programs as linear_programs
 from control_kpos.exact.programs import Solution
 
@@ -191,3 +193,54 @@ def test_highs_itself_may_fail(monkeypatch):
 def test_other_solvers_by_name(name):
     d = kp.state_feedback(PLANT, X=PAPER, rate=1, solver=name)
     assert d and d.check() and d.value == pytest.approx(5, rel=0.07)
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e6, 1e12])
+def test_sizes_of_inputs_do_not_make_modes_uncontrollable_or_unstable(size):
+    fixed = kp.state_feedback(ct.ss(np.diag([-1e-4, -1.0]), [[0], [size]], np.eye(2), 0))
+    assert (
+        fixed
+        and "no feedback" not in fixed.explain()
+        and "-0.0001 is not controllable: it is stable" in fixed.explain()
+    )
+    weak = kp.state_feedback(ct.ss([[1, 0], [0, -1]], [[size], [1 / size]], np.eye(2), 0))
+    assert "controllable" not in weak.explain()
+
+
+@pytest.mark.parametrize("dt", [None, 1])
+def test_modes_on_the_edge_of_stability_are_decided(dt):
+    turn = [[0, 1, 0], [-1, 0, 0], [0, 0, 0.5]]  # the eigenvalues i, -i in either kind of time
+    d = kp.state_feedback(ct.ss(turn, [[0], [0], [1]], np.eye(3), 0, *([dt] if dt else [])))
+    assert not d and "not controllable: it is not stable" in d.explain()
+    slow = [[0, 1, 0], [-1 + 2.0**-52, -(2.0**-52), 0], [0, 0, 0.5]]
+    damped = controllability_notes(read_plant(ct.ss(slow, [[0], [0], [1]], np.eye(3), 0, *([dt] if dt else [])), None))
+    assert "it is stable" in damped[0]
+    still = [[0 if dt is None else -1, 0], [1, 0.5]]
+    assert (
+        "it is not stable" in kp.state_feedback(ct.ss(still, [[0], [1]], np.eye(2), 0, *([dt] if dt else []))).explain()
+    )
+
+
+def test_what_is_not_controllable_of_a_family_is_about_its_first_vertex():
+    A, B = np.diag([-2.0, -1]), [[0.0], [1]]
+    d = kp.state_feedback(ct.ss(A, B, np.eye(2), 0), vertices=[(A, B), (A, [[1.0], [1]])])
+    assert d and "mode -2 of the first vertex is not controllable" in d.explain()
+
+
+def test_fractions_are_not_rounded_to_an_uncontrollable_plant():
+    A, B = [["1/3", "0"], ["0", "1/3"]], [["1"], ["1"]]
+    assert "not controllable" in kp.state_feedback(kp.ConeStateSpace(A, B, np.eye(2), np.zeros((2, 1)))).explain()
+    A[1][1] = "0.33333333333333333333333333"
+    assert "not controllable" not in kp.state_feedback(kp.ConeStateSpace(A, B, np.eye(2), np.zeros((2, 1)))).explain()
+
+
+def test_refusals_name_their_cone():
+    d = kp.state_feedback(PLANT)
+    assert d.status is kp.Status.REFUTED and "the nonnegative orthant of R^2" in d.explain()
+    assert "No gain exists for this cone" in d.explain() and "find_cone" in d.explain()
+    slow = kp.state_feedback(PLANT, X=PAPER, rate=3)
+    assert slow.status is kp.Status.REFUTED and "a cone of 2 generators in R^2" in slow.explain()
+    still = kp.state_feedback(ct.ss([[1, 0], [0, -1]], [[0], [1]], np.eye(2), 0))
+    assert "stability while X stays invariant cannot be had with any F" in still.explain()
+    out = kp.output_feedback(ct.ss([[1, 0], [0, -1]], [[0], [1]], np.eye(2), 0))
+    assert out.status is kp.Status.REFUTED and out.check() and "nonnegative orthant" in out.explain()

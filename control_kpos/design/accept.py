@@ -7,15 +7,12 @@ from the exact data and an F of few digits, and every demand is proven about tha
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..cards import about
 from ..cones import orthant
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, spend
@@ -27,6 +24,7 @@ from ..theorems.positivity import cone_positivity
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
 from .actuator_loss import certified_fraction
 from .certificates import CommonVectorCertificate, DisturbanceCertificate, FeedbackCertificate, GainBoundCertificate
+from .controllability import controllability_notes
 from .plant import Floats, Plant, closed_loop, times
 from .result import DesignResult
 
@@ -38,8 +36,6 @@ _KEPT = 0.5
 _EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 # The same where signs are found in integers, for n^2.2; margins above which floating point finds them.
 _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
-# Relative size of a singular value that counts as zero; operations of a decomposition, for each entry and row.
-_RANK, _EFFORT = 1e-10, 10.0
 
 
 @dataclass(frozen=True)
@@ -254,42 +250,3 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
 def proven_rate(found: Accepted) -> float:
     """Decay rate of the slowest vertex."""
     return float(getattr(found.certificate, "decay_rate", np.nan))
-
-
-# -- modes that no feedback moves
-
-
-def controllability_notes(plant: Plant) -> tuple[str, ...]:
-    """One sentence for each uncontrollable mode of the first vertex, as far as the effort allows.
-
-    Eigenvalues s with rank [A - s I, B] < n (Hautus) in floating point: advice, no proof.
-    """
-    A, B = plant.pairs[0]
-    effort = plant.n**2 * (plant.n + plant.m) * _EFFORT
-    if not affords(effort):
-        return ()
-    scale = max(np.abs(A).max(), np.abs(B).max(initial=0.0), np.finfo(float).tiny)
-    with suppress(np.linalg.LinAlgError):
-        modes = np.unique(np.round(np.linalg.eigvals(A) / scale, 9)) * scale
-        upper = (mode for mode in modes if mode.imag >= 0 and affords(effort))
-        fixed = [mode for mode in upper if _loses_rank(np.hstack([A - mode * np.eye(plant.n), B]))]
-        return tuple(_note(mode, plant.discrete) for mode in fixed)
-    return ()
-
-
-def _loses_rank(M: NDArray[Any]) -> bool:
-    """The smallest singular value is rounding."""
-    sizes = np.linalg.svd(M, compute_uv=False)
-    return not sizes[-1] > _RANK * sizes[0]
-
-
-def _note(mode: Any, discrete: bool) -> str:
-    bad = abs(mode) >= 1 if discrete else mode.real >= 0
-    parts, form = ((mode.real,), "{}") if mode.imag == 0 else ((mode.real, mode.imag), "{} +/- {}j")
-    consequence = (
-        "it is not stable, so no feedback stabilises this plant, as far as eigenvalues in floating point can tell; "
-        "change the actuators"
-        if bad
-        else "it is stable and stays as it is, which limits the decay rate but not the design"
-    )
-    return f"The mode {about(*parts, digits=4, form=form)} is not controllable: {consequence}."

@@ -26,8 +26,8 @@ from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, exactly
 from ..theorems.stability import LyapunovCertificate
 from .certificates import CommonVectorCertificate, DisturbanceCertificate
+from .exact_rows import exact_geometry
 from .plant import Floats, Plant, closed_loop, shifted
-from .refusal import exact_geometry
 
 Signs = NDArray[np.int8]
 

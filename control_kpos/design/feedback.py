@@ -96,8 +96,9 @@ def state_feedback(
     Returns
     -------
     DesignResult
-        PROVED with the gain and its certificate; REFUTED with a proof that there is no such gain (one-shot
-        method; or invariance alone is impossible); UNDECIDED otherwise.  Never a gain without proof.
+        PROVED with the gain and its certificate; REFUTED with a proof that there is no such gain for this cone
+        (one-shot method; or invariance alone is impossible; or, on a simplicial cone, not even without the
+        `structure`); UNDECIDED otherwise.  Never a gain without proof.
 
     Raises
     ------
@@ -215,8 +216,8 @@ def output_feedback(
     Returns
     -------
     DesignResult
-        `F` has shape (m, q), for u = F y; `K` = -F, for u = -K y.  REFUTED only if invariance alone is
-        impossible; otherwise the alternation finds a gain or gives up.
+        `F` has shape (m, q), for u = F y; `K` = -F, for u = -K y.  REFUTED if invariance alone is impossible, or, on
+        simplicial cones, if not even u = F x meets the demands; otherwise the alternation finds a gain or gives up.
 
     Raises
     ------

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import raised
-from ..cones import Cone
+from ..cones import Cone, Orthant
 from ..errors import DataError
 from ..exact.budget import affords, spend
 from ..exact.condition import Condition
-from ..exact.matrix import Integers, Matrix
+from ..exact.matrix import Matrix
 from ..exact.program import alternative
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
@@ -30,24 +30,28 @@ from ..proof.encoding import register_record
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, columns, require_portable
 from ..systems.system import System
+from .exact_rows import exact_geometry, exact_inequalities, homogeneous_rows, outer_facets, short_rows
 from .plant import Plant
-from .simplicial.inequalities import (
-    Inequalities,
-    feedback_inequalities,
-    gain_from_columns,
-    gain_rows,
-    output_rows,
-)
+from .simplicial.inequalities import Inequalities, gain_from_columns
 from .simplicial.repair import repaired_multipliers
 
 Rationals = NDArray[np.object_]
 
-# Bits of the integers in exact generators and facets; beyond, powers of two are divided out.
-_LONGEST = 200
 # Operations of a decision in rational arithmetic, for each entry of its rows, and of the check of its multipliers.
 _EFFORT_PER_ENTRY, _EFFORT_TO_CHECK = 3e4, 1e4
 # Operations of a product of fractions, of data as they are given and with facets that have thousands of digits.
 _EFFORT_PER_PRODUCT = 1e4, 9e4
+
+
+# Where other cones come from.
+_OTHERS = "find_cone and design_cone_and_feedback look for one"
+
+
+def described(X: Cone) -> str:
+    """A cone in words, after "being"."""
+    if isinstance(X, Orthant):
+        return f"the nonnegative orthant of R^{X.dim}"
+    return f"a cone of {X.n_rays} generators in R^{X.dim}"
 
 
 @register_record
@@ -199,7 +203,7 @@ class NoFeedback(Contradiction):
         plant, n = self._plant(), self.X.dim
         facets, _ = exact_geometry(plant)
         Y = None if self.ports is None else self.ports[2]
-        outer = np.zeros((0, 0), dtype=object) if Y is None else _facets(Y)
+        outer = np.zeros((0, 0), dtype=object) if Y is None else outer_facets(Y)
         L, G = np.zeros((len(self.A), n, n), dtype=object), np.zeros((n, outer.shape[1]), dtype=object)
         for weight, (kind, *place) in zip(w.closed, self.inequalities().labels, strict=True):
             if kind == "positivity":
@@ -229,11 +233,13 @@ class NoFeedback(Contradiction):
         if any(w.drift):
             speed = f"a decay rate above {raised(self.rate)}" if self.rate else "stability"
             demands.append(speed)
+        if not pairs and any(w.drift):  # what decreases is a vector inside X
+            demands[-1] += " while X stays invariant"
         every = f"F{self.scope}"
         verdict = f"cannot be had with any {every}" if len(demands) == 1 else f"exclude each other for every {every}"
         return (
-            f"Proved impossible: {' and '.join(demands)} {verdict}; attached is {w}, checked in exact arithmetic. "
-            "Relax a demand, or choose another cone."
+            f"Proved impossible: {' and '.join(demands)} {verdict}, X being {described(self.X)}; attached is {w}, "
+            f"checked in exact arithmetic. Relax a demand, or choose another cone: {_OTHERS}."
         )
 
 
@@ -310,8 +316,9 @@ class NoInvariance(Contradiction):
         if not isinstance(self.witness, PairMultipliers):
             return "Undecided: no multipliers are given."
         return (
-            f"Proved impossible: no gain of this shape keeps X invariant; attached is {self.witness}, checked in exact "
-            "arithmetic. Choose another cone, more actuators, or a freer structure."
+            f"Proved impossible: no gain of this shape keeps X invariant, X being {described(self.X)}; attached is "
+            f"{self.witness}, checked in exact arithmetic. Choose more actuators, a freer structure, or another cone: "
+            f"{_OTHERS}."
         )
 
 
@@ -320,62 +327,6 @@ def _entries(plant: Plant) -> int:
     n, m = plant.n, plant.m
     rows = n * n * len(plant.vertices) + (0 if plant.gain_bound is None else 2 * n * m)
     return (rows + (plant.system.Y.n_facets * n if plant.ports else 0)) * n * (1 + m)
-
-
-def homogeneous_rows(
-    q: Inequalities, rate: float, discrete: bool, free: NDArray[np.bool_]
-) -> tuple[Rationals, NDArray[np.intp]]:
-    """Rows closed, -drift and xi over xi and the z that may differ from zero, and the columns kept."""
-    theta = int(discrete) - Fraction(rate)
-    kept = np.concatenate([np.arange(q.n), q.n + np.flatnonzero(free.ravel())])
-    positive = np.zeros((q.n, q.size), dtype=object)
-    positive[np.arange(q.n), np.arange(q.n)] = 1
-    rows = np.concatenate([q.closed, -q.decreasing(theta), positive])
-    return rows[:, kept], kept
-
-
-def exact_inequalities(plant: Plant) -> Inequalities:
-    """The inequalities of a design in integers and fractions."""
-    facets, rays = exact_geometry(plant)
-    pairs = [(A.fractions(), B.fractions()) for A, B in plant.vertices]
-    drift = None
-    if plant.coupling is not None:
-        drift = [(A + plant.coupling.fractions(), B) for A, B in pairs]
-    q = feedback_inequalities(facets, rays, pairs, discrete=plant.discrete, drift_plants=drift)
-    if plant.gain_bound is not None:
-        slack = 1 + Fraction(1, 10**9)
-        bound = np.array([Fraction(b) * slack for b in plant.gain_bound.tolist()], dtype=object)
-        q = q.with_closed(*gain_rows(q.n, q.m, _lengths(plant.X, rays), bound))
-    if plant.ports:
-        C, D = (M.fractions() for M in plant.system.matrices[2:])
-        q = q.with_closed(*output_rows(C, D, _facets(plant.system.Y), rays))
-    return q
-
-
-def _facets(Y: Cone) -> Rationals:
-    return Y.exact_facets.rows_as_integers(np.arange(Y.n_facets))
-
-
-def _lengths(X: Cone, integer_rays: Rationals) -> Rationals:
-    """Integer ray k = lengths[k] * rays[k], up to the rounding of rays[k]: a bound on F x_k, for the integer ray."""
-    rays = np.asarray(X.rays, dtype=float)
-    largest = np.argmax(np.abs(rays), axis=1)
-    return np.array([Fraction(integer_rays[k, j]) / Fraction(rays[k, j]) for k, j in enumerate(largest)], dtype=object)
-
-
-def exact_geometry(plant: Plant) -> tuple[Integers, Integers]:
-    """Exact facets, in the order of `Plant.facets`, and rays, each row up to a positive factor."""
-    return short_rows(plant.X.exact_facets, plant.facet_order), short_rows(plant.X.exact_rays)
-
-
-def short_rows(M: Matrix, order: NDArray[np.intp] | None = None) -> Integers:
-    """Rows in integers; long ones divided by a power of two: facets of many generators have thousands of bits."""
-    out = np.array(M.rows_as_integers(np.arange(M.shape[0]) if order is None else order), dtype=object)
-    for i, row in enumerate(out):
-        length = max(int(x).bit_length() for x in row)
-        if length > _LONGEST:
-            out[i] = [Fraction(int(x), 2**length) for x in row]
-    return out
 
 
 def decide(plant: Plant, rate: float) -> tuple[NoFeedback | None, NDArray[np.float64] | None]:

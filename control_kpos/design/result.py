@@ -180,7 +180,9 @@ class DesignResult(Answer):
         proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
         nearest = f" Possible instead: {self.nearest}." if self.nearest is not None else ""
         scope = getattr(self.certificate, "scope", "")
-        lead = f"No gain{scope} exists" if self.status is Status.REFUTED else "No certified gain was found"
+        lead = (
+            f"No gain{scope} exists for this cone" if self.status is Status.REFUTED else "No certified gain was found"
+        )
         return f"{lead}: {self.message}{proof}{nearest}{notes}"
 
     def _weakening(self) -> str:

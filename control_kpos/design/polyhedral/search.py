@@ -18,7 +18,8 @@ from ...exact.program import Block, Program
 from ...exact.programs import program_effort
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
-from ..accept import Accepted, accept, controllability_notes, succeed, undecided
+from ..accept import Accepted, accept, succeed, undecided
+from ..controllability import controllability_notes
 from ..plant import Floats, Plant
 from ..refusal import no_invariance
 from ..result import DesignResult, Nearest

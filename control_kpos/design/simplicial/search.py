@@ -16,7 +16,8 @@ import numpy as np
 from ...exact.budget import OutOfBudgetError, affords
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
-from ..accept import Accepted, accept, controllability_notes, proven_rate, slack, succeed, undecided
+from ..accept import Accepted, accept, proven_rate, slack, succeed, undecided
+from ..controllability import controllability_notes
 from ..plant import Plant
 from ..refusal import decide
 from ..result import DesignResult, Nearest

@@ -10,6 +10,7 @@ found by the linear program of `design.simplicial`, for all vertices at once.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +23,7 @@ from ...cones import PolyhedralCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
 from ...design.accept import accept, slack, succeed
+from ...design.controllability import reachable
 from ...design.plant import read_plant
 from ...errors import DataError, ShapeError
 from ...exact.budget import OutOfBudgetError, affords, ended_by, seconds_left, spend
@@ -181,11 +183,14 @@ def _not_found(reason: str) -> CodesignResult:
     return CodesignResult(status=Status.UNDECIDED, message=f"{reason} {advice}".lstrip())
 
 
-def _uncontrollable(rank: int, n: int) -> str:
-    return (
-        f"(A, B) is not controllable: only {rank} of {n} directions can be moved by the input. "
-        "Design for the controllable part, or use state_feedback with a cone of your own."
-    )
+def _uncontrollable(plant: System, rank: int) -> str:
+    """Why no poles are placed where floating point finds fewer directions than states that the input moves."""
+    advice, n = "Design for the controllable part, or use state_feedback with a cone of your own.", plant.sizes[0]
+    with suppress(OutOfBudgetError):
+        exact = reachable(plant.A, plant.B).shape[1]
+        if exact < n:
+            return f"(A, B) is not controllable: only {exact} of {n} directions can be moved by the input. {advice}"
+    return f"(A, B) is so close to uncontrollable that floating point finds only {rank} of {n} directions. {advice}"
 
 
 def _search(served: list[System], seed: int, report: Callable[[str], None]) -> CodesignResult:
@@ -194,7 +199,7 @@ def _search(served: list[System], seed: int, report: Callable[[str], None]) -> C
     robust, n, discrete = len(served) > 1, matrices.shape[-1], served[0].discrete
     rank = _controllable(matrices[0], inputs[0])
     if rank < n:
-        return CodesignResult(status=Status.UNDECIDED, message=_uncontrollable(rank, n))
+        return CodesignResult(status=Status.UNDECIDED, message=_uncontrollable(served[0], rank))
 
     def proven(attempt: tuple[int, Array]) -> CodesignResult | None:
         (k, F), found = attempt, None
