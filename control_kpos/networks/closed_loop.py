@@ -8,10 +8,8 @@ system of equations.
 
 from __future__ import annotations
 
-from contextlib import suppress
-from fractions import Fraction
 from functools import cached_property
-from math import gcd, lcm
+from math import gcd
 from typing import Any
 
 import numpy as np
@@ -19,14 +17,15 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
-from ..errors import DataError, TooLargeError
+from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
-from ..exact.matrix import Integers, Matrix
+from ..exact.matrix import Matrix
 from ..exact.sparse_integers import SparseIntegers
-from ..theorems.generator_coordinates import block_diagonal, sparse_integers
-from .blocks import Floats, Index, converging, shared
-from .model import BLOCKS, NetworkModel
-from .witnesses import list_nodes
+from ..theorems.generator_coordinates import sparse_integers
+from .blocks import Floats, Index, converging
+from .integers import blocks, scales
+from .model import NetworkModel
+from .well_posed import require_well_posed
 
 # Inputs above which (I - W D)^{-1} is not formed if the feedthrough terms close loops.
 LOOP_LIMIT = 5_000
@@ -42,8 +41,7 @@ class ClosedLoop:
 
     def __init__(self, model: NetworkModel) -> None:
         self.model = model
-        if model.has_feedthrough:
-            require_well_posed(model)
+        require_well_posed(model)
 
     @cached_property
     def _multiplied(self) -> tuple[Matrix, Matrix, Matrix, Matrix] | None:
@@ -154,45 +152,6 @@ def read_only(M: sp.csr_array) -> sp.csr_array:
     return M
 
 
-def require_well_posed(model: NetworkModel) -> None:
-    """Raise if I - W D is singular, naming the algebraic loop."""
-    loop = sp.csr_array(model.W @ model.block_matrices[3])
-    loop.eliminate_zeros()
-    size = loop.shape[0]
-    count, component = connected_components(loop, directed=True, connection="strong")
-    members = np.bincount(component, minlength=count)
-    looping = (members > 1)[component] | (loop.diagonal() != 0)
-    if not looping.any():
-        return
-    owner = model.owners(1)
-    for c in np.unique(component[looping])[:1000]:
-        index = np.flatnonzero(component == c)
-        part = sp.csc_array(sp.eye_array(len(index)) - loop[index][:, index])
-        if _is_singular(part):
-            nodes = np.unique(owner[index])
-            raise DataError(
-                "the network is not well posed: I - W D is singular on the algebraic loop through "
-                f"{list_nodes(nodes)}. "
-                "Change a feedthrough term D or a link of this loop, or put dynamics into it."
-            )
-    if size and count > 1000 and _is_singular(sp.csc_array(sp.eye_array(size) - loop)):
-        raise DataError(
-            "the network is not well posed: I - W D is singular on one of its algebraic loops; change D or W there."
-        )
-
-
-def _is_singular(matrix: sp.csc_array) -> bool:
-    if matrix.shape[0] <= 500:
-        with suppress(np.linalg.LinAlgError):  # no convergence
-            values = np.linalg.svd(matrix.toarray(), compute_uv=False)
-            return bool(values[-1] <= 4 * matrix.shape[0] * np.finfo(float).eps * values[0])
-    try:
-        pivots = np.abs(spla.splu(matrix).U.diagonal())
-    except RuntimeError:
-        return True
-    return bool(pivots.min() <= 1e-14 * pivots.max())
-
-
 # -- in exact arithmetic
 
 
@@ -219,32 +178,6 @@ def exact_loop(model: NetworkModel) -> tuple[Matrix, Matrix, Matrix, Matrix] | N
         )
     except TooManyProductsError:
         return None
-
-
-def scales(model: NetworkModel) -> tuple[int, int]:
-    """What A and B of all nodes, and C and D, are multiplied by to be integers."""
-    state, output = (
-        lcm(*(_integers(getattr(s, name))[1].denominator for s in model.stacks for name in names))
-        for names in ("AB", "CD")
-    )
-    return state, output
-
-
-def blocks(model: NetworkModel, name: str, scale: int, *, beside: bool = False) -> SparseIntegers:
-    """A, B, C or D of all nodes times the scale; with `beside`, as part of [A, B] or [C, D]."""
-    (i, j), (n, m, _) = BLOCKS[name], model.totals
-    first, width = (j * n, n + m) if beside else (0, model.totals[j])
-    own = []
-    for s, places in zip(model.stacks, model.places, strict=True):
-        ints, factor = _integers(getattr(s, name))
-        own.append((places[i], places[j] + first, ints * int(factor * scale)))
-    return block_diagonal(own, (model.totals[i], width))
-
-
-def _integers(stack: Matrix) -> tuple[Integers, Fraction]:
-    """A stack as integers times a factor; one matrix of it if all are one."""
-    numerators, factor = shared(stack).as_integers()
-    return np.asarray(numerators, dtype=object), Fraction(factor)
 
 
 def _product(left: SparseIntegers, right: SparseIntegers) -> SparseIntegers:

@@ -29,7 +29,7 @@ from ...theorems.generator_coordinates import Coordinates, Pencil, sparse_intege
 from ...theorems.perron_pair import Cones, Decision
 from .. import conditions as on
 from ..certificate import NetworkCertificate
-from ..closed_loop import blocks, scales
+from ..integers import blocks, scales
 from ..model import NetworkModel
 from ..witnesses import (
     AlgebraicLoop,

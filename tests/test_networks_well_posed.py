@@ -1,0 +1,68 @@
+"""I - W D is regular or not, exactly, in whatever units the ports are."""
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from network_examples import lag
+
+import control_kpos as kp
+from control_kpos.exact.linalg import rank
+from control_kpos.networks.well_posed import is_singular
+
+
+def refused(nodes, W):
+    try:
+        kp.feedback_interconnect(nodes, W)
+    except kp.DataError as error:
+        return "not well posed" in str(error) and "nodes 0" in str(error)
+    return False
+
+
+@pytest.mark.parametrize("power", [1, 20, 60, 300])
+def test_units_of_ports_do_not_matter(power):
+    """A loop of two nodes, one of them with its output in units of 2^power."""
+    unit = 2.0**power
+    gains = [1.0, 0.5, 2.0, -1.0, 1 - 2.0**-52, 1 + 2.0**-51]
+    assert [refused([lag(1.0, D=1.0)] * 2, [[0, g * unit], [1 / unit, 0]]) for g in gains] == [True, *[False] * 5]
+
+
+def test_fractions_decide():
+    third = kp.ConeStateSpace([[-1]], [[1]], [[1]], [["1/3"]])
+    assert refused([third], [[3]]) and refused([third] * 2, [[0, 3], [3, 0]])
+    assert not refused([lag(1.0, D=1 / 3)], [[3]])
+    assert not refused([third] * 2, [[0, 3], [Fraction(3) + Fraction(1, 10**30), 0]])
+
+
+@pytest.mark.parametrize("size", [5, 4000])
+def test_rings_of_gain_one(size):
+    rng, i = np.random.default_rng(0), np.arange(size)
+    D = np.ones((size, 1, 1))
+    nodes = kp.stack(-D, D, D, D)
+    powers = 2.0 ** rng.integers(-3, 4, size)
+    powers[0] /= powers.prod() if size < 10 else 2.0 ** np.log2(powers).sum()
+    weights = [powers, rng.uniform(0.5, 2, size), np.ones(size) - 2.0**-50 * (i == 0)]
+    found = [refused(nodes, sp.csr_array((w, (i, (i + 1) % size)), shape=(size, size))) for w in weights]
+    assert found == [True, False, False]
+
+
+def test_dense_and_sparse_matrices_have_the_rank_that_echelon_finds():
+    rng = np.random.default_rng(2)
+    seen = {True: 0, False: 0}
+    for _ in range(150):
+        n = int(rng.integers(1, 25))
+        M = (rng.integers(-3, 4, (n, n)) * (rng.random((n, n)) < rng.uniform(0.05, 1))).astype(object)
+        if n > 1 and rng.random() < 0.5:  # dependent, but not at sight
+            M[-1] = rng.integers(-2, 3, n - 1).astype(object) @ M[:-1]
+        rows = [{k: int(x) for k, x in enumerate(row) if x} for row in M]
+        found = is_singular(rows)
+        seen[found] += 1
+        assert found is (rank(M) < n)
+    assert min(seen.values()) > 20
+
+
+def test_several_loops_are_told_apart():
+    W = sp.block_diag([np.array([[0, 0.5], [1, 0]]), np.array([[0, 4.0], [0.25, 0]])], format="csr")
+    with pytest.raises(kp.DataError, match="through nodes 2, 3"):
+        kp.feedback_interconnect([lag(1.0, D=1.0)] * 4, W)
