@@ -8,6 +8,7 @@ import control as ct
 import numpy as np
 import pytest
 from planted import generators, metzler_hurwitz
+from scipy.optimize import nnls
 
 import control_kpos as kp
 from control_kpos.errors import ConeMismatchError, DataError, TimebaseError
@@ -218,9 +219,51 @@ def test_vectors_that_leave_a_cone_no_room_are_refused(name, rows):
         kp.find_cone([[0, 1], [-1, -3]], **{name: rows})
 
 
-def test_a_cone_with_redundant_generators_is_decided_upon():
-    """Rays, facets and incidence of a cone of hundreds of generators, some of them redundant, belong together."""
-    s = ct.ss([[-1, 0, 0], [0, -2, 0], [0, 0, -3]], [[1], [1], [1]], [[1, -4, 4.003]], 0)
-    X = kp.find_cone(s).cone
-    assert X.incidence.shape == (X.n_facets, X.n_rays) and ((X.facets @ X.rays.T)[X.incidence] < 1e-9).all()
+def redundant(seed: int, n: int) -> ct.StateSpace:
+    """Real distinct modes whose impulse response nearly touches 0: orbits of hundreds of generators."""
+    rng = np.random.default_rng(seed)
+    T = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    A = np.diag(-np.arange(1.0, n + 1))
+    b, c = np.ones(n), np.array([1, -4, 4.003] + [0.0] * (n - 3))
+    return ct.ss(T @ A @ T.T, (T @ b)[:, None], (T @ c)[None], 0)
+
+
+DIAGONAL = ct.ss(np.diag([-1.0, -2, -3]), np.ones((3, 1)), [[1, -4, 4.003]], 0)
+
+
+@pytest.mark.parametrize("s", [DIAGONAL, redundant(0, 3), redundant(1, 4), narrow(5e-3)])
+def test_a_found_cone_has_one_description(s, tmp_path):
+    """Redundant generators of the proof are none of the cone: rays, facets, incidence, equality, counts agree."""
+    found = kp.find_cone(s)
+    X, proven = found.cone, found.certificate
+    again = kp.PolyhedralCone(X.rays)
+    for one, other in ((again, X), (X, kp.PolyhedralCone(proven.rays.values[::-1])), (again.dual, X.dual)):
+        assert one == other and hash(one) == hash(other)
+        assert (one.n_rays, one.n_facets) == (other.n_rays, other.n_facets)
+    assert (again * again) == kp.product([X, X])
+    assert -again == -X and X & again == X
+    assert found.n_rays == X.n_rays == len(found.rays) == again.n_rays <= proven.rays.shape[0]
+    assert X.incidence.shape == X.dual.incidence.T.shape == (X.n_facets, X.n_rays)
+    assert np.array_equal(X.incidence, again.incidence) and (X.incidence.sum(axis=0) >= X.dim - 1).all()
+    rows = X.exact_rays.fractions()
+    doubled = kp.PolyhedralCone(np.vstack([rows, 2 * rows[:3], rows[:1] + rows[1:2]]))
+    assert doubled == X and np.array_equal(doubled.rays, X.rays)
     assert kp.ConeStateSpace(s, X=X).is_cone_positive() and kp.linear_lyapunov(s.A, X)
+    found.save(tmp_path / "cone.npz")
+    assert kp.PolyhedralCone(kp.load_certificate(tmp_path / "cone.npz").rays) == X
+
+
+def test_redundant_generators_are_found_where_facets_are_many():
+    """In eight dimensions, by linear programs; what is dropped is a combination of the others."""
+    A, b, c = externally_positive(1, 8, 0.001)
+    found = find_cone(ct.ss(A, b[:, None], c[None, :], 0))
+    given, kept = found.certificate.rays.values, found.rays
+    dropped = [x for x in given.tolist() if x not in kept.tolist()]
+    assert dropped and len(kept) + len(dropped) == len(given)
+    for x in dropped:
+        assert nnls(kept.T, np.array(x))[1] < 1e-9 * np.linalg.norm(x)
+
+
+def test_cones_of_the_same_generators_are_equal_at_any_size():
+    X = find_cone([[-1e-4, 1, 0], [-1, -1e-4, 0], [0, 0, 0]]).cone
+    assert X.n_rays > 30_000 and kp.PolyhedralCone(X.rays[::-1]) == X

@@ -295,9 +295,15 @@ class Cone(ABC):
             return True
         if self.dim != other.dim:
             return False
+        if self._is_given_like(other):
+            return True
         if not (self._counts_are_costly(other) or other._counts_are_costly(self)):
             return self._invariants == other._invariants and self._equals(other)
         return self._equals(other)
+
+    def _is_given_like(self, other: Cone) -> bool:
+        """Whether both were made from the same directions, which needs no conversion."""
+        return False
 
     def _counts_are_costly(self, other: Cone) -> bool:
         """Whether rays and facets of both should not be counted only to tell them apart."""

@@ -39,6 +39,7 @@ class _Conversion:
 
     def __init__(self, generators: Matrix) -> None:
         self.generators = generators
+        self.is_irredundant = False  # as far as is known
         self._refusal = ""
 
     @cached_property
@@ -216,11 +217,18 @@ class PolyhedralCone(Cone):
         mine, theirs = min(pairs, key=lambda pair: (sum(m.integer_rows is not None for m in pair), pair[0].shape[0]))
         return _directions(mine) == _directions(theirs)
 
+    def _is_given_like(self, other: Cone) -> bool:
+        if not isinstance(other, PolyhedralCone) or self._is_swapped != other._is_swapped:
+            return False
+        mine, theirs = self._conversion.generators, other._conversion.generators
+        return mine.shape == theirs.shape and _directions(mine) == _directions(theirs)
+
     def _counts_are_costly(self, other: Cone) -> bool:
         return any(isinstance(X, PolyhedralCone) and X._conversion.is_open for X in (self, other))
 
     def __neg__(self) -> PolyhedralCone:
         conversion = _Conversion(-self._conversion.generators)
+        conversion.is_irredundant = self._conversion.is_irredundant
         if "faces" in vars(self._conversion):
             conversion.faces = self._conversion.faces.negated()
         return self._build(conversion, self._is_swapped)

@@ -9,9 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..exact.budget import spend
-from ..exact.program import widest
-from ..exact.programs import program_effort
+from ..cones.extreme import SEPARATES, separator
 from ..proof.proposed_weights import Frame
 
 Array = NDArray[np.float64]
@@ -49,32 +47,10 @@ def extreme_generators(
     separators: dict[int, Array] = {}
     order = np.argsort(np.linalg.norm(points - points.mean(axis=0), axis=1))  # inner ones first
     for i in order.tolist():
-        is_extreme, separator = _separator(points, i, np.array([j for j in left if j != i], dtype=np.intp))
-        if separator is not None:
-            separators[i] = frame.to.T @ separator
-        if not is_extreme and (keep is None or not keep[i]):
+        g, margin = separator(points, i, np.array([j for j in left if j != i], dtype=np.intp))
+        if margin > SEPARATES:
+            separators[i] = frame.to.T @ g
+        elif keep is None or not keep[i]:
             left.remove(i)
     index = np.array(left)
     return index, np.array([separators.get(i, np.zeros(n)) for i in left])
-
-
-def _separator(points: Array, i: int, others: NDArray[np.intp]) -> tuple[bool, Array | None]:
-    """Whether x_i may be extreme, and g with g'x_i < 0 < g'x_j for the others if one was found.
-
-    Most of the others are far away: the program starts from the nearest ones, and those it forgets join.
-    """
-    n = points.shape[1]
-    near = np.argsort(np.linalg.norm(points[others] - points[i], axis=1))
-    active = np.zeros(len(others), dtype=bool)
-    active[near[: 10 * n]] = True
-    while True:
-        spend(program_effort(int(active.sum()) + 1, n + 1))
-        g, margin = widest(np.concatenate([points[others[active]], -points[[i]]]))
-        if margin <= 1e-9:
-            return False, None
-        height = np.where(active, np.inf, points[others] @ g)
-        forgotten = np.argsort(height)[: 4 * n]
-        forgotten = forgotten[height[forgotten] < 0.5 * margin]
-        if not forgotten.size:
-            return True, g
-        active[forgotten] = True

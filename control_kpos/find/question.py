@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from ..cones import Cone, PolyhedralCone
 from ..cones.base import HoldsCone
+from ..cones.extreme import LOW
 from ..exact.budget import OutOfBudgetError, spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
-from ..exact.rows import frozen
-from ..exact.signs import UNKNOWN, BilinearForms
+from ..exact.signs import BilinearForms
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
 from ..proof.proposed_weights import multipliers
@@ -36,7 +36,7 @@ _PER_PRODUCT = 0.6
 
 # More generators are not compared with each other.
 _COMPARED = 3000
-# More numbers are not put through an enumeration, which would drop redundant generators.
+# More numbers, in dimensions where facets may be many, are not put through an enumeration for redundant generators.
 _ENUMERATED = 1600
 
 
@@ -154,32 +154,30 @@ class Candidate:
 
 
 class GeneratedCone(PolyhedralCone):
-    """A `PolyhedralCone` known to be proper, whose generators (or, as a dual, normals) are taken as they are.
+    """A `PolyhedralCone` known to be proper, and perhaps all of whose generators (as a dual: normals) are extreme.
 
-    They are extreme wherever that could be proven at little cost; else some may be redundant.  What the cone was made
-    from costs nothing to read; the other description is enumerated when first asked for.
-    Made by `proper_cone`.
+    Extreme ones cost nothing to read; where that is not known, redundant ones are found exactly when the cone is asked
+    for its rays.  Made by `proper_cone`.
     """
 
     @property
+    def _known(self) -> Matrix | None:
+        """What is extreme of what the cone was made from, where no enumeration is needed for it."""
+        made = self._conversion
+        if made.is_irredundant:
+            return made.generators
+        few = self.dim < LOW or made.generators.values.size <= _ENUMERATED or "faces" in vars(made)
+        return None if few or made.extreme is None else made.extreme.rays
+
+    @property
     def exact_rays(self) -> Matrix:
-        """Generators as exact data."""
-        return self._faces.rays if self._is_swapped else self._conversion.generators
+        """Generators as exact data; none is redundant."""
+        return super().exact_rays if self._is_swapped or self._known is None else self._known
 
     @property
     def exact_facets(self) -> Matrix:
-        """Facet normals as exact data."""
-        return self._conversion.generators if self._is_swapped else self._faces.facets
-
-    @property
-    def incidence(self) -> NDArray[np.bool_]:
-        """h_k'x_i = 0 for the generators as they are, redundant ones included; also where that is not known."""
-        return self._incidence
-
-    @cached_property
-    def _incidence(self) -> NDArray[np.bool_]:
-        signs = BilinearForms(self.exact_facets.dense(), None, self.exact_rays.dense()).signs()
-        return frozen(np.isin(signs, (0, UNKNOWN)))
+        """Facet normals as exact data; none is redundant."""
+        return super().exact_facets if not self._is_swapped or self._known is None else self._known
 
     @property
     def is_pointed(self) -> bool:
@@ -198,8 +196,12 @@ class GeneratedCone(PolyhedralCone):
         return super()._interior_point if point is None else point
 
     def __repr__(self) -> str:
-        known = f"{self._conversion.generators.shape[0]} {'facets' if self._is_swapped else 'rays'}"
-        return f"<PolyhedralCone in R^{self.dim}: {known}>"
+        made = self._conversion
+        if not made.is_irredundant:
+            return super().__repr__()
+        return (
+            f"<PolyhedralCone in R^{self.dim}: {made.generators.shape[0]} {'facets' if self._is_swapped else 'rays'}>"
+        )
 
 
 def proper_cone(
@@ -212,15 +214,14 @@ def proper_cone(
     rays : Matrix, shape (N, n)
     separators : ndarray, shape (N, n), or None
         Row i should be negative on generator i and positive on all others, which proves generator i
-        extreme.  Where this fails, or without them, a cone of few generators finds redundant ones by enumeration
-        when asked for its rays; many are kept as they are.
+        extreme.  Where this fails, or without them, redundant generators are found exactly when the cone is asked
+        for its rays; of more than `_COMPARED` generators all are taken to be extreme.
     right_inverse : ndarray, shape (N, n)
         Y with rays' Y close to the identity.
     """
-    if not _are_extreme(rays, separators) and rays.values.size <= _ENUMERATED:
-        return PolyhedralCone(rays)
     cone = GeneratedCone._build(vars(Cone._from_rays(rays))["_conversion"], False)  # the rays need no reading
     vars(cone)["_right_inverse"] = right_inverse  # cones refuse to be changed from outside
+    cone._conversion.is_irredundant = rays.shape[0] > _COMPARED or _are_extreme(rays, separators)
     return cone
 
 
@@ -241,7 +242,7 @@ def _proven_inside(rays: Matrix, right_inverse: Array) -> Array | None:
 
 def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:
     """Whether every separator is proven to single out its generator."""
-    if separators is None or not rays.shape[0] == len(separators) <= _COMPARED:
+    if separators is None or rays.shape[0] != len(separators):
         return False
     signs = BilinearForms(Matrix(separators), None, rays).signs()
     return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))
@@ -386,8 +387,10 @@ class FoundCone(ConeAnswer):
 
     @property
     def n_rays(self) -> int:
-        """Number of generators proven about (of facets, if few facets were asked for)."""
-        return 0 if self.certificate.rays is None else self.certificate.rays.shape[0]
+        """Number of rays of the cone (of facets, if few facets were asked for); 0 if there is no cone."""
+        if self.cone is None:
+            return 0
+        return self.cone.n_facets if self.certificate.by_facets else self.cone.n_rays
 
     @property
     def v(self) -> NDArray[np.float64] | None:
@@ -405,8 +408,8 @@ class FoundCone(ConeAnswer):
         if self.certificate.status is Status.PROVED:
             kind = "facets" if self.certificate.by_facets else "rays"
             parts.append(
-                f"{self.n_rays} {kind}, where any such cone needs at least {self.fewest_rays};"
-                f" conditioning {self.conditioning:.3g}."
+                f"Computed, not proven: every such cone needs at least {self.fewest_rays} {kind}, and the conditioning "
+                f"is about {self.conditioning:.3g}."
             )
         if self and self.certificate.matrices.shape[0] > 1:
             stable = "" if self.v is None else "; v proves stability under arbitrary switching"
