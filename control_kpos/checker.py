@@ -286,14 +286,22 @@ def supplied(s: System, v: Vector, q: Vector, r: Vector) -> None:
     need(all(dot(excess, u) <= 0 for u in s.U.rays), "v'B u <= r'u + q'D u")
 
 
+def required_rate(e: Json) -> Fraction:
+    """The rate that was asked for, which is positive, or 0."""
+    rate = numbers(e["required_rate"])[0] if e.get("required_rate") is not None else Fraction(0)
+    need(rate > 0 or e.get("required_rate") is None, "a rate that is asked for is positive")
+    return rate
+
+
 def stable(s: System, e: Json) -> str:
     """Exponentially stable on X, and so everywhere: Theorem 2 (`cone_s`).
 
-    positive,  v'x > 0,  v'A x < 0,  v'A x + decay_rate v'x <= 0.
+    positive,  v'x > 0,  v'A x < 0,  v'A x + decay_rate v'x <= 0,  v'A x + required_rate v'x <= 0.
     No v has a rate above decay_rate_bound = b: z != 0, the slow direction, and A z + b z are in X.
     """
     positive(s, e)
-    decreases(s, stated(e, "v", s.X.dim), {}, numbers(e.get("decay_rate", 0))[0])
+    for rate in (numbers(e.get("decay_rate", 0))[0], required_rate(e)):
+        decreases(s, stated(e, "v", s.X.dim), {}, rate)
     if e.get("slow_direction") is None:
         need(e.get("decay_rate_bound", {"double": "inf"}) == {"double": "inf"}, "a bound on rates has a slow direction")
         return ""
@@ -518,7 +526,10 @@ def no_storage(s: System, e: Json, q: Vector, r: Vector | None) -> None:
 
 
 def unstable(s: System, e: Json) -> None:
-    """Not stable: x in X, x != 0, with A x - rate x in X, rate >= 0 (discrete time: 1)."""
+    """Not stable: x in X, x != 0, with A x - rate x in X, rate >= 0 (discrete time: 1).
+
+    Or no v decreases at required_rate, which is positive: then rate > -required_rate (1 - required_rate) will do.
+    """
     no_storage(s, e, {}, None)
     need(bool(motion(s, e)[0]), "x is not zero")
 
@@ -921,7 +932,8 @@ def verify(c: Json, limit: int) -> str:
         crossed(s, e)
     else:
         positive(s, e)
-        need(number(e["rate"]) >= s.discrete, "the motion does not decay")
+        slowest = s.discrete - (required_rate(e) if claim == "stable" else 0)
+        need(number(e["rate"]) > slowest or number(e["rate"]) >= s.discrete, "the motion decays too slowly")
         REFUTATIONS[claim][e["shows"]](s, e)
     return note
 

@@ -16,6 +16,12 @@ def scalar(claim, status="PROVED", *, A=-2, B=1, C=1, D=0, v=1, q=-1, r=1, decay
     return {"claim": claim, "status": status, "data": data, "proof": proof}
 
 
+def asked(required, status="PROVED", **more):
+    out = scalar("stable", status, **more)
+    out["data"]["required_rate"] = {"fraction": required}
+    return out
+
+
 def direction(x, u, rate=0, shows="motion", **more):
     return {"x": {"array": [x]}, "u": {"array": [u]}, "rate": rate, "shows": shows, **more}
 
@@ -96,6 +102,14 @@ BY_HAND = {
     "stable": (scalar("stable", decay=2), "PROVED"),
     "at a rate it does not have": (scalar("stable", decay="2.0000001"), "WRONG"),
     "at a negative rate": (scalar("stable", decay=-1), "WRONG"),
+    "at the rate that was asked for": (asked(2), "PROVED"),
+    "a little below the rate that was asked for": (asked("2.0000001"), "WRONG"),
+    "a rate that nobody asks for": (asked(-1), "WRONG"),
+    "no rate at all": (asked(0), "WRONG"),
+    "not at the rate that was asked for": (asked("2.1", "REFUTED", **direction(1, 0, -2)), "REFUTED"),
+    "only at the rate that was asked for": (asked(2, "REFUTED", **direction(1, 0, -2)), "WRONG"),
+    "a motion that is too fast": (asked("2.1", "REFUTED", **direction(1, 0, "-2.1")), "WRONG"),
+    "not even stable, at any rate": (asked(1, "REFUTED", A=1, **direction(1, 0)), "REFUTED"),
     "constant": (scalar("stable", A=0), "WRONG"),
     "constant in discrete time": (scalar("stable", A=1, discrete=True), "WRONG"),
     "stable in discrete time": (scalar("stable", A="1/2", discrete=True, decay="1/2"), "PROVED"),

@@ -106,6 +106,7 @@ EXACT = {
     "linear_lyapunov": {
         "A": lambda: (kp.linear_lyapunov([["-1/3"]], LINE).A, [[-THIRD]]),
         "X": lambda: (kp.linear_lyapunov(MINUS, CONE).X, SAME),
+        "rate": lambda: (kp.linear_lyapunov([["-1/3"]], LINE, rate="1/3").required_rate, THIRD),
     },
     "find_cone": {
         "A": lambda: (kp.find_cone(plant(MIXED)).certificate.matrices, [MIXED_SAME]),
@@ -285,6 +286,7 @@ EXACT = {
         "sign": lambda: (THIRDS.feedback(1, sign="1/3").exact.A, [[0]]),
     },
     "ConeStateSpace.lft": {"other": lambda: (THIRDS.lft(THIRDS).exact.A, [[-THIRD, 1], [1, -THIRD]])},
+    "ConeStateSpace.linear_lyapunov": {"rate": lambda: (THIRDS.linear_lyapunov(rate="1/3").required_rate, THIRD)},
     "ConeStateSpace.dissipativity": {
         "q": lambda: (LAG.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
         "r": lambda: (LAG.dissipativity(r=["1/3"]).r_exact, [THIRD]),
@@ -307,6 +309,7 @@ EXACT |= {
         "sign": lambda: (LOOP.feedback(1, sign="1/3").exact.A, [[0]]),
     },
     "ConeNetwork.lft": {"other": lambda: (LOOP.lft(THIRDS).exact.A, [[-THIRD, 1], [1, -THIRD]])},
+    "ConeNetwork.linear_lyapunov": {"rate": lambda: (LOOP.linear_lyapunov(rate="1/3").required_rate, THIRD)},
     "ConeNetwork.dissipativity": {
         "q": lambda: (LOOP.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
         "r": lambda: (LOOP.dissipativity(r=["1/3"]).r_exact, [THIRD]),
@@ -323,7 +326,6 @@ _GAIN = "the gain is an infimum computed in floating point; `dissipativity` prov
 _SIMULATED = "a simulation in floating point"
 _EFFORT = "effort and tolerance of a search, which prove nothing"
 _DRAWN = "a picture"
-_WORD = 'the word "max" only: rates are found, and proven as doubles'
 DOUBLES = {
     "induced_gain": dict.fromkeys(["A", "B", "C", "D", "X", "U", "Y", "e", "f"], _GAIN),
     "ConeStateSpace.gain": dict.fromkeys("ef", _GAIN),
@@ -341,8 +343,6 @@ DOUBLES = {
     ),
     "ConeStateSpace.sample": {"Ts": "matrix exponentials are computed in floating point"},
     "ConeStateSpace.linearize": {"x0": "the system itself is returned, wherever it is linearised"},
-    "linear_lyapunov": {"rate": _WORD},
-    "ConeStateSpace.linear_lyapunov": {"rate": _WORD},
     "gain_rate_tradeoff": {
         "sys": "a curve in floating point; its designs, if asked for, are those of `state_feedback`",
         "rates": "points of this curve",
@@ -355,7 +355,7 @@ DOUBLES = {
     "plot_network": {"positions": _DRAWN},
     "examples.mass_spring": dict.fromkeys("km", "doubles for python-control; `mass_spring_node` is exact"),
 }
-for _method in ("gain", "linear_lyapunov", "linearize", "sample"):  # the same for networks
+for _method in ("gain", "linearize", "sample"):  # the same for networks
     DOUBLES[f"ConeNetwork.{_method}"] = DOUBLES[f"ConeStateSpace.{_method}"]
 # Arguments that are no data: what they are.
 NO_DATA = {

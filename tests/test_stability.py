@@ -233,9 +233,53 @@ def test_files_keep_the_verdict(tmp_path):
         assert again.status is cert.status and again.check() and again.explain() == cert.explain()
 
 
-def test_unknown_rate_is_refused():
-    with pytest.raises(kp.DataError, match="rate is 'fast'"):
-        kp.linear_lyapunov([[-1]], kp.orthant(1), rate="fast")
+@pytest.mark.parametrize("rate", ["fast", 0, -1, "-1/3", float("nan"), True, float("inf")])
+def test_rates_that_cannot_be_asked_for_are_refused(rate):
+    with pytest.raises(kp.DataError, match="rate"):
+        kp.linear_lyapunov([[-1]], kp.orthant(1), rate=rate)
+
+
+class TestAskedRate:
+    """A = T M T^-1 with M = S - diag(S 1) - rate I has the decay rate `rate` exactly, on the cone of T."""
+
+    @settings(max_examples=40)
+    @given(unimodular(), st.integers(0, 2**32 - 1), st.sampled_from(["1/3", "2", "0.7", "22/7"]), st.booleans())
+    def test_just_below_at_and_above_the_rate(self, T, seed, rate, discrete):
+        rng, n, rate = np.random.default_rng(seed), 3, Fraction(rate) / (4 if discrete else 1)
+        S = rng.integers(1, 4, (n, n)).astype(object) * Fraction(1, 60)
+        np.fill_diagonal(S, 0)
+        M = S - np.diag(S.sum(axis=1)) + np.diag([Fraction(int(discrete)) - rate] * n)
+        T = T.astype(int).astype(object)
+        inverse = np.round(np.linalg.inv(T.astype(float))).astype(int).astype(object)
+        A, X = T @ M @ inverse, kp.PolyhedralCone(T.T.tolist())
+        for asked, proved in ((rate / 2, True), (rate, True), (rate * Fraction(101, 100), False)):
+            cert = kp.linear_lyapunov(A.tolist(), X, discrete=discrete, rate=asked)
+            assert cert.status is (Status.PROVED if proved else Status.REFUTED), (asked, cert.explain())
+            assert cert.check() and cert.required_rate == asked
+            assert not replace(cert, required_rate=rate * 2 if proved else rate).check()
+
+    @pytest.mark.parametrize("rate", ["1/3", "0.4"])
+    def test_files_keep_the_rate(self, rate, tmp_path):
+        cert = kp.linear_lyapunov([["-4/3", 1], [1, "-4/3"]], kp.orthant(2), rate=rate)
+        cert.save(tmp_path / "c.json")
+        again = kp.load_certificate(tmp_path / "c.json")
+        assert again.status is cert.status is (Status.PROVED if rate == "1/3" else Status.REFUTED)
+        assert again.required_rate == Fraction(rate) and again.explain() == cert.explain() and again.check()
+
+    def test_without_a_rate_files_are_as_before(self):
+        assert "required_rate" not in kp.linear_lyapunov([[-1]], kp.orthant(1)).contents()
+
+    def test_what_is_said(self):
+        said = [kp.linear_lyapunov([[-2, 1], [1, -2]], kp.orthant(2), rate=r).explain() for r in ("1/3", "1.5")]
+        assert "at least as exp(-1/3 t)" in said[0]
+        assert "no v'x, v in int X*, decreases at rate 3/2" in said[1] and "at a rate of at most 1." in said[1]
+        s = kp.ConeStateSpace([[-2, 1], [1, -2]], [[1], [0]], [[1, 0]], 0)
+        assert s.linear_lyapunov(rate=1) and not s.linear_lyapunov(rate=1.5)
+        assert kp.feedback_interconnect([s, s], [[0, 0], [0, 0]]).linear_lyapunov(rate=1)
+
+    def test_an_unstable_system_is_refuted_as_such(self):
+        cert = kp.linear_lyapunov([[1]], kp.orthant(1), rate=1)
+        assert cert.status is Status.REFUTED and "not exponentially stable" in cert.explain() and cert.check()
 
 
 def test_what_is_proven_cannot_be_written_to():

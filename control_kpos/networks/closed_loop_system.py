@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
 
@@ -152,13 +153,14 @@ class ClosedLoopSystem(NetworkResponses):
             return found
         return PositivityCertificate.settle(**{**found.data(), "witness": None})
 
-    def linear_lyapunov(self, rate: Literal["max"] | None = None) -> LyapunovCertificate:
+    def linear_lyapunov(self, rate: Literal["max"] | float | Fraction | str | None = None) -> LyapunovCertificate:
         """Theorem 2 for the closed loop, as one system.
 
         Parameters
         ----------
-        rate : {"max"}, optional
-            "max": the fastest decay rate that can be proven; factors A, so not for millions of states.
+        rate : "max" or number, optional
+            A positive number: this decay rate is claimed too.  "max": the fastest decay rate that can be proven.
+            Both factor A, so not for millions of states.
 
         Returns
         -------

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import nullcontext
 from copy import deepcopy
+from fractions import Fraction
 from html import escape
 from typing import Any, Literal
 
@@ -227,13 +228,13 @@ class ConeStateSpace(ConeOperations):
         """
         return positivity_of(self._question())
 
-    def linear_lyapunov(self, rate: Literal["max"] | None = None) -> LyapunovCertificate:
+    def linear_lyapunov(self, rate: Literal["max"] | float | Fraction | str | None = None) -> LyapunovCertificate:
         """Theorem 2: proof that X is invariant and x' = A x exponentially stable, or that one of them fails.
 
         Parameters
         ----------
-        rate : {"max"}, optional
-            "max": the fastest decay rate that can be proven.
+        rate : "max" or number, optional
+            A positive number: this decay rate is claimed too.  "max": the fastest decay rate that can be proven.
 
         Returns
         -------

@@ -172,15 +172,19 @@ def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
     return float(np.linalg.eigvals(scaled).real.max())
 
 
-def decide_stability(A: Matrix, X: Cone, discrete: bool) -> tuple[bool, Integers] | None:
-    """Settle stability of a K-positive A, with v or x as integers times one number; None if out of reach."""
+def decide_stability(A: Matrix, X: Cone, discrete: bool, rate: Fraction = Fraction(0)) -> tuple[bool, Integers] | None:
+    """Settle whether a K-positive A decays faster than at a rate, with v or x as integers times one number.
+
+    v decreases faster than at the rate, A x + rate x is in X; in discrete time A - I takes the place of A.  None if
+    this is out of reach.
+    """
     try:
         at = Coordinates.of(pieces_of(X), X.dim)
     except TooLargeError:
         return None
     S, factor = sparse_integers(A)
     N = (at.into @ S @ at.out).times(factor.numerator)
-    found = Pencil(N, at.heights * factor.denominator, at.cones).decide(int(discrete))
+    found = Pencil(N, at.heights * factor.denominator, at.cones).decide(discrete - rate)
     if found is None:
         return None
     return found.stable, (at.into.T if found.stable else at.out).apply(found.vector)

@@ -7,10 +7,12 @@ too many, nonnegative combinations of generators do.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 
-from ..cards import shown
+from ..cards import raised, shown
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
@@ -22,6 +24,8 @@ from ..proof.encoding import register_record
 from ..proof.inclusion import GeneratorProof
 from ..proof.portable_cones import own_generators
 from ..proof.proposed_weights import combinations
+
+Rate: TypeAlias = float | Fraction
 
 
 @register_record
@@ -45,6 +49,23 @@ class InstabilityDirection:
 
 @register_record
 @dataclass(frozen=True, eq=False)
+class SlowDirection(InstabilityDirection):
+    """Some x in X, x != 0, with A x + rate x in X (A x - x + rate x): no v'x decreases faster than at this rate.
+
+    Attributes
+    ----------
+    rate : float
+        Below the decay rate that was asked for.
+    """
+
+    rate: float = 0.0
+
+    def __str__(self) -> str:
+        return f"a direction x = {shown(self.x)} in X along which v'x decays at a rate of at most {raised(self.rate)}"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
 class InstabilityCombination(InstabilityDirection):
     """A direction of growth with the weights that show it, without facets.
 
@@ -60,32 +81,34 @@ class InstabilityCombination(InstabilityDirection):
 # -- inequalities
 
 
-def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: float = 0.0) -> BilinearForms:
+def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: Rate = 0.0) -> BilinearForms:
     """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
-    if not np.isfinite(rate):
+    if not np.isfinite(float(rate)):
         raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
-    n = A.shape[0]
-    blocks = [A]
+    eye = Matrix.identity(A.shape[0], sparse=A.is_sparse)
+    rows, blocks = [v], [A]
     if discrete:
-        blocks.append(-Matrix.identity(n, sparse=A.is_sparse))
-    if rate:
-        blocks.append(Matrix(Matrix.identity(n, sparse=A.is_sparse).values * rate))
+        rows, blocks = [*rows, v], [*blocks, -eye]
+    if rate and rate == float(rate):
+        rows, blocks = [*rows, v], [*blocks, Matrix(eye.values * float(rate))]
+    elif rate:
+        rows, blocks = [*rows, Matrix.from_fractions(v.fractions() * rate)], [*blocks, eye]
     if len(blocks) == 1:
         return BilinearForms(v, A, rays)
-    return BilinearForms(Matrix.join([v] * len(blocks), -1), Matrix.join(blocks, -2), rays)
+    return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), rays)
 
 
-def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: float = 0.0) -> BilinearForms:
+def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: Rate = 0.0) -> BilinearForms:
     """h'A x + rate h'x for the facets h, with A - I for A in discrete time."""
     return drift_forms(x, A.T, X.exact_facets, discrete, rate)
 
 
 def instability_conditions(A: Matrix, X: Cone, discrete: bool, w: InstabilityDirection) -> list[Condition]:
-    """x in X and A x in X (A x - x in X), on the facets of X."""
-    x = exactly(w, "x")[None]
+    """x in X and A x in X (A x - x in X), on the facets of X; for a slow direction A x + rate x."""
+    x, rate = exactly(w, "x")[None], w.rate if isinstance(w, SlowDirection) else 0.0
     return [
         Condition("h'x >= 0", BilinearForms(x, None, X.exact_facets), ">="),
-        Condition("h'A x >= 0", transposed_drift(x, A, X, discrete), ">="),
+        Condition("h'A x >= 0", transposed_drift(x, A, X, discrete, rate), ">="),
     ]
 
 

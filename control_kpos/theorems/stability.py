@@ -12,7 +12,7 @@ In discrete time A - I takes the place of A.  A "no" has a witness too: some x i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -25,10 +25,11 @@ from numpy.typing import ArrayLike, NDArray
 from ..cards import floored, raised
 from ..cones import Cone
 from ..exact.condition import Condition, all_hold
-from ..exact.intake import choice
+from ..exact.intake import exact_number
 from ..exact.matrix import Matrix, bit_length
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
+from ..proof.encoding import nested_text
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
@@ -41,6 +42,7 @@ from .generator_coordinates import decide_stability
 from .growing_direction import (
     InstabilityCombination,
     InstabilityDirection,
+    SlowDirection,
     combination_conditions,
     drift_forms,
     growing_combination,
@@ -55,6 +57,7 @@ from .positivity import (
 )
 
 _POSITIVE, _DECREASING, _RATE = "v'x > 0", "v'A x < 0", "v'A x + rate v'x <= 0"
+_REQUIRED = "v'A x + required_rate v'x <= 0"
 _SLOW, _SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
 _SMALL = 64
 # Relative reductions tried until a decay rate is proven.
@@ -78,16 +81,19 @@ class LyapunovCertificate(ClaimOnPositivity):
         The exact v where doubles do not suffice; v is its rounding.
     slow_direction : ndarray, shape (n,), or None
         With `rate="max"`: x in X with A x + decay_rate_bound x in X.
+    required_rate : Fraction or None
+        A decay rate that was asked for, exactly as given; the claim includes it.
     decay_rate_bound : float
         Proven with `slow_direction`: no decay rate above this one is possible.  inf without it.
     slow_direction_exact : tuple of Fraction, or None
         The exact slow direction where doubles do not suffice.
     witness : PositivityViolation, InstabilityDirection or None
-        Why not: a facet and a generator where invariance breaks, or some x in X, x != 0, with A x in X.
+        Why not: a facet and a generator where invariance breaks, or some x in X, x != 0, with A x in X; for a rate
+        that was asked for a `SlowDirection`, with A x + rate x in X at a smaller rate.
     """
 
     claim: ClassVar[str] = "stable"
-    no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _SLOW, _SLOW_IN}
+    no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _REQUIRED, _SLOW, _SLOW_IN}
 
     v: Vector = Vector()
     decay_rate: float = float("nan")
@@ -95,6 +101,7 @@ class LyapunovCertificate(ClaimOnPositivity):
     slow_direction: Vector = Vector()
     decay_rate_bound: float = float("inf")
     slow_direction_exact: Fractions = Fractions("slow_direction")
+    required_rate: Fraction | None = None
 
     @property
     def A(self) -> Matrix:
@@ -126,6 +133,8 @@ class LyapunovCertificate(ClaimOnPositivity):
             Condition(_DECREASING, drift_forms(v, self.A, rays, self.discrete), "<"),
             Condition(_RATE, drift_forms(v, self.A, rays, self.discrete, self.decay_rate), "<="),
         ]
+        if self.required_rate is not None:
+            out.append(Condition(_REQUIRED, drift_forms(v, self.A, rays, self.discrete, self.required_rate), "<="))
         if self.slow_direction is not None:
             x = exactly(self, "slow_direction")[None]
             out += _slow_conditions(self.A, self.X, self.discrete, x, self.decay_rate_bound)
@@ -134,6 +143,8 @@ class LyapunovCertificate(ClaimOnPositivity):
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.v is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
+        if self.required_rate is not None and not (isinstance(self.required_rate, Fraction) and self.required_rate > 0):
+            return Status.UNDECIDED, ()  # no rate that anybody can ask for
         return super()._evaluate()
 
     def is_consistent(self) -> bool:
@@ -154,7 +165,13 @@ class LyapunovCertificate(ClaimOnPositivity):
             return replace(self.positivity, witness=w).refutation()
         if not isinstance(w, InstabilityDirection) or self.positivity.status is not Status.PROVED or not np.any(w.x):
             return None
+        if isinstance(w, SlowDirection) and not w.rate < (self.required_rate or 0):
+            return None
         return _growth_conditions(self.positivity, w)
+
+    def contents(self) -> dict[str, Any]:
+        """As of every claim on positivity, without a rate where none was asked for."""
+        return {k: x for k, x in super().contents().items() if k != "required_rate" or x is not None}
 
     def evidence(self) -> dict[str, Any]:
         """Evidence of positivity, and of a witness x (the slow direction) the weights of x and A x (+ bound x) in X."""
@@ -167,7 +184,8 @@ class LyapunovCertificate(ClaimOnPositivity):
         if not isinstance(w, InstabilityDirection):
             return out
         x = exactly(w, "x").fractions()
-        moved = drift(self.A, x, self.discrete)
+        slow = Fraction(w.rate) if isinstance(w, SlowDirection) else Fraction(0)
+        moved = drift(self.A, x, self.discrete, slow)
         if isinstance(w, InstabilityCombination) and w.weights is not None:
             rays = own_generators(self.X)
             shares = (w.weights[np.array([k])].T for k in range(2))
@@ -175,12 +193,15 @@ class LyapunovCertificate(ClaimOnPositivity):
         else:
             found = [prover.vector(self.X, y) for y in (x, moved)]
         weights = dict(zip(("wx", "wz"), found, strict=True))
-        return {**out, "shows": "motion", "x": numbers(x), "rate": int(self.discrete), **weights}
+        return {**out, "shows": "motion", "x": numbers(x), "rate": nested_text(self.discrete - slow), **weights}
 
     def explain(self) -> str:
         """What has been proven, and at what rate."""
         if isinstance(self.witness, PositivityViolation):
             return f"Refuted: X is not invariant. {self.positivity.explain()}"
+        if isinstance(self.witness, SlowDirection):
+            rate = self._asked(raised)
+            return f"Refuted: X is invariant, but no v'x, v in int X*, decreases at rate {rate} on it: {self.witness}."
         if self.witness is not None:
             ahead = "A x - x" if self.discrete else "A x"
             return (
@@ -189,7 +210,8 @@ class LyapunovCertificate(ClaimOnPositivity):
                 f"{'spectral radius is at least 1' if self.discrete else 'rightmost eigenvalue is not negative'}."
             )
         if self:
-            law = f"(1 - {floored(self.decay_rate)})^k" if self.discrete else f"exp(-{floored(self.decay_rate)} t)"
+            rate = floored(self.decay_rate) if self.required_rate is None else self._asked(floored)
+            law = f"(1 - {rate})^k" if self.discrete else f"exp(-{rate} t)"
             most = self.decay_rate_bound
             bound = f" No rate above {raised(most)} is possible." if np.isfinite(most) else ""
             return (
@@ -199,10 +221,17 @@ class LyapunovCertificate(ClaimOnPositivity):
             )
         if not self.positivity:
             return f"Undecided, because invariance is: {self.positivity.explain()}"
+        if self.required_rate is not None:
+            return "Undecided: X is invariant, but whether v'x can decrease at the given rate could not be proven."
         return (
             "Undecided: X is invariant, but the system is so close to the stability boundary that neither a Lyapunov "
             "vector nor a direction of growth could be proven at this size."
         )
+
+    def _asked(self, rounded: Callable[[float], str]) -> str:
+        """The rate that was asked for; rounded if it is long."""
+        text = str(self.required_rate)
+        return text if len(text) < 8 else rounded(float(self.required_rate or 0))
 
 
 def linear_lyapunov(
@@ -210,7 +239,7 @@ def linear_lyapunov(
     X: Cone | ArrayLike,
     *,
     discrete: bool = False,
-    rate: Literal["max"] | None = None,
+    rate: Literal["max"] | float | Fraction | str | None = None,
 ) -> LyapunovCertificate:
     """Decide whether x' = A x is K-positive and exponentially stable on X: Theorem 2.
 
@@ -222,7 +251,9 @@ def linear_lyapunov(
         Polyhedral proper cone in R^n; may be a product of any number of cones.
     discrete : bool
         True for x[k+1] = A x[k].
-    rate : "max" or None
+    rate : "max", number or None
+        A positive number, per unit of time of A: also V(x(t)) <= exp(-rate t) V(x(0)) is claimed, in discrete time
+        V(x[k]) <= (1 - rate)^k V(x[0]).  Numbers may be fractions or text, and equality will do.
         "max": the v of (nearly) the largest provable decay rate, with a proven bound from above (not on
         cones whose facets are too many to list).
         None: v = -A^{-T} c for the sum c of the normalised facets, or for another c in int X*.
@@ -231,12 +262,12 @@ def linear_lyapunov(
     -------
     LyapunovCertificate
         PROVED with v and its decay rate, or REFUTED with the violated facet and generator, or with x
-        in X, x != 0, such that A x is in X.
+        in X, x != 0, such that A x is in X, or A x + bound x for a bound below the rate that was asked for.
 
     Raises
     ------
     ShapeError, DataError, NotProperConeError
-        A is not square of the size of X, or not finite and real; X is not proper; `rate` is unknown.
+        A is not square of the size of X, or not finite and real; X is not proper; `rate` is not positive.
 
     Notes
     -----
@@ -254,12 +285,17 @@ def linear_lyapunov(
     >>> kp.linear_lyapunov([[1, 0], [0, -1]], kp.orthant(2)).status.name
     'REFUTED'
     """
-    rate = choice(rate, "rate", ("max", None))
+    if rate is not None and not (isinstance(rate, str) and rate == "max"):
+        rate = exact_number(rate, "rate", positive=True)
     return lyapunov_on(state_positivity(A, X, discrete=discrete), rate=rate)
 
 
-def lyapunov_on(positivity: PositivityCertificate, *, rate: str | None = None) -> LyapunovCertificate:
+def lyapunov_on(
+    positivity: PositivityCertificate, *, rate: Literal["max"] | Fraction | None = None
+) -> LyapunovCertificate:
     """Decide stability once invariance has been decided; see `linear_lyapunov`."""
+    if isinstance(rate, Fraction):
+        return _at_rate(positivity, rate)
     if positivity.witness is not None:
         return LyapunovCertificate.settle(positivity=positivity, witness=positivity.witness)
     if not positivity:
@@ -342,6 +378,27 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
     if slow is None:
         return _proved(positivity, Matrix(best[1]))
     return _proved(positivity, Matrix(best[1]), decay_rate_bound=slow[0], slow_direction=slow[1])
+
+
+def _at_rate(positivity: PositivityCertificate, rate: Fraction) -> LyapunovCertificate:
+    """The certificate that claims a rate too."""
+    A, X, discrete = positivity.A, positivity.X, positivity.discrete
+    fastest = lyapunov_on(positivity, rate="max")
+    if not fastest:
+        return LyapunovCertificate.settle(**fastest.data() | {"required_rate": rate})
+    found = _proved(positivity, exactly(fastest, "v"), required_rate=rate)
+    if found:
+        return found
+    if fastest.slow_direction is not None and fastest.decay_rate_bound < rate:
+        witness = SlowDirection(exactly(fastest, "slow_direction"), rate=fastest.decay_rate_bound)
+        return LyapunovCertificate.settle(positivity=positivity, required_rate=rate, witness=witness)
+    # faster than at this rate, or at this rate exactly, which a dominant left eigenvector shows
+    for matrix, cone, faster in ((A, X, True), (A.T, X.dual, False)):
+        decided = decide_stability(matrix, cone, discrete, rate)
+        if decided is not None and decided[0] is faster:
+            v = Matrix.over(decided[1], 1 << bit_length(decided[1]))
+            found = _proved(positivity, v, required_rate=rate) or found
+    return found or LyapunovCertificate.settle(positivity=positivity, required_rate=rate)
 
 
 # -- inequalities
