@@ -768,10 +768,20 @@ def inwards(d: Json, e: Json, X: Cone, m: int) -> list[tuple[Matrix, Matrix, lis
     return out
 
 
+def size(d: Json, x: Vector) -> Fraction:
+    """What a bound on |F x| is multiplied by: the leading entry of x, or 1 for generators as they stand in the file.
+
+    The leading entry is the first of at least an eighth of the size of the largest.
+    """
+    expect(type(d.get("leading", False)) is bool, "leading is neither true nor false")
+    top = max(map(abs, x.values()), default=Fraction(0))
+    return next((abs(x[i]) for i in sorted(x) if 8 * abs(x[i]) >= top), top) if d.get("leading") else Fraction(1)
+
+
 def no_feedback(c: Json, limit: int) -> None:
     """No F and no point z = sum_k xi_k x_k, all xi_k > 0, satisfy for every vertex (A_s, B_s):
 
-    A_s + B_s F keeps X,  A_s + B_s F + coupling + rate I maps z into -int X,  |F x_k| <= gain_bound,
+    A_s + B_s F keeps X,  A_s + B_s F + coupling + rate I maps z into -int X,  |F x_k| <= gain_bound `size`,
     (C + D F) x_k in Y,  (F x_k)_j = 0 where `free` is 0.  By Farkas' lemma: with l_sk as in `inwards`, d_s >= 0 on X
     and g_k >= 0 on Y they would make
 
@@ -800,7 +810,7 @@ def no_feedback(c: Json, limit: int) -> None:
             b = total((1, b), (1, pullback(l[k], B)), (-1, pullback(f, B)))
         b = {j: y for j, y in b.items() if free[k][j]}
         need(not b or d["gain_bound"] is not None, "b_k = 0")
-        level = a + sum(abs(y) * bound[j] for j, y in b.items())
+        level = a + sum(abs(y) * bound[j] for j, y in b.items()) * size(d, x)
         need(level <= 0, "a_k + |b_k|'gain_bound <= 0")
         strict = strict or level < 0
     need(strict, "one of the inequalities is strict")
@@ -828,12 +838,12 @@ def no_invariant_gain(c: Json, limit: int) -> None:
 
 
 def gain_bound(c: Json, limit: int) -> None:
-    """|F x| <= bound, entry by entry, for the generators x as they stand in the file."""
+    """|F x| <= bound, entry by entry, for the generators x, see `size`."""
     d = c["data"]
     X, bound = cone(d["X"], limit), numbers(d["bound"])
     F = matrix(d["F"], len(bound), X.dim)
     need(all(b >= 0 for b in bound), "a bound is not negative")
-    need(all(abs(a) <= bound[i] for x in X.rays for i, a in image(F, x).items()), "|F x| <= bound")
+    need(all(abs(a) <= bound[i] * size(d, x) for x in X.rays for i, a in image(F, x).items()), "|F x| <= bound")
 
 
 def feedback(c: Json, limit: int) -> None:

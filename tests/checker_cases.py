@@ -59,6 +59,14 @@ def bound(F, b, status="PROVED"):
     return {"claim": "gain bound", "status": status, "data": data, "proof": {}}
 
 
+def leading(top, b, **more):
+    """x_1 is bounded at generators (1, top) and (0, 1) with a leading entry of 1."""
+    rays = {"rays": [[1, top], [0, 1]], "w": [1, 1], "Z": [[1, 0], [-top, 1]]}
+    out = bound([], [b])
+    out["data"] |= {"X": {"cone": [[1, rays]]}, "F": {"matrix": [[1, 0]]}, "leading": True, **more}
+    return out
+
+
 def family(matrices, claim="differentially-positive", discrete=False, status="PROVED", v=1, proofs=None, **proof):
     data = {"A": {"tuple": [{"matrix": [[a]]} for a in matrices]}, "X": HALF, "discrete": discrete}
     data |= {"v": None if v is None else {"array": [v]}}
@@ -130,6 +138,13 @@ BY_HAND = {
         "UNREADABLE",
     ),
     "no supply for a proof": (scalar("dissipative", r=None), "UNREADABLE"),
+    "bound at an eighth of the largest": (leading(8, 1), "PROVED"),
+    "bound at less than that entry": (leading(8, "1/4"), "WRONG"),
+    "bound at the largest": (leading(9, "1/9"), "PROVED"),
+    "bound at less than the largest": (leading(9, "1/10"), "WRONG"),
+    "bound at generators as they stand": (leading(9, 1, leading=False), "PROVED"),
+    "bound less at generators as they stand": (leading(9, "1/9", leading=False), "WRONG"),
+    "bound at who knows what": (leading(9, 1, leading="yes"), "UNREADABLE"),
     "disturbance gain": (scalar("disturbance gain"), "PROVED"),
     "disturbance gain of another supply": (scalar("disturbance gain", q=-2, r=2, v=2), "WRONG"),
     "disturbance gains, the same": (two_inputs(["1/3", "1/3"]), "PROVED"),

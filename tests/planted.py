@@ -5,6 +5,11 @@ import numpy as np
 import control_kpos as kp
 
 
+def unit(rays):
+    """Rows scaled to a leading entry of size 1: the first of at least an eighth of the size of the largest."""
+    return np.array([x / next(abs(a) for a in x if 8 * abs(a) >= np.abs(x).max()) for x in np.asarray(rays)])
+
+
 def metzler_hurwitz(rng, n):
     """Off-diagonal entries in [0.05, 1], diagonally dominant up to a scaling of the coordinates."""
     M = rng.uniform(0.05, 1.0, size=(n, n))

@@ -9,6 +9,7 @@ import planted
 import pytest
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.design.certificates import GainBoundCertificate
 from control_kpos.design.refusal import Multipliers, PairMultipliers
 from control_kpos.exact.intake import exact_matrix
@@ -27,7 +28,8 @@ def test_bounds_just_above_the_limit_are_met_and_just_below_refuted(n, m, length
     if limit == 0:
         pytest.skip("this plant needs no gain")
     above = kp.state_feedback(sys, X=rays, gain_bound=1.02 * limit)
-    assert above and np.abs(above.F @ rays.T).max() <= 1.02 * limit * (1 + 1e-14)
+    assert above and np.abs(above.F @ planted.unit(rays).T).max() <= 1.02 * limit * (1 + 1e-14)
+    assert limit == pytest.approx(kp.state_feedback(sys, X=rays / length).limit, rel=1e-4)
     below = kp.state_feedback(sys, X=rays, gain_bound=0.98 * limit)
     assert below.status is kp.Status.REFUTED and below.check()
 
@@ -134,3 +136,51 @@ def test_what_is_refuted_for_vertices_is_a_common_vector():
     assert "No gain with a common Lyapunov vector" in both.explain() and "any F." not in both.explain()
     alone = kp.state_feedback(kp.ConeStateSpace([[1, 0], [0, -1]], B, [[1, 0]], 0))
     assert alone.status is kp.Status.REFUTED and "common" not in alone.explain()
+
+
+@pytest.mark.parametrize("factors", [(10.0, 10.0), (0.25, 3.0), (2.0**-40, 3.0), (0.1, 1e6)])
+def test_lengths_of_generators_change_no_answer(factors):
+    """Bounds met and refused, smallest gains, limits, what is printed, other methods and laws, margins."""
+    rays = np.array(PAPER, dtype=float) * np.array(factors)[:, None]
+    two = kp.ConeStateSpace(PLANT, X=rays)
+    rates = {"rate": "max", "gain_bound": 20}
+    for demands in ({"gain_bound": 5.5}, {"gain_bound": 4.5}, {}, rates, {"method": "first"}):
+        d, e = kp.state_feedback(PLANT, X=PAPER, **demands), kp.state_feedback(two, **demands)
+        assert d.status is e.status and d.message == e.message
+        if d and "method" not in demands:
+            assert e.limit == pytest.approx(d.limit, rel=1e-4) and e.value == pytest.approx(d.value, rel=0.06)
+        if d and max(factors) <= 10:
+            np.testing.assert_allclose(e.F, d.F, rtol=2e-2)
+            assert e.certified_fraction == pytest.approx(d.certified_fraction, abs=2e-3)
+            assert e.margin == pytest.approx(d.margin, rel=0.05)
+    for design in (
+        lambda X, **k: kp.state_feedback(PLANT, X=X, method="alternation", **k),
+        lambda X, **k: kp.output_feedback(ct.ss(PLANT.A, PLANT.B, [[1, 2]], 0), X=X, **k),
+        lambda X, **k: kp.observer_gain(ct.ss(PLANT.A, PLANT.B, [[1, 0]], 0), X=X, **k),
+        lambda X, **k: kp.scale_free_feedback(kp.ConeStateSpace(PLANT, X=X), **k),
+    ):
+        for k in ({}, {"gain_bound": 5.5}, {"gain_bound": 0.5}):
+            assert design(PAPER, **k).status is design(rays, **k).status
+
+
+def test_a_leading_entry_is_not_a_small_one():
+    """A first entry that is rounding does not decide how a generator is measured."""
+    small = kp.state_feedback(PLANT, X=[[1e-17, 1], [1, -2]], gain_bound=5.5)
+    assert small and small.value <= 5.5
+
+
+def test_bounds_say_at_which_generators_they_hold(tmp_path):
+    """Files of version 0.1 have bounds at generators of the lengths that stand there."""
+    c = kp.state_feedback(PLANT, X=[[0, 1], [1, -9]], gain_bound=100).certificate.others[0]
+    assert c.leading and c.check() and "leading entry scaled to 1" in c.explain()
+    tight = np.abs(np.asarray(c.F.values) @ planted.unit(c.X.rays).T).max()
+    assert c.settle(F=c.F, X=c.X, leading=True, bound=np.array([tight * (1 + 1e-12)]))
+    assert not c.settle(F=c.F, X=c.X, leading=True, bound=np.array([tight * (1 - 1e-9)]))
+    given = np.abs(np.asarray(c.F.values) @ c.X.rays.T).max()
+    assert given > 2 * tight and not c.settle(F=c.F, X=c.X, bound=np.array([tight]))
+    old = c.settle(F=c.F, X=c.X, bound=np.array([given * (1 + 1e-12)]))
+    for certificate in (c, old):
+        path = tmp_path / "bound.json"
+        certificate.save(path)
+        assert kp.load_certificate(path).leading is certificate.leading
+        assert checker.main(path) == 0

@@ -15,7 +15,7 @@ import numpy as np
 
 from ..cones import orthant
 from ..errors import DataError
-from ..exact.budget import OutOfBudgetError, affords, spend
+from ..exact.budget import OutOfBudgetError, spend
 from ..exact.matrix import Matrix
 from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
@@ -104,7 +104,7 @@ def accept(
             return None
 
     try:
-        return first_proven((candidate for candidate in roundings(F) if affords()), prove)
+        return first_proven(roundings(F), prove)
     except OutOfBudgetError:
         return None
 
@@ -156,7 +156,7 @@ def _others(
 ) -> Iterator[Certificate | None]:
     """What is demanded besides the stability of every closed loop."""
     if plant.gain_bound is not None:
-        yield GainBoundCertificate.settle(F=full, bound=plant.gain_bound, X=plant.X)
+        yield GainBoundCertificate.settle(F=full, bound=plant.gain_bound, X=plant.X, leading=True)
     if plant.ports:
         sys = plant.system
         out = closed_loop(sys.C, sys.D, full)

@@ -21,7 +21,7 @@ from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
 from ..theorems.positivity import PositivityCertificate
 from ..theorems.stability import LyapunovCertificate
-from .plant import Floats
+from .plant import Floats, leading_sizes
 
 
 class Demand(Certificate):
@@ -41,6 +41,8 @@ class GainBoundCertificate(Demand):
     F : Matrix, shape (m, n)
     bound : ndarray, shape (m,)
     X : Cone
+    leading : bool
+        True: the generators count with a leading entry of 1, see `leading`; False: with their lengths in `X.rays`.
     """
 
     claim: ClassVar[str] = "gain bound"
@@ -48,12 +50,14 @@ class GainBoundCertificate(Demand):
     F: Matrix
     bound: Floats
     X: Cone
+    leading: bool = False
 
     def conditions(self) -> list[Condition]:
         """The inequalities that prove the claim."""
-        # [F, -b] [x; 1] with the generators as doubles: their length matters here
-        rays = np.asarray(self.X.rays, dtype=float)
-        right = Matrix(np.hstack([rays, np.ones((len(rays), 1))]))
+        # [F, -b] [x; size] for x with a leading entry of this size; or for the doubles, whose length matters
+        rays = self._rays() if self.leading else np.asarray(self.X.rays, dtype=float)
+        sizes = leading_sizes(rays) if self.leading else np.ones(len(rays))
+        right = Matrix.from_fractions(np.concatenate([rays, sizes[:, None]], axis=1).astype(object))
         F = self.F.fractions()
         b = np.array([[Fraction(v)] for v in np.asarray(self.bound).tolist()], dtype=object)
         upper = Matrix.from_fractions(np.concatenate([F, -b], axis=1))
@@ -65,8 +69,7 @@ class GainBoundCertificate(Demand):
 
     def evidence(self) -> dict[str, Any]:
         """Nothing: generators in files have the lengths that they have here."""
-        rays = self.X.exact_rays
-        if (portable_rows(rays) != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
+        if not self.leading and (self._rays() != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
             raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
         return {}
 
@@ -74,8 +77,12 @@ class GainBoundCertificate(Demand):
         """What is proven, in words."""
         if self:
             bound = f"[{' '.join(raised(b, 4) for b in self.bound)}]"
-            return f"Proved: |F x_k| is at most {bound} at every generator of X."
-        return "The gain exceeds its bound at some generator of X."
+            scaled = ", its leading entry scaled to 1" if self.leading else ""
+            return f"Proved: |F x_k| is at most {bound} at every generator of X{scaled}."
+        return "The bound on the gain is not proven at every generator of X."
+
+    def _rays(self) -> Any:
+        return portable_rows(self.X.exact_rays)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

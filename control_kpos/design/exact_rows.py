@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..cones import Cone
 from ..exact.matrix import Integers, Matrix
-from .plant import Plant
+from .plant import Plant, leading_sizes
 from .simplicial.inequalities import Inequalities, feedback_inequalities, gain_rows, output_rows
 
 Rationals = NDArray[np.object_]
@@ -30,8 +30,15 @@ def homogeneous_rows(
     return rows[:, kept], kept
 
 
-def exact_inequalities(plant: Plant) -> Inequalities:
-    """The inequalities of a design in integers and fractions."""
+def exact_inequalities(plant: Plant, *, as_given: bool = False) -> Inequalities:
+    """The inequalities of a design in integers and fractions.
+
+    Parameters
+    ----------
+    plant : Plant
+    as_given : bool
+        True: gains are bounded at generators of the lengths in `X.rays`, as in files of version 0.1.
+    """
     facets, rays = exact_geometry(plant)
     pairs = [(A.fractions(), B.fractions()) for A, B in plant.vertices]
     drift = None
@@ -41,7 +48,8 @@ def exact_inequalities(plant: Plant) -> Inequalities:
     if plant.gain_bound is not None:
         slack = 1 + Fraction(1, 10**9)
         bound = np.array([Fraction(b) * slack for b in plant.gain_bound.tolist()], dtype=object)
-        q = q.with_closed(*gain_rows(q.n, q.m, _lengths(plant.X, rays), bound))
+        lengths = _lengths(plant.X, rays) if as_given else leading_sizes(rays)
+        q = q.with_closed(*gain_rows(q.n, q.m, lengths, bound))
     if plant.ports:
         C, D = (M.fractions() for M in plant.system.matrices[2:])
         q = q.with_closed(*output_rows(C, D, outer_facets(plant.system.Y), rays))

@@ -63,8 +63,9 @@ def state_feedback(
         fast as possible.  0: any.  A gain that is only just large enough leaves little decay: ask for what you need.
         A rate that is no double, such as "1/3", is read as the next double above it, which proves it as well.
     gain_bound : float or array_like, shape (m,), optional
-        |F x_k| <= gain_bound, input by input, at every generator x_k of X with the length it has in `X.rays`: the
-        input that the state x_k may use.
+        |F x_k| <= gain_bound, input by input, at every generator x_k of X: the input that the state x_k may use.  The
+        length of a generator has no meaning, so x_k is scaled to a leading entry of 1 (or -1), that is the first entry
+        of at least an eighth of the size of the largest: equal cones give equal answers.
     structure : array_like of bool, shape (m, n), optional
         True where F may differ from zero.
     vertices : sequence of (A_s, B_s), or of systems, optional
@@ -176,7 +177,7 @@ def read_rate(rate: Any) -> float | str:
     if isinstance(rate, str) and not is_number(rate):
         return choice(rate, "rate", ("max",))
     asked = exact_number(rate, "rate", nonnegative=True)
-    return float(Matrix.from_fractions(np.array([asked], dtype=object)).rounded(up=True)[0])
+    return float(asked) if float(asked) >= asked else float(np.nextafter(float(asked), np.inf))
 
 
 def output_feedback(
@@ -203,7 +204,7 @@ def output_feedback(
     rate : float or "max"
         As in `state_feedback`.
     gain_bound : float or array_like, shape (m,), optional
-        Bound on |F C x_k|, input by input, at every generator of X.
+        Bound on |F C x_k|, input by input, at every generator of X, scaled as in `state_feedback`.
     structure : array_like of bool, shape (m, q), optional
         True where F may differ from zero: which input may use which output.
     vertices : sequence of (A_s, B_s), optional
@@ -276,7 +277,7 @@ def observer_gain(
     rate : float or "max"
         As in `state_feedback`.
     gain_bound : float or array_like, shape (q,), optional
-        |L'h_k| <= gain_bound, output by output, at every facet h_k of X.
+        |L'h_k| <= gain_bound, output by output, at every facet h_k of X, scaled as in `state_feedback`.
     solver, time_limit, progress
         As in `state_feedback`.
 

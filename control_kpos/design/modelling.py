@@ -83,9 +83,10 @@ class _OwnProgram:
         self.options = {} if solver is None else {"solver": solver}
         self.F: Any = cp.Variable(program.shape)
         self.message = "no vector v admits a gain"
+        measured = program.seen.T / program.plant.sizes
         try:
             self.own = list(constraints(self.F)) if constraints is not None else []
-            cost = cp.max(cp.abs(self.F @ program.seen.T)) if objective is None else objective(self.F)
+            cost = cp.max(cp.abs(self.F @ measured)) if objective is None else objective(self.F)
         except (TypeError, ValueError, AttributeError, IndexError) as error:
             raise DataError(
                 f"constraints or objective failed on a cvxpy variable of shape {self.F.shape}: {error}."
@@ -120,7 +121,7 @@ class _OwnProgram:
         for margin in _MARGINS:
             rows = [*always, G @ entries[program.free] + g >= margin * program.sizes]
             if bound is not None:
-                most = np.tile(bound[:, None] * (1 - margin), (1, len(program.seen)))
+                most = bound[:, None] * (1 - margin) * program.plant.sizes
                 rows.append(cp.abs(F @ program.seen.T) <= most)
             if not begin(program_effort(len(g) + len(s), len(program.free))):
                 break

@@ -25,6 +25,9 @@ from ..systems.system import System
 
 Floats = NDArray[np.float64]
 
+# Powers of two by which the lengths of generators as they were given have to be better.
+_FAR = 6
+
 _LABELS = {"inputs": "input_labels", "outputs": "output_labels", "states": "state_labels"}
 
 
@@ -41,7 +44,7 @@ class Plant:
     reads : Matrix or None
         C of output feedback, u = K C x.
     gain_bound : ndarray, shape (m,), or None
-        |F x_k| <= gain_bound at every generator x_k of X, input by input.
+        |F x_k| <= gain_bound at every generator x_k of X with a leading entry of 1, input by input.
     pattern : ndarray of bool, shape (m, n) or (m, q), or None
         Where the gain may differ from zero.
     ports : bool
@@ -82,8 +85,17 @@ class Plant:
 
     @cached_property
     def rays(self) -> Floats:
-        """Generators of X."""
-        return np.asarray(self.X.rays, dtype=float)
+        """Generators of X, of lengths that programs cope with."""
+        return self._coordinates[0]
+
+    @cached_property
+    def sizes(self) -> Floats:
+        """Sizes of the leading entries of `rays`: gains are measured at the generators divided by these."""
+        return self._coordinates[1]
+
+    @cached_property
+    def _coordinates(self) -> tuple[Floats, Floats]:
+        return coordinates(self.X, self.facets, [A for A, _ in self.pairs])
 
     @cached_property
     def facets(self) -> Floats:
@@ -139,8 +151,57 @@ class Plant:
         return self.rays.T if self.reads is None else np.asarray(self.reads.values) @ self.rays.T
 
     def gain_of(self, F: Floats) -> float:
-        """max |F x_k| over inputs and generators x_k of X; of F C x_k for output feedback."""
-        return float(np.abs(np.asarray(F, dtype=float) @ self.seen).max(initial=0.0))
+        """max |F x_k| over inputs and generators x_k of X with leading entries 1; of F C x_k for output feedback."""
+        return float((np.abs(np.asarray(F, dtype=float) @ self.seen) / self.sizes).max(initial=0.0))
+
+
+# -- lengths of generators, which have no meaning
+
+
+def leading(rows: NDArray[Any]) -> NDArray[np.intp]:
+    """Where the leading entry of each row is: the first that has at least an eighth of the size of the largest.
+
+    A gain is measured at generators scaled to a leading entry of 1 (or -1): equal cones have equal ones.
+
+    >>> leading(np.array([[0, 1], [1, -2], [1, 9]])).tolist()
+    [1, 0, 1]
+    """
+    sizes = np.abs(rows)
+    return np.argmax(8 * sizes >= sizes.max(axis=1, keepdims=True), axis=1)
+
+
+def leading_sizes(rows: NDArray[Any]) -> NDArray[Any]:
+    """The sizes of the leading entries."""
+    return np.abs(rows[np.arange(len(rows)), leading(rows)])
+
+
+def coordinates(X: Cone, facets: Floats, drifts: Sequence[Floats]) -> tuple[Floats, Floats]:
+    """Generators of a cone in doubles, and the sizes of their leading entries.
+
+    They have leading entries of 1; or the lengths that they were given, where these go with the units of the states:
+    the entries of A, seen in the generators, are of sizes that are less far apart.
+
+    Parameters
+    ----------
+    X : Cone
+    facets : ndarray, shape (r, n)
+    drifts : sequence of ndarray, shape (..., n, n)
+    """
+    rays, exact = np.asarray(X.rays, dtype=float), X.exact_rays
+    every = np.arange(len(rays))
+    sizes = np.abs(rays[every, leading(rays if exact.is_double else exact.rows_as_integers(every))])
+    unit = rays / sizes[:, None]
+    if (sizes == 1).all() or _range(unit, facets, drifts) <= _range(rays, facets, drifts) + _FAR:
+        return unit, np.ones(len(rays))
+    return rays, sizes
+
+
+def _range(rays: Floats, facets: Floats, drifts: Sequence[Floats]) -> int:
+    """Powers of two between the entries of A seen in these generators, and in facets of height 1 over them."""
+    heights = np.maximum((facets @ rays.T).max(axis=1), np.finfo(float).tiny)
+    seen = [facets / heights[:, None] @ A @ rays.T for A in drifts]
+    exponents = np.frexp(np.concatenate([M[M != 0] for M in seen]))[1]
+    return int(np.ptp(exponents)) if exponents.size else 0
 
 
 # -- exact sums and products

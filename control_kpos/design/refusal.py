@@ -142,6 +142,8 @@ class NoFeedback(Contradiction):
         Decay rate that was to be exceeded.
     gain_bound : ndarray, shape (m,), or None
         |F x_k| <= gain_bound at the generators, read up to a relative 1e-9.
+    leading : bool
+        True: at generators with a leading entry of 1; False: with their lengths in `X.rays`.
     free : ndarray, shape (n, m)
         1 where F x_k may differ from zero.
     coupling : Matrix or None
@@ -160,6 +162,7 @@ class NoFeedback(Contradiction):
     free: NDArray[np.float64]
     coupling: Matrix | None = None
     ports: tuple[Matrix, Matrix, Cone] | None = None
+    leading: bool = False
 
     def combination(self) -> tuple[Rationals, Rationals, NDArray[np.bool_]] | None:
         """The multipliers over rows closed, -drift and xi, of the variables that are free."""
@@ -179,7 +182,7 @@ class NoFeedback(Contradiction):
 
     def inequalities(self) -> Inequalities:
         """The exact inequalities that have no solution."""
-        return exact_inequalities(self._plant())
+        return exact_inequalities(self._plant(), as_given=not self.leading)
 
     def _plant(self) -> Plant:
         C_D, Y = ((), None) if self.ports is None else (self.ports[:2], self.ports[2])
@@ -197,8 +200,8 @@ class NoFeedback(Contradiction):
         if not isinstance(w, Multipliers):
             raise ProofOmittedError("no multipliers are given")
         require_portable(self.X)
-        rays = portable_rows(self.X.exact_rays)
-        if self.gain_bound is not None and (rays != Matrix(np.asarray(self.X.rays, dtype=float)).fractions()).any():
+        rays, doubles = portable_rows(self.X.exact_rays), Matrix(np.asarray(self.X.rays, dtype=float))
+        if self.gain_bound is not None and not self.leading and (rays != doubles.fractions()).any():
             raise ProofOmittedError("bounds at generators that are no doubles are for control_kpos alone")
         plant, n = self._plant(), self.X.dim
         facets, _ = exact_geometry(plant)
@@ -362,6 +365,7 @@ def decide(plant: Plant, rate: float) -> tuple[NoFeedback | None, NDArray[np.flo
         free=free.astype(float),
         coupling=plant.coupling,
         ports=(*plant.system.matrices[2:], plant.system.Y) if plant.ports else None,
+        leading=True,
         witness=Multipliers(*(tuple(group) for group in groups)),
     )
     return certificate, None

@@ -270,8 +270,9 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
             importlib.import_module(folder)
     if claim not in _restorers:
         raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
-    if type(data.get("discrete", False)) is not bool:
-        raise CertificateFileError(f"discrete is {str(data['discrete'])[:60]!r}; it must be true or false.")
+    for name in ("discrete", "leading"):
+        if type(data.get(name, False)) is not bool:
+            raise CertificateFileError(f"{name} is {str(data[name])[:60]!r}; it must be true or false.")
     certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
     if certificate.status.name != content["status"]:
         raise FalseClaimError(

@@ -12,7 +12,7 @@ serves all of them, which is sufficient only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,10 +21,10 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
-from ...cones import Cone
 from ...exact.budget import spend
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
+from ..plant import coordinates
 from ..running import Programs
 from ..simplicial.program import RatioProgram, stacked
 
@@ -54,8 +54,6 @@ class Task:
     uniform : bool
         One F and one xi for all nodes (one stack).
     rate : float
-    cones : mapping of int to Cone
-        Of the nodes that have a cone object of their own; the others have that of their stack.
     lp : callable
     """
 
@@ -63,27 +61,7 @@ class Task:
     bound: Floats | None
     uniform: bool
     rate: float
-    cones: Mapping[int, Cone]
     lp: Programs
-
-    @cached_property
-    def lengths(self) -> list[Floats]:
-        """Lengths of every node's own generators, relative to those of its stack; shape (N, n) for each stack.
-
-        Nodes share a stack if their cones are equal as sets; gains are measured at the generators each node came with.
-        """
-        out = []
-        for s, index in zip(self.model.stacks, self.model.members, strict=True):
-            rays = np.asarray(s.X.rays, dtype=float)
-            lengths = np.ones((len(index), len(rays)))
-            known: dict[int, Floats] = {id(s.X): np.ones(len(rays))}
-            for place, j in enumerate(index.tolist()):
-                X = self.cones.get(j, s.X)
-                if id(X) not in known:  # each generator is a multiple of one of the stack's
-                    known[id(X)] = np.linalg.solve(rays.T, np.asarray(X.rays, dtype=float).T).max(axis=1)
-                lengths[place] = known[id(X)]
-            out.append(lengths)
-        return out
 
 
 class Geometry:
@@ -95,21 +73,21 @@ class Geometry:
         A, B and C, with states in their units.
     HZ : ndarray, shape (N, n, m)
         B with inputs in their units as well.
-    lengths : ndarray, shape (N, n)
-        Of the generators at which gains are measured.
+    sizes : ndarray, shape (n,)
+        Of the leading entries of the generators: gains are measured at the generators divided by these.
     """
 
-    def __init__(self, stack: NodeStack, lengths: Floats) -> None:
+    def __init__(self, stack: NodeStack) -> None:
         X = stack.X
-        self.rays = np.asarray(X.rays, dtype=float)
         order = np.argmin(np.asarray(X.incidence), axis=0)
         facets = np.asarray(X.facets, dtype=float)[order]
+        self.rays, self.sizes = coordinates(X, facets, [np.asarray(stack.A.values)])
         self.facets = facets / np.einsum("ij,ij->i", facets, self.rays)[:, None]
         self.A, self.B, self.C = (np.asarray(M.values) for M in (stack.A, stack.B, stack.C))
         self.HAT = self.facets @ self.A @ self.rays.T
         self.HB, self.CT = self.facets @ self.B, self.C @ self.rays.T
         self.units, self.input_units = np.ones(self.HAT.shape[:2]), np.ones(self.HB.shape[::2])
-        self.lengths, self.HZ = lengths, self.HB
+        self.HZ = self.HB
 
     def use(self, units: Floats) -> None:
         """Change to other units of the states, and to suitable ones of the inputs."""
@@ -120,8 +98,8 @@ class Geometry:
         self.HZ = self.HB * self.input_units[:, None, :]
 
     def measure(self) -> Floats:
-        """|F t_k| per unit of z / xi, shape (N, n, m)."""
-        return (self.lengths / self.units)[:, :, None] * self.input_units[:, None, :]
+        """|F t_k| / sizes_k per unit of z / xi, shape (N, n, m)."""
+        return self.input_units[:, None, :] / (self.units * self.sizes)[:, :, None]
 
 
 class NetworkProgram(RatioProgram):
@@ -144,7 +122,7 @@ class NetworkProgram(RatioProgram):
         entries = sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks)
         spend(entries * _EFFORT_PER_ENTRY[self.uniform])
         self.model = model
-        self.parts = [Geometry(s, own) for s, own in zip(model.stacks, task.lengths, strict=True)]
+        self.parts = [Geometry(s) for s in model.stacks]
         self.xi, self.z, self.size = self._variables()
         self.owner = np.zeros(self.size, dtype=np.intp)
         for xi, z in zip(self.xi, self.z, strict=True):

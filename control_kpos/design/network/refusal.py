@@ -95,10 +95,9 @@ def _blocking_node(task: Task) -> DesignResult | None:
     bounds = None if task.bound is None else model.split(task.bound, 1)
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
         for place, j in enumerate(index.tolist()):
-            X = task.cones.get(j, s.X)
             if not affords():
                 return None
-            key = (_numbers(s.A[place]), _numbers(s.B[place]), id(X))
+            key = (_numbers(s.A[place]), _numbers(s.B[place]), id(s.X))
             if key in seen:
                 continue
             seen.add(key)
@@ -106,7 +105,7 @@ def _blocking_node(task: Task) -> DesignResult | None:
                 return None
             lp.stage(f"{model.name_of(j)} alone")
             node = System(s.A[place], s.B[place], s.C[place], s.D[place], s.X, s.U, s.Y, s.dt)
-            plant = read_plant(node, X, gain_bound=None if bounds is None else bounds[g][place])
+            plant = read_plant(node, None, gain_bound=None if bounds is None else bounds[g][place])
             result = _alone(plant, rate, lp)
             if result is None:
                 continue
@@ -149,7 +148,7 @@ def whole_network(task: Task) -> Plant:
     for s, index in zip(model.stacks, model.members, strict=True):
         data = [M.fractions() for M in (s.A, s.B, s.C)]
         for place, j in enumerate(index.tolist()):
-            factors[j], blocks[j] = task.cones.get(j, s.X), [M[place] for M in data]
+            factors[j], blocks[j] = s.X, [M[place] for M in data]
     A, B, C = (_block_diagonal(parts) for parts in zip(*blocks, strict=True))
     W = model.coupling
     links = (Matrix(dense(W.values)) if W.is_double else W).fractions()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from typing import Any
@@ -13,7 +12,6 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ...cards import floored
-from ...cones import Cone
 from ...errors import (
     ActuatorLossWarning,
     DataError,
@@ -41,12 +39,12 @@ from ..plant import closed_loop, read_bound
 from ..result import DesignResult, percent
 from ..running import Programs, SolverChoice, within
 from ..simplicial.program import Failure
-from .program import MARGINS, NetworkProgram, Task
+from .program import MARGINS, Geometry, NetworkProgram, Task
 from .refusal import beyond_gains, explain_failure
 
 Floats = NDArray[np.float64]
 
-NETWORK_GAIN = "smallest gain max |F_j x_k| over all nodes and generators"
+NETWORK_GAIN = "smallest gain max |F_j x_k| over all nodes and generators (leading entries 1)"
 _NO_POINT = "the linear program has no solution."
 BOUNDED = "largest |F_j x_k| relative to its bound"
 # Entries of the closed loop up to which A + B F is formed in rational arithmetic.
@@ -84,8 +82,9 @@ def network_feedback(
     rate : float
         Decay rate of the network.
     gain_bound : float, array_like, shape (sum m_j,), optional
-        |F_j x_k| <= gain_bound at every generator of X_j.  With a bound one program is solved, for gains that are
-        small beside it; without, several, for the smallest bound that is possible.
+        |F_j x_k| <= gain_bound at every generator of X_j, its leading entry scaled to 1 as in `state_feedback`.
+        With a bound one program is solved, for gains that are small beside it; without, several, for the smallest bound
+        that is possible.
     solver, time_limit, progress
         As in `state_feedback`.
 
@@ -135,7 +134,7 @@ def network_feedback(
         empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
-        return _designed(Task(model, _read_bound(gain_bound, model), uniform, float(target), _own_cones(given), lp))
+        return _designed(Task(model, _read_bound(gain_bound, model), uniform, float(target), lp))
 
     result = within(time_limit, design, "network", solver=solver, progress=progress)
     if result.alarm:
@@ -155,17 +154,6 @@ def _designed(task: Task) -> DesignResult:
     if refused is not None or result.message != _NO_POINT:
         return result if refused is None else refused
     return explain_failure(task, NetworkProgram(task))
-
-
-def _own_cones(systems: Sequence[Any]) -> dict[int, Cone]:
-    """State cones of those nodes that do not come in a stack, by number."""
-    out: dict[int, Cone] = {}
-    count = 0
-    for item in systems:
-        if isinstance(item, ConeStateSpace):
-            out[count] = item.X
-        count += 1 if isinstance(item, ConeStateSpace) else len(item)
-    return out
 
 
 def _effort(model: NetworkModel) -> float:
@@ -235,12 +223,13 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
     model, parts = task.model, program.parts
     if task.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
-    used = [np.abs(F @ g.rays.T) * g.lengths[:, None, :] for F, g in zip(gains, parts, strict=True)]
+    used = [np.abs(F @ g.rays.T) / g.sizes for F, g in zip(gains, parts, strict=True)]
     if task.bound is not None:
-        used = [u / b[:, :, None] for u, b in zip(used, model.split(task.bound, 1), strict=True)]
+        bounds = [b[:, :, None] for b in model.split(task.bound, 1)]
+        if not all((u + _rounding(F, g) <= b).all() for u, F, g, b in zip(used, gains, parts, bounds, strict=True)):
+            return None
+        used = [u / b for u, b in zip(used, bounds, strict=True)]
     value = max(float(u.max(initial=0.0)) for u in used)
-    if task.bound is not None and value > 1:
-        return None
     closed, exact = _closed(model, gains)
     network = ConeNetwork(closed)
     certificate = network.certificate
@@ -266,6 +255,12 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
         notes=tuple(notes),
         alarm=loss_of_positivity(model, fraction, fragile),
     )
+
+
+def _rounding(F: Floats, g: Geometry) -> Floats:
+    """Bound on the rounding of |F x_k|, that of the generators included."""
+    longest = np.abs(g.rays).max(axis=1) / g.sizes
+    return 4 * (F.shape[-1] + 8) * HALF_ULP * np.abs(F).sum(axis=-1)[..., None] * longest
 
 
 def round_to(F: Floats, digits: int) -> Floats:

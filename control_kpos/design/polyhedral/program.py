@@ -100,9 +100,9 @@ class GainProgram:
 
     @cached_property
     def inputs(self) -> tuple[Any, NDArray[np.intp]]:
-        """Rows of (L R x_k)_j over the free entries, and j for each."""
+        """Rows of (L R x_k)_j over the free entries, for x_k with leading entries 1, and j for each."""
         j, k = (index.ravel() for index in np.indices((self.plant.m, len(self.plant.rays))))
-        return self.coefficients(np.eye(self.plant.m)[j], k), j
+        return scaled_rows(self.coefficients(np.eye(self.plant.m)[j], k), 1 / self.plant.sizes[k]), j
 
     @cached_property
     def _both(self) -> Any:
@@ -250,7 +250,7 @@ class GainProgram:
 
     def slim(self, iterate: Iterate, rate: float) -> tuple[Iterate, float]:
         """Alternate to make the gain small at a given decay rate; never larger than at the start."""
-        best, size = iterate, float(np.abs(iterate.gain @ self.seen.T).max(initial=0.0))
+        best, size = iterate, self.plant.gain_of(iterate.gain)
         for _ in range(_ROUNDS):
             before = size
             for vector in (best.v, *self.vectors(best.gain)):

@@ -35,7 +35,7 @@ from ..simplicial.search import (
 )
 from .program import GainProgram, Iterate
 
-FIRST_FOUND = "sum of h_i'(A + B F)x_k, in the first step; max |F x_k| at the generators of X"
+FIRST_FOUND = "sum of h_i'(A + B F)x_k, in the first step; max |F x_k| at the generators of X (leading entries 1)"
 # Bound on |F x_k| in the two-step method if none is given, relative to the sizes of A and B.
 _BOX = 20.0
 # Starting vectors for any gain, and for the largest rate, which is a local optimum.

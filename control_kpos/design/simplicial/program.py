@@ -282,7 +282,7 @@ class SimplicialProgram(RatioProgram):
         z, place = np.arange(n, len(self.kept)), np.arange(len(self.kept) - n)
         entries, shape = np.ones(len(z)), (len(z), len(self.kept))
         half = compact(sp.csr_array((entries, (place, z)), shape=shape))
-        owned = compact(sp.csr_array((entries, (place, self.owner[z])), shape=shape))
+        owned = compact(sp.csr_array((plant.sizes[self.owner[z]], (place, self.owner[z])), shape=shape))
         self.slope, self.level = stacked(half, -half), stacked(owned, owned)
         self.bounds = np.zeros((0, len(self.kept)))
         if plant.gain_bound is not None:

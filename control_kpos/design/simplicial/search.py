@@ -24,9 +24,9 @@ from ..result import DesignResult, Nearest
 from ..running import Programs
 from .program import Failure, SimplicialProgram
 
-SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X"
+SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X (leading entries 1)"
 LARGEST_RATE = "largest decay rate"
-FIRST_GAIN = "nothing; max |F x_k| at the generators of X"
+FIRST_GAIN = "nothing; max |F x_k| at the generators of X (leading entries 1)"
 # The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
 GAIN_SLACK = 0.05
 # Of the decay rate that this excess allows, the part that is used; and of the largest rate, the parts asked for.
