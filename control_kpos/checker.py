@@ -627,10 +627,15 @@ def common(p: Polynomial, q: Polynomial) -> Polynomial:
     return p
 
 
+def derivative(p: Polynomial) -> Polynomial:
+    """The derivative, up to a positive factor."""
+    return primitive([a * (len(p) - 1 - k) for k, a in enumerate(p[:-1])] or [0])
+
+
 def real_roots_beyond(p: Polynomial, b: Fraction) -> int:
     """How many different real roots are larger than b: Sturm's theorem for p(z + b) between 0 and infinity."""
     chain = [shifted(p, b)]
-    chain.append(primitive([a * (len(chain[0]) - 1 - k) for k, a in enumerate(chain[0][:-1])] or [0]))
+    chain.append(derivative(chain[0]))
     while any(chain[-1]):
         chain.append([-a for a in divided(chain[-2], chain[-1])[1]])
     return changes([q[-1] for q in chain]) - changes([q[0] for q in chain])
@@ -697,6 +702,9 @@ def no_cone(c: Json, limit: int) -> None:
     members = [matrix({"matrix": rows}, len(rows), len(rows)) for rows in d["matrices"]["matrix"]]
     if "normal" in w:
         return no_cone_between(d, w, members[0])
+    if "order" in w:
+        expect(discrete, "Jordan chains exclude cones in discrete time only")
+        return longer_chains(members[index(w["matrix"])], w)
     if "cycle" in w:
         steps = zip(w["cycle"]["tuple"], numbers(w["shifts"]), strict=True)
         M = reduce(product, [power_or_resolvent(members[index(i)], s, discrete) for i, s in steps])
@@ -709,6 +717,47 @@ def no_cone(c: Json, limit: int) -> None:
     if kind == "ahead":
         return root_ahead(p, [unit * x for x in numbers(e["z"])], b, discrete)
     return root_beside(p, b, discrete)
+
+
+def longer_chains(A: Matrix, w: Json) -> None:
+    """In discrete time, some eigenvalue of the modulus of the largest real one, rho > b >= 0, has a larger index.
+
+    The index (length of the longest Jordan chain) of the spectral radius is the largest on its circle (Vandergraft).
+    Let r be the product of the different factors of the characteristic polynomial, V = r(A)^k, and q the denominator of
+    u'(s I - A)^-1 V x.  The roots of q have an index > k; rho has not, as q(A) V = 0 and no root of q is real and > b.
+    One pole of u'(s I - A^N)^-1 V x is real and > b^N: it is z^N for a root z of q, and it is rho^N, the only real
+    eigenvalue of A^N above b^N.
+    """
+    M, unit = integers(A)
+    order, b, k = index(w["order"]), unit * numbers(w["bound"])[0], index(w["index"])
+    expect(order <= 100 and k < len(A), "an order or an index is out of range")
+    p, V = leverrier(M)[0], integers([{} for _ in A], 1)[0]
+    for _ in range(k):
+        V = applied(divided(p, common(p, derivative(p)))[0], M, V)
+    u, start = numbers(w["functional"]), numbers(w["start"])
+    x = [sum((a * c for a, c in zip(row, start, strict=True)), Fraction(0)) for row in V]
+    q, turned = poles(p, M, x, u), reduce(product, [M] * order)
+    need(b >= 0 and real_roots_beyond(p, b) == 1, "one real eigenvalue is above the bound")
+    need(not any(a for row in applied(q, M, V) for a in row), "the poles are all eigenvalues of larger index")
+    need(real_roots_beyond(q, b) == 0, "the real eigenvalue has no larger index")
+    around = leverrier(turned)[0]
+    need(real_roots_beyond(around, b**order) == 1, "one real eigenvalue of the power is above that of the bound")
+    need(real_roots_beyond(poles(around, turned, x, u), b**order) == 1, "it is that of an eigenvalue of larger index")
+
+
+def applied(p: Polynomial, M: list[list[int]], V: list[list[int]]) -> list[list[int]]:
+    """p(M) V, by Horner's rule."""
+    out = [[0] * len(row) for row in V]
+    for a in p:
+        out = [[x + a * y for x, y in zip(*rows, strict=True)] for rows in zip(product(M, out), V, strict=True)]
+    return out
+
+
+def poles(p: Polynomial, M: list[list[int]], x: list[Fraction], u: list[Fraction]) -> Polynomial:
+    """The denominator of u'(s I - M)^-1 x = (numerator) / p."""
+    h = responses(u, M, x, len(M))
+    over = [sum((a * h[k - j] for j, a in enumerate(p[: k + 1])), Fraction(0)) for k in range(len(M))]
+    return divided(p, common(p, primitive(over)))[0]
 
 
 def power_or_resolvent(A: Matrix, s: Fraction, discrete: bool) -> list[list[int]]:

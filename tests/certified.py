@@ -229,6 +229,9 @@ CERTIFICATES = {
     "not any cone, beside, discrete": lambda: (
         kp.find_cone([["0.6", "-0.8", 0], ["0.8", "0.6", 0], [0, 0, 1]], discrete=True).certificate
     ),
+    "not any cone, longer chains": lambda: (
+        kp.find_cone([["1/3", 0, 0], [0, "-1/3", 1], [0, 0, "-1/3"]], discrete=True).certificate
+    ),
     "not any cone, cycle": lambda: kp.find_cone(TURNED).certificate,
     "not any cone, cycle, discrete": lambda: kp.find_cone(TURNED, discrete=True).certificate,
     "not any cone, ports": lambda: kp.find_cone(ct.ss([[-1, 0], [0, -2]], [[1], [1]], [[-1, 2]], [[0]])).certificate,

@@ -105,12 +105,26 @@ def cycle(A, shifts, z, bound, discrete=True):
     return none([A], discrete, {"z": z}, **steps, bound={"fraction": bound})
 
 
+def chains(A, bound="1/2", index=1, order=2, x=None, u=None, discrete=True):
+    """Longer Jordan chains on the circle than at the largest real eigenvalue."""
+    ones = [list(range(1, len(A) + 1))]
+    x, u = {"matrix": [x] if x else ones}, {"matrix": [u] if u else ones}
+    fields = {"bound": {"fraction": bound}, "index": index, "order": order, "start": x, "functional": u}
+    return none([A], discrete, matrix=0, **fields)
+
+
 def port(A, b, c, power=1, shift=0, discrete=False):
     fields = {"normal": {"matrix": [c]}, "vector": {"matrix": [b]}, "power": power, "shift": {"fraction": shift}}
     return none([A], discrete, contains=[b], within=[c], **fields)
 
 
 QUARTER = [[0, 1], [-1, 0]]
+FLIPPED = [[1, 0, 0], [0, -1, 1], [0, 0, -1]]  # 1, and -1 in a chain of two
+BOTH = [[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, -1, 1], [0, 0, 0, -1]]  # both in chains of two
+THREE = [[1, 1, 0, 0, 0], [0, 1, 0, 0, 0], [0, 0, -1, 1, 0], [0, 0, 0, -1, 1], [0, 0, 0, 0, -1]]
+INNER = [["1/2", 0, 0], [0, -1, 0], [0, 0, 1]]  # no chains
+SHORTER = [[1, 0, 0], [0, "-3/4", 1], [0, 0, "-3/4"]]
+TURNING = [[1, 0, 0, 0, 0], [0, 0, -1, 1, 0], [0, 1, 0, 0, 1], [0, 0, 0, 0, -1], [0, 0, 0, 1, 0]]  # 1, i, -i: two each
 THIRD = [[0, 1], [-1, -1]]
 ANGLE = [[3, -4], [4, 3]]  # 5 times a rotation by an angle that is no part of a turn
 MINUS_TWO = [[-2, 0], [0, -2]]
@@ -172,6 +186,28 @@ NO_CONE = {
     "power 101": (power(101), "UNREADABLE"),
     "half a power": (cycle(QUARTER, ["3/2"], [0, 1, 0], "1/2"), "UNREADABLE"),
     "power 0": (cycle(QUARTER, [0], [0, 1, 0], 1), "UNREADABLE"),
+    "longer chains": (chains(FLIPPED), "REFUTED"),
+    "longer chains, in continuous time": (chains(FLIPPED, discrete=False), "UNREADABLE"),
+    "longer chains, third power": (chains(FLIPPED, order=3), "WRONG"),
+    "longer chains, hundredth power": (chains(FLIPPED, order=100), "REFUTED"),
+    "longer chains, 102nd power": (chains(FLIPPED, order=102), "UNREADABLE"),
+    "longer chains, no power": (chains(FLIPPED, order=0), "UNREADABLE"),
+    "longer chains, bound too large": (chains(FLIPPED, 1), "WRONG"),
+    "longer chains, bound zero": (chains(FLIPPED, 0), "REFUTED"),
+    "longer chains, bound negative": (chains(FLIPPED, "-1/2"), "WRONG"),
+    "longer chains, bound too small": (chains([*[[*row, 0] for row in FLIPPED], [0, 0, 0, "3/4"]]), "WRONG"),
+    "longer chains than two": (chains(FLIPPED, index=2), "WRONG"),
+    "longer chains than three": (chains(FLIPPED, index=3), "UNREADABLE"),
+    "chains of two and three": (chains(THREE, index=2), "REFUTED"),
+    "chains of two and three, not one": (chains(THREE, index=1), "WRONG"),
+    "chains of three states": (chains(INNER), "WRONG"),
+    "chains of one length": (chains(BOTH), "WRONG"),
+    "chains of one length, half of it hidden": (chains(BOTH, u=[0, 0, 1, 1]), "WRONG"),
+    "chains of one length, all of it": (chains(BOTH, index=2), "WRONG"),
+    "longer chains inside": (chains(SHORTER), "WRONG"),
+    "longer chains inside, seen": (chains(SHORTER, "7/8"), "WRONG"),
+    "longer chains of a pair": (chains(TURNING, order=4), "REFUTED"),
+    "longer chains of a pair, second power": (chains(TURNING, order=2), "WRONG"),
     "port": (port(APART, [1, 1], [-1, 2], shift="-1/2"), "REFUTED"),
     "port touches": (port(APART, [1, 1], [-1, 2]), "REFUTED"),
     "port inside": (port(APART, [1, 1], [-1, 2], shift=1), "WRONG"),

@@ -1,8 +1,11 @@
 """Plants for which a stabilising gain exists by construction, with all margins open."""
 
+from fractions import Fraction
+
 import numpy as np
 
 import control_kpos as kp
+from control_kpos.exact.linalg import solve_columns
 
 
 def unit(rays):
@@ -93,3 +96,14 @@ def with_dominant_eigenvalue(seed: int, n: int, *, discrete: bool) -> np.ndarray
         real = values[first].imag == 0 and (values[first].real > 0 or not discrete)
         if real and (not rest or size[first] - size[rest[0]] > 1e-3):
             return A
+
+
+def similar(A: np.ndarray, seed: int) -> list[list[Fraction]]:
+    """T A T^-1 for a random integer T, exactly."""
+    rng = np.random.default_rng(seed)
+    while True:
+        T = rng.integers(-2, 3, A.shape)
+        if abs(np.linalg.det(T)) > 0.5:
+            break
+    fractions = [np.array([[Fraction(int(x)) for x in row] for row in M], dtype=object) for M in (A, T)]
+    return solve_columns(fractions[1].T, (fractions[1] @ fractions[0]).T).T

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted import pair, with_dominant_eigenvalue
+from planted import pair, similar, with_dominant_eigenvalue
 from scipy.linalg import block_diag
 
 from control_kpos import (
@@ -20,7 +20,6 @@ from control_kpos import (
 )
 from control_kpos.errors import DataError, ShapeError
 from control_kpos.exact.enclosure import Generators
-from control_kpos.exact.linalg import solve_columns
 from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.polynomials import (
     multiply,
@@ -123,17 +122,6 @@ def test_roots_of_unity_in_discrete_time():
 def test_exact_data_are_kept_exactly():
     found = find_cone([["1/3", "0"], ["1/7", "-21.3"]])
     assert found and found.certificate.matrices.numerators is not None
-
-
-def similar(A: np.ndarray, seed: int) -> list[list[Fraction]]:
-    """T A T^-1 for a random integer T, exactly."""
-    rng = np.random.default_rng(seed)
-    while True:
-        T = rng.integers(-2, 3, A.shape)
-        if abs(np.linalg.det(T)) > 0.5:
-            break
-    fractions = [np.array([[Fraction(int(x)) for x in row] for row in M], dtype=object) for M in (A, T)]
-    return solve_columns(fractions[1].T, (fractions[1] @ fractions[0]).T).T
 
 
 ROOT = np.array([[0, 2], [1, 0]])  # eigenvalues +- sqrt(2)

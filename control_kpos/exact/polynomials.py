@@ -24,7 +24,7 @@ from flint import fmpz_mat, fmpz_poly
 from numpy.typing import NDArray
 
 from .budget import spend
-from .linalg import LARGEST_PRIME, WrongAnswerError, independent_modulo, prime_below
+from .linalg import LARGEST_PRIME, Rationals, WrongAnswerError, identity, independent_modulo, prime_below, product
 from .matrix import Integers, Matrix
 
 Polynomial = list[int]
@@ -53,17 +53,22 @@ def characteristic_polynomial(A: Matrix) -> tuple[Polynomial, Fraction]:
     0.2 s for 60 rows of doubles, 2 s for 120; ten times that if some eigenvalue has several eigenvectors.
     """
     M, factor = A.as_integers()
+    return characteristic_of(M), Fraction(factor)
+
+
+def characteristic_of(M: Integers) -> Polynomial:
+    """Characteristic polynomial of a matrix of integers."""
     n = M.shape[0]
     spend(_CHARACTERISTIC * n**4)
     if not n:
-        return [1], Fraction(factor)
+        return [1]
     p = [int(c) for c in reversed(fmpz_mat(n, n, M.ravel().tolist()).charpoly().coeffs())]
     annihilates = _annihilates(p, M)
     if annihilates is None:
-        return _by_traces(M), Fraction(factor)
+        return _by_traces(M)
     if not annihilates:
         raise WrongAnswerError("characteristic polynomial")
-    return p, Fraction(factor)
+    return p
 
 
 def _annihilates(p: Polynomial, M: Integers) -> bool | None:
@@ -124,6 +129,28 @@ def shift_roots(p: Polynomial, by: Fraction) -> Polynomial:
         for j in range(1, n + 1 - i):
             out[j] += num * out[j - 1]
     return primitive_part([c * den ** (n - k) for k, c in enumerate(out)])
+
+
+def at_matrix(p: Polynomial, M: Rationals) -> Rationals:
+    """p(M), by Horner's rule."""
+    out = 0 * M
+    for c in p:
+        spend(_PRODUCT * len(M) ** 3)
+        out = product(out, M) + c * identity(len(M))
+    return out
+
+
+def poles(p: Polynomial, M: Integers, x: Integers, u: Integers) -> Polynomial:
+    """Denominator of u'(s I - M)^-1 x, where p is the characteristic polynomial of M.
+
+    Its roots are eigenvalues of M with eigenvectors in every invariant subspace that holds x.
+    """
+    responses = []
+    for _ in range(len(M)):
+        responses.append(int(u @ x))
+        x = M @ x
+    over = [sum(a * h for a, h in zip(p[: k + 1], responses[k::-1], strict=True)) for k in range(len(M))]
+    return _quotient(p, common_divisor(p, over))
 
 
 def vanishes(p: Polynomial, at: Fraction) -> bool:

@@ -29,8 +29,8 @@ from ..proof.certificate import Status
 from ..systems.system import System
 from .certificate import Obstruction
 from .family.search import FamilySearch, completed
-from .impossible.existence import spectral_obstruction
 from .impossible.filters import family_obstruction
+from .impossible.jordan_index import matrix_obstruction
 from .impossible.port_obstruction import port_obstruction
 from .one_matrix import search as one_matrix
 from .one_matrix.modes import Analysis, analysis
@@ -308,7 +308,7 @@ def _of_one_matrix(question: Question, known: Analysis) -> Iterator[Candidate]:
 
 def _obstruction(question: Question) -> Obstruction | None:
     A, (vectors, normals) = question.matrices[0], question.ports
-    found = spectral_obstruction(A, discrete=question.discrete)
+    found = matrix_obstruction(A, discrete=question.discrete)
     if found is None and (vectors.shape[0] or normals.shape[0]):
         return port_obstruction(A, vectors, normals, discrete=question.discrete)
     return found

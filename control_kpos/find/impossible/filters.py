@@ -29,9 +29,9 @@ from .existence import (
     disc_ahead,
     excludes_cones,
     fact,
-    spectral_obstruction,
     spectrum_polynomial,
 )
+from .jordan_index import IndexObstruction, matrix_obstruction
 from .port_obstruction import resolvent
 
 _LARGEST = 16
@@ -98,11 +98,11 @@ register_record(PerronObstruction)
 
 def family_obstruction(
     matrices: Matrix, modes: list[Modes | None], *, discrete: bool
-) -> SpectralObstruction | PerronObstruction | None:
+) -> SpectralObstruction | IndexObstruction | PerronObstruction | None:
     """A proven reason why the family has no common cone, or None."""
     for s, m in enumerate(modes):
         if m is None:
-            found = spectral_obstruction(matrices[s], matrix=s, discrete=discrete)
+            found = matrix_obstruction(matrices[s], matrix=s, discrete=discrete)
             if found is not None:
                 return found
     if matrices.shape[-1] > _LARGEST or any(m is None for m in modes):

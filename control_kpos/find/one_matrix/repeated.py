@@ -23,10 +23,11 @@ from functools import reduce
 import numpy as np
 from numpy.typing import NDArray
 
-from ...exact.linalg import Rationals, columns, identity, jordan_chains, nullspace, product, solve_columns
+from ...exact.linalg import Rationals, columns, jordan_chains, nullspace, product, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.polynomials import (
     Polynomial,
+    at_matrix,
     derivative,
     multiply,
     rational_roots,
@@ -64,7 +65,7 @@ def repeated_cones(question: Question) -> Iterator[Candidate]:
     for root in rational_roots(p, values):
         if abs(root - top) < _NEAR * scale:  # a factor of p is enough, and others may have chains of other lengths
             p = [root.denominator, -root.numerator]
-    d, at = len(p) - 1, _at(p, S)
+    d, at = len(p) - 1, at_matrix(p, S)
     G = nullspace(at)
     # a vector of the basis may lie in a smaller block
     mixed = G @ np.random.default_rng(0).integers(-2, 3, (G.shape[1], G.shape[1])).astype(object)
@@ -86,14 +87,6 @@ def _product(factors: list[Polynomial]) -> Polynomial:
     return reduce(multiply, factors, [1])
 
 
-def _at(p: Polynomial, M: Rationals) -> Rationals:
-    """p(M), by Horner's rule."""
-    out = 0 * M
-    for c in p:
-        out = product(out, M) + c * identity(len(M))
-    return out
-
-
 def _semisimple(M: Rationals, factors: list[Polynomial]) -> Rationals | None:
     """The semisimple part, by Newton's method on the product of the factors."""
     p = _product(factors)
@@ -101,11 +94,11 @@ def _semisimple(M: Rationals, factors: list[Polynomial]) -> Rationals | None:
     lead = p[0] * (len(p) - 1)
     S = M
     for _ in range(len(M).bit_length() + 1):
-        value = _at(p, S)
+        value = at_matrix(p, S)
         if not value.any():
             break
         # `derivative` is known up to a positive factor only
-        step = solve_columns(_at(slope, S) * (lead // slope[0]), value)
+        step = solve_columns(at_matrix(slope, S) * (lead // slope[0]), value)
         if step is None:
             return None
         S = S - step

@@ -1,0 +1,183 @@
+"""No cone in discrete time because some eigenvalue on the circle has longer Jordan chains than the spectral radius.
+
+If A X is inside X, the spectral radius rho is an eigenvalue, and no eigenvalue z with |z| = rho has a larger index, the
+size of its largest Jordan block (Vandergraft, 1968): (s I - A)^(-1) grows as (s - rho)^(-index) for s above rho, and
+nowhere on the circle |s| faster.
+
+Proof, in integers.  Let p be the characteristic polynomial, r the product of its different factors, and k the index of
+rho.  V = range r(A)^k holds an eigenvector for z if and only if the index of z is larger than k.  For vectors x and u,
+u'(s I - A)^(-1) r(A)^k x has poles only at such eigenvalues; let q be its denominator.  Then for a rational b >= 0
+
+    p has one real root above b:                        it is rho, if there is a cone
+    q(A) r(A)^k = 0, and q has no real root above b:    the index of rho is at most k
+    A^N has one real eigenvalue above b^N:              it is rho^N
+    u'(s I - A^N)^(-1) r(A)^k x has a pole above b^N:   it is z^N for a root z of q, so that |z| = rho.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+from math import atan2, pi
+from typing import Any
+
+import numpy as np
+
+from ...cards import about
+from ...exact.budget import spend
+from ...exact.condition import Condition
+from ...exact.linalg import identity, product
+from ...exact.matrix import Matrix
+from ...exact.polynomials import Polynomial, at_matrix, characteristic_of, poles, square_free_part
+from ...exact.roots import Disc, real_roots_above, root_discs
+from ...proof.encoding import register_record
+from .existence import SpectralObstruction, fact, require_countable, spectral_obstruction, spectrum_polynomial
+
+# States, orders of roots of unity, and lengths of Jordan chains of the spectral radius above which none is sought.
+_LARGEST, _LARGEST_ORDER, _LONGEST = 24, 60, 8
+# Digits to which the roots on the circle are told apart, and operations for each entry and digit of a power.
+_DIGITS, _PER_DIGIT = 128, 2.0
+# Relative distance up to which the numbers in the text are those of the roots.
+_ALIKE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class IndexObstruction:
+    """An eigenvalue on the circle of the spectral radius with longer Jordan chains than the spectral radius itself.
+
+    Attributes
+    ----------
+    matrix : int
+        Which matrix of the family.
+    bound : Fraction
+        b; the spectral radius is the only real eigenvalue above it.
+    index : int
+        k; the Jordan chains of the spectral radius are not longer, those of the eigenvalue in the way are.
+    order : int
+        N, with z^N = rho^N.
+    start, functional : Matrix, shape (1, n)
+        x and u.
+    radius, real, imag : float
+        rho and z, in floating point.
+    """
+
+    matrix: int
+    bound: Fraction
+    index: int
+    order: int
+    start: Matrix
+    functional: Matrix
+    radius: float
+    real: float
+    imag: float
+
+    def conditions(self, matrices: Matrix, *, discrete: bool) -> list[Condition] | None:
+        """The exact root counts behind the obstruction."""
+        n = matrices.shape[-1]
+        sizes = self.start.shape == self.functional.shape == (1, n)
+        numbers = 1 <= self.index <= n and 1 <= self.order <= _LARGEST_ORDER and self.bound >= 0
+        if not (discrete and sizes and numbers and 0 <= self.matrix < matrices.shape[0]):
+            return None
+        return [fact("an eigenvalue on the circle has a larger index", _holds(matrices[self.matrix], self))]
+
+    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
+        """Nothing: all is counted again."""
+        require_countable(matrices)
+        return {}
+
+    def __str__(self) -> str:
+        where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
+        value = about(self.real, abs(self.imag), form="{} ± {}i") if self.imag else about(self.real)
+        return (
+            f"the eigenvalue {value} {where}has the modulus of the largest real one, {about(self.radius)}, but longer "
+            f"Jordan chains: {self.index + 1} or more vectors, where those of the largest real one have at most "
+            f"{self.index}"
+        )
+
+
+register_record(IndexObstruction)
+
+
+def matrix_obstruction(
+    A: Matrix, *, matrix: int = 0, discrete: bool = False
+) -> SpectralObstruction | IndexObstruction | None:
+    """A proven reason why no proper polyhedral cone is invariant: the spectrum of A, or its Jordan chains; or None."""
+    found = spectral_obstruction(A, matrix=matrix, discrete=discrete)
+    return _by_index(A, matrix) if found is None and discrete else found
+
+
+def _by_index(A: Matrix, matrix: int) -> IndexObstruction | None:
+    n = A.shape[0]
+    if n > _LARGEST:
+        return None
+    p = spectrum_polynomial(A)
+    if len(square_free_part(p)) == len(p):  # then all Jordan chains have one vector
+        return None
+    rng = np.random.default_rng(0)
+    x, u = (Matrix(rng.integers(1, 100, (1, n)).astype(float)) for _ in range(2))
+    for bound, order, radius, z in _circles(square_free_part(p)):
+        for index in range(1, min(n, _LONGEST)):
+            found = IndexObstruction(matrix, bound, index, order, x, u, radius, z.real, z.imag)
+            if _holds(A, found):
+                return found
+    return None
+
+
+def _circles(p: Polynomial) -> Iterator[tuple[Fraction, int, float, complex]]:
+    """For each eigenvalue on the circle: a number just below the radius, the order, the radius, the eigenvalue."""
+    discs = next(root_discs(p, _DIGITS), ())
+    outer = max((_size(d) for d in discs), default=0.0)
+    circle = [d for d in discs if _size(d) > outer * (1 - 1e-12)]
+    rest = [_size(d) for d in discs if d not in circle]
+    if not outer or not any(d.is_real and d.x > 0 for d in circle):
+        return
+    bound = Fraction((max(rest, default=0.0) + outer) / 2).limit_denominator(1000)
+    bound = bound if max(rest, default=0.0) < bound < outer else Fraction((max(rest, default=0.0) + outer) / 2)
+    for d in circle:
+        turn = Fraction(atan2(d.y, d.x) / (2 * pi)).limit_denominator(_LARGEST_ORDER)
+        if turn:
+            yield bound, turn.denominator, outer, _middle(d)
+
+
+def _middle(disc: Disc, unit: Fraction = Fraction(1)) -> complex:
+    """The number in the middle, times the unit; a real part that may be 0 is 0."""
+    unit = unit * Fraction(2) ** -disc.places
+    return complex(float(disc.x * unit) if abs(disc.x) > disc.radius else 0.0, float(disc.y * unit))
+
+
+def _size(disc: Disc) -> float:
+    low, high = disc.range(modulus=True)
+    return float((low + high) / 2)
+
+
+def _holds(A: Matrix, w: IndexObstruction) -> bool:
+    """The claim in exact arithmetic."""
+    M, unit = A.as_integers()
+    p, level = characteristic_of(M), w.bound / Fraction(unit)
+    if real_roots_above(p, level) != 1:
+        return False
+    inner, factor = identity(len(M)), at_matrix(square_free_part(p), M)
+    for _ in range(w.index):
+        inner = product(inner, factor)
+    x, u = inner @ w.start.as_integers()[0][0], w.functional.as_integers()[0][0]
+    q = poles(p, M, x, u)
+    if product(at_matrix(q, M), inner).any() or real_roots_above(q, level):
+        return False
+    spend(_PER_DIGIT * M.size * w.order * max(abs(int(a)).bit_length() for a in M.ravel()))
+    turned = np.linalg.matrix_power(M, w.order)
+    around = characteristic_of(turned)
+    if real_roots_above(around, level**w.order) != 1:
+        return False
+    return real_roots_above(poles(around, turned, x, u), level**w.order) == 1 and _is_stated(w, p, q, Fraction(unit))
+
+
+def _is_stated(w: IndexObstruction, p: Polynomial, q: Polynomial, unit: Fraction) -> bool:
+    """Whether rho is next to a real root of p, z next to a root of q, and both have one modulus, as far as is seen."""
+    rho, z = complex(w.radius), complex(w.real, w.imag)
+    found = [(rho, p), (z, q)]
+    near = all(
+        any(abs(_middle(disc, unit) - value) <= _ALIKE * w.radius for disc in next(root_discs(square_free_part(f)), ()))
+        for value, f in found
+    )
+    return near and abs(abs(z) - w.radius) <= _ALIKE * w.radius
