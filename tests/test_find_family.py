@@ -10,9 +10,10 @@ from fractions import Fraction
 import control as ct
 import numpy as np
 import pytest
-from planted import generators, metzler_hurwitz
+from planted import generators, metzler_hurwitz, similar
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError
 from control_kpos.exact.linalg import solve_columns
 from control_kpos.find import design_cone_and_feedback, find_cone
@@ -121,6 +122,53 @@ def test_a_family_without_room_for_its_cone(n):
     assert found and found.n_rays == n and found.certificate.check()
     for A in matrices:
         assert kp.state_positivity(A, found.cone)
+
+
+def shift(n, level, weights=None):
+    """A linear chain: one eigenvalue, one eigenvector."""
+    return level * np.eye(n, dtype=int) + np.diag(weights or [1] * (n - 1), 1)
+
+
+def chains(n):
+    """Families of chains with the orthant in common, in discrete time if no entry is negative."""
+    mixed = np.random.default_rng(n).integers(0, 4, (n, n)) - 9 * np.eye(n, dtype=int)
+    return {
+        "up and down": [shift(n, -1), shift(n, -2, [2] * (n - 1)).T],
+        "one way": [shift(n, -1), shift(n, -3, list(range(1, n)))],
+        "one way, the other way round": [shift(n, -3, list(range(1, n))).T, shift(n, 2).T],
+        "up and down, discrete": [shift(n, 1), shift(n, 1).T],
+        "one way, discrete": [shift(n, 2), shift(n, 1, [3] * (n - 1))],
+        "with others": [shift(n, -1), shift(n, 0).T, mixed, mixed.T],
+    }
+
+
+@pytest.mark.parametrize("name", chains(2))
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_families_of_linear_chains_have_the_orthant(name, n):
+    family, discrete = chains(n)[name], "discrete" in name
+    signs, order = np.diag((-1) ** np.arange(n)), np.random.default_rng(n).permutation(n)
+    for members in (family, [signs @ A @ signs for A in family], [A[order][:, order] for A in family]):
+        found = find_cone(members, discrete=discrete, restarts=0)
+        assert found and found.cone.is_simplicial and found.check() and found.margin == 0
+        assert all(kp.state_positivity(A, found.cone, discrete=discrete) for A in members)
+
+
+@pytest.mark.parametrize("name", chains(2))
+@pytest.mark.parametrize("n", [2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_families_of_linear_chains_in_other_coordinates(name, n, seed, tmp_path):
+    members = [similar(A, seed) for A in chains(n)[name]]  # the same coordinates for all
+    found = find_cone(members, discrete="discrete" in name, restarts=0)
+    assert found and found.cone.is_simplicial and found.check()
+    assert all(kp.state_positivity(A, found.cone, discrete="discrete" in name) for A in members)
+    found.save(tmp_path / "cone.json")
+    assert kp.load_certificate(tmp_path / "cone.json") and checker.main(tmp_path / "cone.json") == 0
+
+
+def test_chains_that_turn_against_each_other_have_no_orthant():
+    """The common invariant lines of [[0, 1], [0, 0]] and its opposite leave no pointed cone."""
+    assert find_cone([[[0, 1], [0, 0]], [[0, -1], [0, 0]]], restarts=2).status is not kp.Status.PROVED
+    assert find_cone([[[1, 1], [0, 1]], [[1, 0], [-1, 1]]], discrete=True, restarts=2).status is not kp.Status.PROVED
 
 
 def test_rounded_data_leave_no_room_and_that_is_said():

@@ -20,14 +20,18 @@ from ..certificate import ConeCertificate
 from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import Analysis, Modes, balancing_units, modes
+from ..one_matrix.search import spread
 from ..question import Candidate, Proven, Question
 from .descent import moving_descent, simplicial_descent
+from .flags import flag_orthants
 
 Array = NDArray[np.float64]
 
 # A search that comes that close may have found a cone without margin, whose generators are simple fractions.
 NEARLY = 1e-5
 _DENOMINATORS = (1, 12, 1000)
+# Part of the gaps by which the eigenvalues of a defective matrix are spread for a start.
+_SPREAD = 0.3
 
 
 class FamilySearch:
@@ -73,11 +77,12 @@ class FamilySearch:
         ]
 
     def candidates(self) -> Iterator[Candidate]:
-        """Rays moved from each start until all matrices keep their cone, or nearly."""
-        known = [a.modes for a in self.analyses if a.modes is not None]
+        """Orthants in exact coordinates; rays moved from each start until all matrices keep their cone, or nearly."""
+        question, discrete = self.question, self.question.discrete
+        yield from flag_orthants(question)
+        known = [m for m in (near_modes(a) for a in self.analyses) if m is not None]
         if not known:
             return
-        question, discrete = self.question, self.question.discrete
         normal, e, w = _aligned(self.balanced, known, discrete)
         for attempt, R in enumerate(_starts(normal, e, w, question)):
             if not affords():
@@ -89,7 +94,7 @@ class FamilySearch:
                 question.report(f"start {attempt}: {R.shape[1]} rays, margin {margin:.3g} (best {self.best:.3g})")
                 if margin >= -NEARLY:
                     yield from (self._candidate(rays) for rays in _roundings(R, self.units, margin))
-            except OutOfBudgetError:  # another start may need less
+            except (OutOfBudgetError, np.linalg.LinAlgError):  # another start may need less, or be no singular matrix
                 continue
 
     def _candidate(self, rays: Matrix) -> Candidate:
@@ -111,6 +116,11 @@ class FamilySearch:
         P = np.linalg.solve(R, self.balanced @ R)
         free = P[:, np.ones((n, n), dtype=bool) if self.question.discrete else ~np.eye(n, dtype=bool)]
         return Matrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
+
+
+def near_modes(a: Analysis) -> Modes | None:
+    """The modes of a matrix; of a neighbour, where its eigenvectors do not span the space."""
+    return a.modes or modes(spread(a.matrix, _SPREAD, discrete=a.discrete), discrete=a.discrete)
 
 
 def _moved(matrices: Array, R: Array, w: Array, discrete: bool) -> tuple[Array, float]:
