@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from fractions import Fraction
 
 import control as ct
 import numpy as np
@@ -11,6 +12,7 @@ from planted import generators, metzler_hurwitz
 from scipy.optimize import nnls
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.errors import ConeMismatchError, DataError, TimebaseError
 from control_kpos.exact.matrix import Matrix
 from control_kpos.find import find_cone
@@ -162,6 +164,56 @@ def test_a_discrete_time_chain_of_delays():
     found = find_cone(sys)
     assert found and found.certificate.check()
     assert kp.cone_positivity(sys.A, sys.B, sys.C, sys.D, found.cone, kp.orthant(1), kp.orthant(1), discrete=True)
+
+
+TOUCHING = {
+    "fault": ([1, "1/2", "-1/2"], [1, -1, 1]),  # 1, 0, 1, 3/4, ...
+    "two zeros": ([1, "2/5", "1/5"], [1, -25, 75]),  # 51, 6, 0, 0, 0.48, ...
+    "nearly": ([1, "2/5", "1/5"], [1, -25, "75.0000000001"]),
+    "barely": ([1, "2/5", "1/5"], [1, -25, "75.001"]),
+    "slow": (["1/3", "3/10", "4/15"], [1, -4, "4.5"]),
+    "zero at first": ([2, "1/2", "-1/2"], [1, -2, 1]),
+    "ends": ([1, "1/2", 0], [1, -2, 5]),  # 4, 0, 1/2, ...
+    "four modes": ([1, "1/2", "1/4", "-1/4"], [1, -4, 4, "-1/2"]),
+}
+
+
+@pytest.mark.parametrize("name", TOUCHING)
+def test_responses_in_discrete_time_may_touch_zero(name, tmp_path):
+    """Powers are exact: c'A^k b = 0 is no obstacle, in any coordinates; and 1e-12 below zero there is no cone."""
+    poles, c = ([Fraction(x) for x in row] for row in TOUCHING[name])
+    n = len(c)
+    A = np.array([[x if i == j else Fraction(0) for j in range(n)] for i, x in enumerate(poles)], dtype=object)
+    b, T = np.array([Fraction(1)] * n, dtype=object), np.tri(n, dtype=int) - np.eye(n, k=-1, dtype=int)
+    turned, inverse = similar_by(A, T), np.array(np.rint(np.linalg.inv(T)), dtype=int)
+    for M, x, f in ((A, b, np.array(c)), (turned, T @ b, np.array(c) @ inverse)):
+        found = find_cone(M.tolist(), contains=[x.tolist()], within=[f.tolist()], discrete=True)
+        assert found and found.check() and found.cone.contains(x.tolist())
+        assert kp.cone_positivity(
+            M, x[:, None], f[None], [[0]], found.cone, kp.orthant(1), kp.orthant(1), discrete=True
+        )
+        found.save(tmp_path / "cone.json")
+        assert checker.main(tmp_path / "cone.json") == 0
+    lowest = min(sum(w * p**k for w, p in zip(c, poles, strict=True)) for k in range(30))
+    assert lowest >= 0
+    below = [c[0] - (lowest + Fraction(1, 10**12)), *c[1:]]  # lower by as much at the lowest, if the first pole is 1
+    if poles[0] == 1:
+        assert find_cone(A.tolist(), contains=[[1] * n], within=[below], discrete=True).status is kp.Status.REFUTED
+
+
+def similar_by(A, T):
+    """T A T^-1 for T with an integer inverse."""
+    return T @ A @ np.array(np.rint(np.linalg.inv(T)), dtype=int)
+
+
+def test_several_responses_in_discrete_time_touch_zero():
+    A = np.diag([1, 0.5, -0.5])
+    found = find_cone(
+        A, contains=[[1, 1, 1], [1, 0, 0], [1, -1, 0]], within=[[1, -1, 1], [1, 0, 0], [2, 1, -1]], discrete=True
+    )
+    assert found and found.check()
+    rays = found.certificate.rays.values
+    assert (rays @ np.array([[1, -1, 1], [1, 0, 0], [2, 1, -1]]).T >= 0).all()
 
 
 def narrow(margin: float) -> ct.StateSpace:

@@ -10,6 +10,9 @@ Chains, for matrices with rational eigenvalues:
 for the eigenvalues m_0..m_(n-1) in any order: A annihilates what comes after g_(n-1), so the cone of the g_k is
 invariant (Cumani, 1982).  It lies in c'x >= 0 if c'g_k >= 0 for all k.  Nothing is rounded: repeated eigenvalues and
 zeros of any relative degree are no trouble.
+
+In discrete time A^k b may touch half-spaces at any k: A g_k = g_(k+1) is kept exactly up to the last step, which ends
+in the core.
 """
 
 from __future__ import annotations
@@ -43,6 +46,8 @@ _PRUNED = 1600
 _SLACK = (1e-4, 1e-3, 1e-5)
 # Lengths of steps along a boundary, as parts of the longest sensible one.
 _FIRST = (0.5, 0.1, 0.02, 0.004)
+# Exact steps in discrete time, which may touch half-spaces.
+_POWERS = 400
 # States, and orders of the eigenvalues, above which no more chains are tried.
 _LARGEST, _ORDERS = 16, 200
 
@@ -138,9 +143,12 @@ class _Search:
         lengths = np.array(_FIRST if any(on_boundary) else _FIRST[:1])
         if any(on_boundary) and not f.discrete:
             lengths = lengths * step_bounds(f.S, c).longest
-        for length in lengths:
+        attempts = [(on_boundary, length) for length in lengths[: 1 if f.discrete else None]]
+        if f.discrete:
+            attempts.append(([self._powers(f, core, b, to_split) for b in self.b], 1.0))
+        for counts, length in attempts:
             paths: list[Path] = []
-            for j, count in enumerate(on_boundary):
+            for j, count in enumerate(counts):
                 vector = self.vectors[np.array([j])]
                 first = first_steps(self.A, vector, count, float(length), f.dominant, discrete=f.discrete)
                 head = (np.asarray(first.points.values) / self.units) @ to_split
@@ -148,9 +156,18 @@ class _Search:
                 if orbit is None:
                     break
                 paths.append(Path(np.concatenate([head[:-1], orbit.points]), first, orbit))
-            if len(paths) == len(on_boundary):
+            if len(paths) == len(counts):
                 return paths
         return None
+
+    def _powers(self, f: Flow, core: Core, b: Array, to_split: Array) -> int:
+        """k for which one more step from A^k b ends in the core: up to there b, A b, .. may be kept exactly."""
+        for k in range(_POWERS):
+            size = float(np.abs(b).max())
+            if size == 0 or core.holds((f.S @ (b @ to_split))[None])[0]:
+                return k
+            b = self.matrix @ (b / size)
+        return 0
 
     def _exactly(self, built: Assembly, paths: list[Path], s: Split) -> Candidate:
         """Generators in the user's coordinates, the vectors themselves among them, none redundant."""
