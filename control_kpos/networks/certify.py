@@ -53,6 +53,9 @@ from .witnesses import (
 # Distance to the margin, relative to the rates of the nodes, from which on refinement decides better than shifts.
 _CLOSE = 1e-9
 
+# Approaches whose slow states are not proven before the search for growth is left to integers.
+_MISSES = 2
+
 Data: TypeAlias = "tuple[Floats, Floats, Floats]"
 
 
@@ -316,6 +319,8 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
 
     close = _CLOSE * rate_scale(model)
 
+    missed: list[float] = []
+
     def attempt(a: Approach) -> NetworkInstability | None:
         if not a.theta > least:
             return None
@@ -325,6 +330,7 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
         ]
         slow = None
         if near and tries[-1][0] is None:
+            missed.append(a.theta)
             relative = 0.1 * (a.theta - least) / abs(a.theta)
             slow = slow_state(model, a, relative) if parts is None else parts.slow_state(a, relative)
         for x, rate in tries if slow is None else [slow]:
@@ -340,7 +346,7 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
     def stop(a: Approach) -> bool:
         w = attempt(a)
         done.extend([] if w is None else [w])
-        return bool(done) or a.shift < least + close
+        return bool(done) or a.shift < least + close or len(missed) > _MISSES
 
     final = descend(inner, least, relative=1e-10, stop=stop, progress=progress)
     if final is not None and final.shift < least:

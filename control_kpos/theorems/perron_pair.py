@@ -45,6 +45,8 @@ _ROUNDED = 96
 _SHIFTS = 60
 # Frames tried for vectors whose entries differ by more than this many bits.
 _FRAMES, _SPREAD = 3, 200
+# Part of the largest product of Perron entries below which a coordinate is left out of a witness of growth.
+_TAIL = 2.0**-100
 
 
 @dataclass(frozen=True)
@@ -266,7 +268,7 @@ def _ambient(frame: Frame, X: Integers) -> Integers:
 
 def _away_from_margin(N: SparseIntegers) -> Decision | None:
     """Vectors of inverse iteration at shifts that fall to the root, in doubles."""
-    units = balancing_units(N)
+    units, weight = balancing_units(N), np.ones(N.height)
     for _ in range(_FRAMES):
         frame, spread = Frame(N, units), np.zeros(N.height)
         for at in approach(frame.F, np.ones(N.height)):
@@ -278,11 +280,29 @@ def _away_from_margin(N: SparseIntegers) -> Decision | None:
                 v = _of_doubles(*frame.left(at.y))
                 if Frame(N.T, np.zeros_like(units)).holds(v, 1):
                     return Decision(True, v)
-            spread = np.log2(at.x)
+            spread, weight = np.log2(np.maximum(at.x, np.finfo(float).smallest_subnormal)), at.x * at.y
         if np.ptp(spread) <= _SPREAD:
             break
         units = units + np.rint(spread).astype(np.int64)  # in units of their own, small entries keep their digits
-    return None
+    return _grown_inside(N, weight)
+
+
+def _grown_inside(N: SparseIntegers, weight: Floats) -> Decision | None:
+    """x >= 0 with N x >= 0 on the coordinates where the Perron vectors live; a principal part has no larger root."""
+    core = np.flatnonzero(weight >= _TAIL * weight.max())
+    if len(core) > 0.9 * N.height:
+        return None
+    place = np.full(N.height, -1)
+    place[core] = np.arange(len(core))
+    rows = N.take(core)
+    inside = place[rows.indices] >= 0
+    shape = (len(core), len(core))
+    found = decide(SparseIntegers.of(rows.rows[inside], place[rows.indices[inside]], rows.data[inside], shape))
+    if found is None or found.stable:
+        return None
+    x = np.zeros(N.height, dtype=object)
+    x[core] = found.vector
+    return Decision(False, x)
 
 
 def _of_doubles(m: Floats, e: NDArray[np.int64]) -> Integers:

@@ -292,7 +292,10 @@ def balancing_units(N: SparseIntegers) -> NDArray[np.int64]:
     links = sp.csr_array((np.ones(len(i)), (i, j)), shape=(n, n))
     links = links + links.T
     laplacian = sp.csr_array(sp.diags_array(links.sum(axis=1)) - links)
-    units, _ = spla.cg(laplacian, pull - pull.mean(), rtol=1e-3, maxiter=_BALANCING_STEPS)
+    units, missed = spla.cg(laplacian, pull - pull.mean(), rtol=1e-3, maxiter=_BALANCING_STEPS)
+    if missed:  # long graphs, whose factors do not fill in
+        ground = sp.csr_array((np.ones(1), ([0], [0])), shape=(n, n))
+        units = spla.splu(sp.csc_array(laplacian + ground), permc_spec="MMD_AT_PLUS_A").solve(pull - pull.mean())
     return _centred(np.rint(units).astype(np.int64)) if np.isfinite(units).all() else np.zeros(n, dtype=np.int64)
 
 

@@ -35,7 +35,7 @@ from ..witnesses import (
     NetworkInstability,
     below_abscissa,
 )
-from .descent import Progress, descend, slow_state
+from .descent import Progress, apply_loop, descend, slow_state
 from .leading_nodes import localised_peak
 from .rational import bracket_exactly
 from .strong_parts import strong_parts
@@ -131,7 +131,7 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
     steps = (_refined, _proven) if small else (_proven, _refined)
     best = AbscissaCertificate.settle(model=model)
     for step in steps:
-        found = step(model, relative, progress, loop)
+        found = step(model, relative, progress, loop, best)
         if found and not (best and best.upper - best.lower <= found.upper - found.lower):
             best = found
         if best and best.upper - best.lower <= 2 * relative * abs(best.upper):
@@ -139,13 +139,21 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
     return best
 
 
-def _refined(model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights) -> AbscissaCertificate:
+def _refined(
+    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, best: AbscissaCertificate
+) -> AbscissaCertificate:
     """Both sides from Perron vectors refined at the ends of the bracket."""
-    exact = bracket_exactly(model, relative, loop)
+    about = None
+    if best and best.below is not None:  # the quotient of both vectors is closer than the ends
+        x, v = best.below.vectors[0].values, node_vectors(best)[0].values
+        about = float(v @ apply_loop(model, x)) / float(v @ x)
+    exact = bracket_exactly(model, relative, loop, about)
     return AbscissaCertificate.settle(model=model, **(exact or {}))
 
 
-def _proven(model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights) -> AbscissaCertificate:
+def _proven(
+    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, best: AbscissaCertificate
+) -> AbscissaCertificate:
     """What the descent finds, the lower side lowered until rounding leaves room for its proof."""
     with np.errstate(all="ignore"):  # candidates that overflow are not proven
         sides = _both_sides(model, relative, progress)

@@ -14,6 +14,7 @@ From (x, u) with A x + B u in X and W(C x + D u) - u in U, the output y = C x + 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -39,6 +40,8 @@ from ..witnesses import (
 
 Outcome: TypeAlias = "tuple[bool, Integers, Integers]"
 
+# Where shifts are tried beside an estimate: rounding as a part of the size of A; how far at most; how often halfway.
+_ESTIMATE, _FARTHEST, _HALVES = 2.0**-50, 64, 100
 # Binary digits above which integers are divided, so that their doubles do not overflow.
 _LONGEST = 900
 
@@ -104,7 +107,7 @@ class NetworkPencil:
         With it come v and r if stable, else x and u, all times one number.
         """
         found = self.pencil.decide(shift)
-        return None if found is None else self._outcome(found)
+        return None if found is None else self.outcome(found)
 
     def decide_loop(self) -> Outcome | None:
         """Whether the algebraic loop u = W D u contracts; `state` holds zeros."""
@@ -116,9 +119,10 @@ class NetworkPencil:
         found = Pencil(own, np.zeros(m, dtype=object), Cones(cones.group[n:] - n, facets, rays)).decide(0)
         if found is None:
             return None
-        return self._outcome(Decision(found.stable, np.concatenate([np.zeros(n, dtype=object), found.vector])))
+        return self.outcome(Decision(found.stable, np.concatenate([np.zeros(n, dtype=object), found.vector])))
 
-    def _outcome(self, found: Decision) -> Outcome:
+    def outcome(self, found: Decision) -> Outcome:
+        """Of a decision about the pencil: v and r, or x and u."""
         n, vector = self.model.totals[0], found.vector
         if found.stable:
             scales = np.array(self._scales, dtype=object)[(np.arange(len(vector)) >= n).astype(int)]
@@ -158,41 +162,64 @@ def _certified(network: NetworkPencil, loop: LoopWeights) -> NetworkCertificate:
     return NetworkCertificate.settle(model=model, loop_weights=loop, witness=_growing(network, found, least))
 
 
-def bracket_exactly(model: NetworkModel, relative: float, loop: LoopWeights) -> dict[str, Any] | None:
+def bracket_exactly(
+    model: NetworkModel, relative: float, loop: LoopWeights, about: float | None = None
+) -> dict[str, Any] | None:
     """Both sides of a bracket of the spectral abscissa, as fields of an `AbscissaCertificate`, or None.
 
     The network is positive, with an algebraic loop that contracts.  The width is relative to the abscissa or to 2^-40
-    of the size of A, whichever is larger.
+    of the size of A, whichever is larger.  `about` is an estimate of the abscissa, if there is one.
     """
     network = NetworkPencil(model)
     try:
-        about = network.pencil.estimate(relative)
+        about = network.pencil.estimate(relative) if about is None else about
     except TooLargeError:
         return None
     if not np.isfinite(about):
         return None
-    tiny = 2.0**-40 * max(float(np.abs(s.A.values).max()) for s in model.stacks) + 1e-300
-    ends: dict[bool, tuple[float, Outcome]] = {}
-    step = 0.4 * relative * max(abs(about), tiny)
-    for _ in range(200):
-        if len(ends) == 2:
-            lower, upper = ends[False][0], ends[True][0]
-            at = 0.5 * (lower + upper)
-            if upper - lower <= relative * max(abs(at), tiny) or at in (lower, upper):
-                break
-        elif not ends:
-            at = about + step
-        else:  # outwards until the other side is found
-            at, step = (about - step, 8 * step) if True in ends else (about + step, 8 * step)
-        found = network.decide(at)
-        if found is None:
-            return None
-        ends[found[0]] = at, found
+    size = max(float(np.abs(s.A.values).max()) for s in model.stacks)
+    width = relative * max(abs(about), 2.0**-40 * size + 1e-300)
+    ends: dict[bool, tuple[float, Decision]] = {}
+    for at in _proposals(network.pencil, ends, about, width, size):
+        found = network.pencil.decide(at)
+        if found is not None:
+            ends[found.stable] = at, found
+        elif len(ends) == 2:
+            break
     if len(ends) < 2:
         return None
     (lower, below), (upper, above) = ends[False], ends[True]
-    sides = {**_falling(network, above), "below": _growing(network, below, lower)}
+    sides = {**_falling(network, network.outcome(above)), "below": _growing(network, network.outcome(below), lower)}
     return {"lower": lower, "upper": upper, **sides, "loop_weights": loop}
+
+
+def _proposals(
+    pencil: Pencil, ends: dict[bool, tuple[float, Decision]], about: float, width: float, size: float
+) -> Iterator[float]:
+    """Shifts to decide: beside the estimate, outwards, beside the quotient of the vectors of both sides, and halves."""
+    step = max(0.4 * width, _ESTIMATE * size)
+    yield about + step
+    while len(ends) < 2 and step < _FARTHEST * (abs(about) + size):
+        yield about - step if True in ends else about + step
+        step *= 8 if ends else 64  # undecided so close to the abscissa
+    quotient = _quotient(pencil, ends) if len(ends) == 2 else None
+    if quotient is not None and ends[True][0] - ends[False][0] > width:
+        for at in (quotient + 0.4 * width, quotient - 0.4 * width):
+            if ends[False][0] < at < ends[True][0]:
+                yield at
+    for _ in range(_HALVES if len(ends) == 2 else 0):
+        lower, upper = ends[False][0], ends[True][0]
+        at = 0.5 * (lower + upper)
+        if upper - lower <= width or at in (lower, upper):
+            return
+        yield at
+
+
+def _quotient(pencil: Pencil, ends: dict[bool, tuple[float, Decision]]) -> float | None:
+    """v'N x / v'E x: about the abscissa, with an error of the order of the errors of v and x multiplied."""
+    v, x = ends[True][1].vector, ends[False][1].vector
+    top, below = int(v @ pencil.N.apply(x)), int(v @ (pencil.E * x))
+    return top / below if below else None
 
 
 def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:
