@@ -98,7 +98,10 @@ class Condition:
 
 def residuals(conditions: Sequence[Condition]) -> dict[str, NDArray[np.float64]]:
     """The forms of each condition in floating point, by its name."""
-    return {condition.name: condition.residual for condition in conditions}
+    out = {condition.name: condition.residual.view() for condition in conditions}
+    for values in out.values():
+        values.flags.writeable = False
+    return out
 
 
 def all_hold(conditions: Sequence[Condition]) -> bool:

@@ -101,6 +101,19 @@ def block_diagonal(parts: Sequence[tuple[Floats, Index, Index]], shape: tuple[in
     return sp.csr_array((np.concatenate(data), (np.concatenate(i), np.concatenate(j))), shape=shape)
 
 
+def read_only(M: sp.csr_array) -> sp.csr_array:
+    """The same matrix, in which nothing can be assigned any more."""
+    M.sort_indices()
+    for part in (M.data, M.indices, M.indptr):
+        part.flags.writeable = False
+    return M
+
+
+def shared_view(M: sp.csr_array) -> sp.csr_array:
+    """Another csr_array of the same arrays: what is assigned to it is not assigned to M."""
+    return sp.csr_array((M.data, M.indices, M.indptr), shape=M.shape, copy=False)
+
+
 def _in_order(index: Index) -> bool:
     return index.size == 0 or (
         index.ravel()[0] == 0 and index.ravel()[-1] == index.size - 1 and bool((np.diff(index.ravel()) == 1).all())

@@ -26,6 +26,7 @@ from ..cards import floored
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
+from ..exact.rows import frozen
 from ..proof.certificate import Certificate, Fractions, Status, Vector, VectorPair, exactly
 from . import conditions as on
 from . import files
@@ -194,7 +195,7 @@ class NetworkCertificate(ClaimOnNetwork):
         """
         rate, gross = np.full(self.model.n_nodes, np.nan), 0.0
         if self.v is None or self.q is None:
-            return rate
+            return frozen(rate)
         model = self.model
         vs, qs = (model.split(exactly(self, name), kind) for name, kind in (("v", 0), ("q", 2)))
         for g, index in enumerate(model.members):
@@ -206,7 +207,7 @@ class NetworkCertificate(ClaimOnNetwork):
                 gross = max(gross, float((forms.magnitudes[:, 0] / value).max()))
         if self.exact is not None:  # what is left of the slack after rounding means nothing
             rate = np.maximum(rate, 0.0)
-        return rate / gross if gross > 0 else rate
+        return frozen(rate / gross if gross > 0 else rate)
 
     @property
     def margin(self) -> float:  # type: ignore[override]

@@ -22,7 +22,7 @@ from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix
 from ..exact.sparse_integers import SparseIntegers
 from ..theorems.generator_coordinates import sparse_integers
-from .blocks import Floats, Index, converging
+from .blocks import Floats, Index, converging, read_only
 from .integers import blocks, scales
 from .model import NetworkModel
 from .well_posed import require_well_posed
@@ -142,14 +142,6 @@ class ClosedLoop:
     def output_matrices(self, rows: Index) -> tuple[sp.csr_array, sp.csr_array]:
         """The rows of C and D that give some outputs."""
         return sp.csr_array(self.C[rows]), sp.csr_array(self.D[rows])
-
-
-def read_only(M: sp.csr_array) -> sp.csr_array:
-    """The same matrix, in which nothing can be assigned any more."""
-    M.sort_indices()
-    for part in (M.data, M.indices, M.indptr):
-        part.flags.writeable = False
-    return M
 
 
 # -- in exact arithmetic

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..errors import TooLargeError
 from ..exact.intake import words
+from ..exact.rows import frozen
 from ..progress import Reporter, Target
 from ..systems.statespace import ConeStateSpace
-from .blocks import Index
-from .closed_loop import ClosedLoop, read_only
+from .blocks import Index, read_only, shared_view
+from .closed_loop import ClosedLoop
 from .model import READABLE, NetworkModel
 
 # States above which dense matrices are refused (200 MB for A).
@@ -49,8 +50,8 @@ class DenseOnDemand(ConeStateSpace):
     def external(self) -> tuple[Index, Index]:
         """Places of the external inputs and outputs among all of them."""
         if self._external is None:
-            return np.arange(self.model.totals[1]), np.arange(self.model.totals[2])
-        return self._external
+            return frozen(np.arange(self.model.totals[1])), frozen(np.arange(self.model.totals[2]))
+        return frozen(np.array(self._external[0])), frozen(np.array(self._external[1]))
 
     # -- copies
 
@@ -152,22 +153,22 @@ class DenseOnDemand(ConeStateSpace):
     @property
     def sparse_A(self) -> sp.csr_array:
         """Closed-loop matrix, read-only, shape (nstates, nstates)."""
-        return self.loop.A
+        return shared_view(self.loop.A)
 
     @property
     def sparse_B(self) -> sp.csr_array:
         """Input matrix, read-only, shape (nstates, ninputs)."""
-        return self._sparse_ports[0]
+        return shared_view(self._sparse_ports[0])
 
     @property
     def sparse_C(self) -> sp.csr_array:
         """Output matrix, read-only, shape (noutputs, nstates)."""
-        return self._sparse_ports[1]
+        return shared_view(self._sparse_ports[1])
 
     @property
     def sparse_D(self) -> sp.csr_array:
         """Feedthrough, read-only, shape (noutputs, ninputs)."""
-        return self._sparse_ports[2]
+        return shared_view(self._sparse_ports[2])
 
     @cached_property
     def _sparse_ports(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:

@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 from ..errors import KposError, ShapeError, TimebaseError
 from ..exact.intake import items
 from ..exact.matrix import Matrix
+from ..exact.rows import frozen
 from ..proof.encoding import register_record
 from ..systems.statespace import ConeStateSpace
-from .blocks import Floats, Index, apply, block_diagonal
+from .blocks import Floats, Index, apply, block_diagonal, read_only
 from .nodes import NodeStack, Timebase
 
 # Doubles, or fractions.
@@ -62,7 +63,9 @@ class NetworkModel:
     origin: NetworkModel | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "members", tuple(np.asarray(k).astype(np.intp) for k in self.members))
+        object.__setattr__(self, "members", tuple(frozen(np.array(k, dtype=np.intp)) for k in self.members))
+        if self.coupling.is_sparse:
+            read_only(self.coupling.values)
 
     @cached_property
     def discrete(self) -> bool:
@@ -85,7 +88,7 @@ class NetworkModel:
             size = np.zeros(self.n_nodes, dtype=np.intp)
             for s, index in zip(self.stacks, self.members, strict=True):
                 size[index] = s.sizes[kind]
-            out.append(np.concatenate([[0], np.cumsum(size)]))
+            out.append(frozen(np.concatenate([[0], np.cumsum(size)])))
         return out[0], out[1], out[2]
 
     @cached_property
@@ -98,7 +101,9 @@ class NetworkModel:
     def places(self) -> tuple[tuple[Index, Index, Index], ...]:
         """Per stack: places (N, n), (N, m), (N, q) of its signals in the vectors x, u, y."""
         return tuple(
-            tuple(self.offsets[kind][index][:, None] + np.arange(s.sizes[kind]) for kind in range(3))  # type: ignore[misc]
+            tuple(  # type: ignore[misc]
+                frozen(self.offsets[kind][index][:, None] + np.arange(s.sizes[kind])) for kind in range(3)
+            )
             for s, index in zip(self.stacks, self.members, strict=True)
         )
 
@@ -159,7 +164,7 @@ class NetworkModel:
         group, place = np.empty(self.n_nodes, dtype=np.intp), np.empty(self.n_nodes, dtype=np.intp)
         for g, index in enumerate(self.members):
             group[index], place[index] = g, np.arange(len(index))
-        return group, place
+        return frozen(group), frozen(place)
 
     def locate(self, node: int) -> tuple[int, int]:
         """Stack and place in it of a node."""
@@ -188,17 +193,18 @@ class NetworkModel:
     @cached_property
     def W(self) -> sp.csr_array:
         """The coupling in floating point."""
-        return self.coupling.values if self.coupling.is_sparse else sp.csr_array(self.coupling.values)
+        return self.coupling.values if self.coupling.is_sparse else read_only(sp.csr_array(self.coupling.values))
 
     @cached_property
     def WT(self) -> sp.csr_array:
-        return sp.csr_array(self.W.T)
+        return read_only(sp.csr_array(self.W.T))
 
     @cached_property
     def block_matrices(self) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array, sp.csr_array]:
         """Block-diagonal A, B, C, D of all nodes, sparse."""
         a, b, c, d = (
-            self.blocks([getattr(s, name).values for s in self.stacks], *kinds) for name, kinds in BLOCKS.items()
+            read_only(self.blocks([getattr(s, name).values for s in self.stacks], *kinds))
+            for name, kinds in BLOCKS.items()
         )
         return a, b, c, d
 

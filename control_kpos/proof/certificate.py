@@ -22,7 +22,9 @@ from ..cards import card, floored
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold, residuals
 from ..exact.matrix import Matrix
+from .encoding import Encoder
 from .files import register_claim, save_certificate
+from .portable_cones import encode_cone
 from .weights import ProofOmittedError
 
 # Stored and recomputed residuals may differ by the rounding of another machine's matrix product.
@@ -314,6 +316,15 @@ class Certificate(ABC):
     def __bool__(self) -> bool:
         return self.status is Status.PROVED
 
+    def __eq__(self, other: object) -> bool:
+        """True if both are of one kind and state the same about the same numbers, as files hold them."""
+        if self is other or type(self) is not type(other):
+            return self is other
+        return _stated(self, _ENCODER) == _stated(other, _ENCODER)
+
+    def __hash__(self) -> int:
+        return hash((self.claim, self.status))
+
     def __repr__(self) -> str:
         return f"<{type(self).__name__} {self.status.name}, margin {self.margin:.3g}>"
 
@@ -343,6 +354,15 @@ class Certificate(ABC):
             What `contents` returned.
         """
         return cls.settle(**contents)
+
+
+def _stated(certificate: Any, encoder: Encoder) -> dict[str, Any]:
+    """What a file says of a certificate, but for its proof."""
+    data = {key: encoder.value(value) for key, value in certificate.contents().items()}
+    return {"claim": certificate.claim, "status": certificate.status.name, "data": data}
+
+
+_ENCODER = Encoder(_stated, encode_cone)
 
 
 def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.float64]] | None) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from control import InputOutputSystem
+from control import InputOutputSystem, StateSpace, TransferFunction, ss
 from control.exception import ControlDimension
 from numpy.typing import ArrayLike, NDArray
 
@@ -93,6 +94,16 @@ def read_matrix(data: Any, name: str) -> tuple[Any, Matrix | None]:
     exact = exact_matrix(data, name, ndim=ndim)
     values = dense(exact.values)
     return (values if values.ndim else float(values)), (None if exact.is_double else exact)
+
+
+def realized(source: TransferFunction) -> StateSpace:
+    """The realization of a transfer function that `control.ss` finds, under the same names."""
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return ss(source, name=source.name, inputs=source.input_labels, outputs=source.output_labels)
+    except (ValueError, TypeError, ArithmeticError, LookupError, NotImplementedError) as error:
+        raise KindError(f"sys: control.ss finds no realization of the transfer function: {error}.") from None
 
 
 def require_timebase(dt: Any) -> None:

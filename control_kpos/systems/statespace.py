@@ -16,7 +16,7 @@ from html import escape
 from typing import Any, Literal
 
 import numpy as np
-from control import StateSpace
+from control import StateSpace, TransferFunction
 from control.exception import ControlDimension
 from numpy.typing import ArrayLike
 
@@ -43,6 +43,7 @@ from .reading import (
     SystemSizeError,
     read_cone,
     read_matrix,
+    realized,
     require_names,
     require_timebase,
     size_of,
@@ -68,7 +69,8 @@ class ConeStateSpace(ConeOperations):
     A, B, C, D : array_like, shapes (n, n), (n, m), (q, n), (q, m)
         Real numbers; integers, `Fraction` and decimal text such as "1/3" or "-21.3" are kept exactly and
         stay exact through connections.  D = 0 stands for zeros of the right shape.  A single argument is a
-        `StateSpace` (also a `LinearICSystem`) to copy, with its names, timebase and, if it has any, cones.
+        `StateSpace` (also a `LinearICSystem`) to copy, with its names, timebase and, if it has any, cones; or a
+        `TransferFunction`, of which the realization by `control.ss` is taken.
     dt : None, True or float, optional
         As in `control.StateSpace`: 0 continuous time, True or a positive number discrete time.  None, no
         timebase, is read as continuous time, as python-control's simulations read it.
@@ -122,6 +124,8 @@ class ConeStateSpace(ConeOperations):
         Y: Cone | ArrayLike | None = None,
         **names: Any,
     ) -> None:
+        if len(args) == 1 and isinstance(args[0], TransferFunction):
+            args = (realized(args[0]),)
         source = args[0] if len(args) == 1 else None
         exact: Mapping[str, Matrix] = {}
         if len(args) in (4, 5):
@@ -140,7 +144,7 @@ class ConeStateSpace(ConeOperations):
         elif source is not None:
             raise KindError(
                 "sys: the one-argument constructor can only take in a StateSpace object; "
-                f"received {type(source)}. Convert transfer functions with control.ss first."
+                f"received {type(source)}. Give a StateSpace, a TransferFunction, or A, B, C and D."
             )
         elif len(args) == 1:
             raise KindError("sys is None; give a StateSpace, or A, B, C and D.")

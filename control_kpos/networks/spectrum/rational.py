@@ -198,8 +198,9 @@ def _proposals(
 ) -> Iterator[float]:
     """Shifts to decide: beside the estimate, outwards, beside the quotient of the vectors of both sides, and halves."""
     step = max(0.4 * width, _ESTIMATE * size)
+    limit = _FARTHEST * max(abs(about) + size, step)
     yield about + step
-    while len(ends) < 2 and step < _FARTHEST * (abs(about) + size):
+    while len(ends) < 2 and step < limit:
         yield about - step if True in ends else about + step
         step *= 8 if ends else 64  # undecided so close to the abscissa
     quotient = _quotient(pencil, ends) if len(ends) == 2 else None
