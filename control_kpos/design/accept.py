@@ -40,9 +40,23 @@ _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
 
 @dataclass(frozen=True)
 class Accepted:
-    """A gain with its proof: F or K as it was accepted, the gain from states to inputs, closed loops, decay rate."""
+    """A gain with its proof.
+
+    Attributes
+    ----------
+    F, size : ndarray, float
+        As it was accepted, the K of output feedback; max |F x_k|.
+    full : Matrix
+        From states to inputs.
+    closed : tuple of Matrix
+        A + B F of every vertex.
+    certificate : Certificate
+    rate : float
+        The decay rate that was demanded.
+    """
 
     F: Floats
+    size: float
     full: Matrix
     closed: tuple[Matrix, ...]
     certificate: Certificate
@@ -95,11 +109,12 @@ def accept(
 
     def prove(candidate: Floats) -> Accepted | None:
         margins = slack(plant, candidate)
-        if not (margins >= needed).all() or not (candidate is F or plant.gain_of(candidate) <= gain):
+        size = plant.gain_of(candidate)
+        if not (margins >= needed).all() or not (candidate is F or size <= gain):
             return None
         spend(_effort(plant, margins))
         try:
-            return _prove(plant, candidate, rate, x, gamma)
+            return _prove(plant, candidate, size, rate, x, gamma)
         except DataError:  # numbers so large that the closed loop is no double
             return None
 
@@ -133,7 +148,7 @@ def slack(plant: Plant, F: Floats) -> Floats:
     return np.concatenate(out)
 
 
-def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, gamma: float | None) -> Accepted | None:
+def _prove(plant: Plant, F: Floats, size: float, rate: float, x: Floats | None, gamma: float | None) -> Accepted | None:
     full = exact_gain(plant, F)
     closed = tuple(closed_loop(A, B, full) for A, B in plant.vertices)
     loops = _all_proven(_proven_loop(M, plant, rate) for M in closed)
@@ -142,7 +157,7 @@ def _prove(plant: Plant, F: Floats, rate: float, x: Floats | None, gamma: float 
         return None
     single = len(loops) == 1 and not others
     proof = loops[0] if single else FeedbackCertificate.settle(loops=loops, others=others)
-    return Accepted(F, full, closed, proof, rate)
+    return Accepted(F, size, full, closed, proof, rate)
 
 
 def _others(
@@ -217,8 +232,8 @@ def beyond_feedback(plant: Plant, message: str, **matrices: Any) -> DesignResult
     return None
 
 
-def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: float) -> DesignResult:
-    """The result for an accepted gain."""
+def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: Any = float("nan")) -> DesignResult:
+    """The result for an accepted gain; a limit may be given as a function that proves it."""
     sys = plant.system
     loop = ConeStateSpace(
         found.closed[0],

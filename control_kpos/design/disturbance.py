@@ -23,6 +23,7 @@ from ..exact.matrix import Matrix
 from ..exact.program import Block, Program, Solver
 from ..proof.answer import first_proven
 from .accept import Accepted, accept, beyond_feedback, succeed, undecided
+from .limits import disturbance_limit
 from .plant import Floats, Plant
 from .result import DesignResult
 from .simplicial.inequalities import output_rows
@@ -77,7 +78,7 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     x, best = first["x"], float(first["gamma"][0])
     if plant.gain_of(program.read(x)[0]) > _HUGE * max(plant.scale, 1.0):
         message = "the larger the gain, the better, without end; give gain_bound."
-        return undecided(message, objective=LINF_GAIN, limit=best)
+        return undecided(message, objective=LINF_GAIN)
 
     def points() -> Iterator[tuple[float, Floats]]:
         """Of each gamma, the point of smallest |F x_k|, then the first one."""
@@ -93,8 +94,9 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
 
     found = first_proven(points(), prove)
     if found is None:
-        return undecided("a gain was found, but could not be proven.", objective=LINF_GAIN, limit=best)
-    return succeed(plant, found, LINF_GAIN, found.certificate.others[-1].gamma, best)  # type: ignore[attr-defined]
+        return undecided("a gain was found, but could not be proven.", objective=LINF_GAIN)
+    reached = found.certificate.others[-1].gamma  # type: ignore[attr-defined]
+    return succeed(plant, found, LINF_GAIN, reached, disturbance_limit(plant, rate, best))
 
 
 class DisturbanceProgram(SimplicialProgram):

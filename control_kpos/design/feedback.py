@@ -7,7 +7,6 @@ gain of an observer is the state feedback of the dual system.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -25,7 +24,7 @@ from .disturbance import reject_disturbance
 from .modelling import design_with_constraints
 from .plant import Plant, closed_loop, read_plant, read_system, require_simplicial
 from .polyhedral.search import design_by_alternation, design_in_two_steps
-from .result import OBSERVER, DesignResult, dual_words
+from .result import OBSERVER, DesignResult, changed, dual_words
 from .running import Programs, SolverChoice, within
 from .simplicial.search import design_on_simplicial, first_gain
 
@@ -251,7 +250,7 @@ def output_feedback(
         return design_by_alternation(plant, target, lp)
 
     result = within(time_limit, design, solver=solver, progress=progress)
-    return replace(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
+    return changed(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
 
 
 def observer_gain(
@@ -315,7 +314,7 @@ def observer_gain(
         result = by(plant, target, lp)
         return _as_observer(result, sys, system, result.F.T) if result else result
 
-    return replace(within(time_limit, design, solver=solver, progress=progress), law=OBSERVER)
+    return changed(within(time_limit, design, solver=solver, progress=progress), law=OBSERVER)
 
 
 def _as_observer(result: DesignResult, sys: StateSpace, system: System, L: Any) -> DesignResult:
@@ -333,4 +332,4 @@ def _as_observer(result: DesignResult, sys: StateSpace, system: System, L: Any) 
         states=sys.state_labels,
     )
     objective = dual_words(result.objective.replace("F x_k", "F'h_k"))
-    return replace(result, F=L, closed_loop=observer, objective=objective, law=OBSERVER)
+    return changed(result, F=L, closed_loop=observer, objective=objective, law=OBSERVER)

@@ -61,9 +61,9 @@ def design_with_constraints(
         return undecided(f"no certified gain meets the constraints given; {own.message}.", plant)
     accepted, value = best
     if objective is None:
-        value = plant.gain_of(accepted.F)
+        value = accepted.size
     name = USER if objective is not None else "gain max |F x_k| under the constraints given"
-    return succeed(plant, accepted, name, value, value)
+    return succeed(plant, accepted, name, value)
 
 
 def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...]:

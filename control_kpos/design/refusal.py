@@ -38,7 +38,7 @@ from .simplicial.repair import repaired_multipliers
 Rationals = NDArray[np.object_]
 
 # Operations of a decision in rational arithmetic, for each entry of its rows, and of the check of its multipliers.
-_EFFORT_PER_ENTRY, _EFFORT_TO_CHECK = 3e4, 1e4
+EFFORT_PER_ENTRY, _EFFORT_TO_CHECK = 3e4, 1e4
 # Operations of a product of fractions, of data as they are given and with facets that have thousands of digits.
 _EFFORT_PER_PRODUCT = 1e4, 9e4
 
@@ -340,9 +340,9 @@ def decide(plant: Plant, rate: float) -> tuple[NoFeedback | None, NDArray[np.flo
     free = plant.free
     entries, long = _entries(plant), plant.X.exact_facets.integer_rows is not None
     products = len(plant.vertices) * plant.n**3 * _EFFORT_PER_PRODUCT[long]
-    if free is None or not affords(entries * _EFFORT_PER_ENTRY + products):
+    if free is None or not affords(entries * EFFORT_PER_ENTRY + products):
         return None, None
-    spend(entries * _EFFORT_PER_ENTRY + products)
+    spend(entries * EFFORT_PER_ENTRY + products)
     q = exact_inequalities(plant)
     rows, kept = homogeneous_rows(q, rate, plant.discrete, free)
     strict = np.arange(len(rows)) >= len(q.closed)
@@ -394,9 +394,9 @@ def no_invariance(plant: Plant) -> NoInvariance | None:
         "discrete": plant.discrete,
     }
     entries = np.prod(plant.X.incidence.shape) * len(plant.vertices) * (1 + pattern.sum())
-    if not affords(entries * _EFFORT_PER_ENTRY):
+    if not affords(entries * EFFORT_PER_ENTRY):
         return None
-    spend(entries * _EFFORT_PER_ENTRY)
+    spend(entries * EFFORT_PER_ENTRY)
     rows = NoInvariance(**data).rows()
     weights, _ = alternative(rows, np.arange(len(rows)) == len(rows) - 1)
     if weights is None or not affords(entries * _EFFORT_TO_CHECK):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from fractions import Fraction
 from typing import Any
 
@@ -24,9 +24,9 @@ class Nearest:
     Attributes
     ----------
     decay_rate : float or None
-        Largest decay rate that the other demands leave (found, not proven to be the largest).
+        Largest decay rate that the other demands leave, by the linear programs: computed, not proven.
     gain_bound : float or None
-        Smallest max |F x_k| that meets the other demands (found, not proven to be the smallest).
+        Smallest max |F x_k| that meets the other demands, computed, not proven.
     """
 
     decay_rate: float | None = None
@@ -41,6 +41,8 @@ class Nearest:
         return " or ".join(parts) if parts else "nothing nearby was found"
 
 
+# What is asked for where it is not a small gain.
+LARGEST_RATE = "largest decay rate"
 # The law of an observer; its design is the feedback of the dual system.
 OBSERVER = "z' = A z + B u + F (C z - y)"
 _DUAL_WORDS = {
@@ -92,6 +94,11 @@ class Lazy:
         vars(record)[self.name] = value
 
 
+def changed(result: DesignResult, **changes: Any) -> DesignResult:
+    """The result with other fields; what is proven when it is first read is not proven for that."""
+    return DesignResult(**{f.name: vars(result)[f.name] for f in fields(result)} | changes)
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class DesignResult(Answer):
     """Outcome of a feedback design.  `bool(result)` is True only for PROVED; otherwise there is no gain.
@@ -113,7 +120,9 @@ class DesignResult(Answer):
     value : float
         What was reached; NaN without a gain.
     limit : float
-        Best value the linear programs allow (an infimum or supremum; in floating point, not proven).
+        Proven: no gain for this cone that meets the demands (of several vertices: with a common Lyapunov vector) does
+        better than this value.  Proven by exact multipliers when it is first read.  NaN where that is not proven, as
+        for the local search of other methods, structures and cones: what was reached is the best found then.
     decay_rate : float
         Proven for the closed loop; NaN without a gain.
     certified_fraction : float or ndarray
@@ -138,7 +147,7 @@ class DesignResult(Answer):
     closed_loop: Any = None
     objective: str = ""
     value: float = float("nan")
-    limit: float = float("nan")
+    limit: Lazy = Lazy(float("nan"))
     decay_rate: float = float("nan")
     certified_fraction: Lazy = Lazy(float("nan"))
     weakened_rate: float = 0.0
@@ -173,17 +182,25 @@ class DesignResult(Answer):
         if self:
             proof = "" if self.certificate is None else f" {self.certificate.explain()}"
             return (
-                f"Certified gain for {self.law}. {self.objective}: {about(self.value)} reached, "
-                f"limit {about(self.limit)} by the linear programs. Decay rate {floored(self.decay_rate)}."
-                f"{proof} {self._weakening()}{notes}"
+                f"Certified gain for {self.law}. {self.objective}: {about(self.value)} reached, {self._best()}. "
+                f"Decay rate {floored(self.decay_rate)}.{proof} {self._weakening()}{notes}"
             )
         proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
-        nearest = f" Possible instead: {self.nearest}." if self.nearest is not None else ""
+        nearest = f" Possible instead, as computed and not proven: {self.nearest}." if self.nearest is not None else ""
         scope = getattr(self.certificate, "scope", "")
         lead = (
             f"No gain{scope} exists for this cone" if self.status is Status.REFUTED else "No certified gain was found"
         )
         return f"{lead}: {self.message}{proof}{nearest}{notes}"
+
+    def _best(self) -> str:
+        """What is proven of other gains."""
+        if not np.isfinite(self.limit):
+            return "the best found"
+        scope = " with a common Lyapunov vector" if len(getattr(self.certificate, "loops", ())) > 1 else ""
+        least, most = f"less than {floored(self.limit)}", f"more than {raised(self.limit)}"
+        better = most if self.objective == LARGEST_RATE else least
+        return f"and no gain{scope} for this cone that meets the demands has {better}, which is proven"
 
     def _weakening(self) -> str:
         if np.ndim(self.certified_fraction):

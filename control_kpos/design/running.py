@@ -29,6 +29,7 @@ EFFORT = {
     "network": 6e11,
     "a node of a network alone": 1e10,
     "refusal of a whole network": 3e10,
+    "a limit": 1e10,
 }
 # Operations of the interior point method, for each entry.
 _INTERIOR_EFFORT = 3e3

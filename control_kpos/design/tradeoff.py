@@ -33,9 +33,9 @@ class Tradeoff:
     rates : ndarray, shape (k,)
         Empty if none were given, and the limit was reached before the largest one was known.
     gains : ndarray, shape (k,)
-        Smallest max |F x_k| by the linear programs; NaN where no gain reaches the rate.
+        Smallest max |F x_k| by the linear programs, computed and not proven; NaN where they find no gain for the rate.
     largest_rate : float
-        Supremum of the decay rates; inf if nothing limits it.
+        Supremum of the decay rates, computed and not proven; inf if no limit was found.
     designs : tuple of DesignResult
         Certified gains at the rates asked for, if `certify` was set.
     """

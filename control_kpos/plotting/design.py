@@ -25,7 +25,7 @@ from .phase import phase_portrait
 
 
 def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) -> ct.ControlPlot:
-    """Smallest gain against decay rate, with the largest rate as a line and proven designs as markers.
+    """Smallest gain against decay rate, with the largest rate, as computed, as a line and proven designs as markers.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) 
         lines = axes.plot(curve.rates[held], curve.gains[held], "-", color=BLUE, label="smallest gain (linear program)")
         if np.isfinite(curve.largest_rate):
             lines.append(
-                axes.axvline(curve.largest_rate, color="black", linestyle=":", label="no faster decay possible")
+                axes.axvline(curve.largest_rate, color="black", linestyle=":", label="largest decay rate (computed)")
             )
         proven = [d for d in curve.designs if d]
         if proven:

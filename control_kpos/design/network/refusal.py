@@ -7,9 +7,10 @@ that it has no solution.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from ...networks.model import NetworkModel
 from ...proof.certificate import Status
 from ...systems.system import System
 from ..accept import undecided
+from ..limits import proven_limit, refused_at
 from ..plant import Plant, read_plant
 from ..refusal import NoFeedback, decide
 from ..result import DesignResult, Nearest
@@ -138,6 +140,16 @@ def _no_local_gains(task: Task) -> NoFeedback | None:
     with suppress(OutOfBudgetError), budget(EFFORT["refusal of a whole network"]):
         return decide(plant, task.rate * BELOW)[0]
     return None
+
+
+def network_limit(task: Task, found: float) -> Callable[[], float]:
+    """A bound on max |F_j x_k| below which no local gains do it; NaN if none is proven, as for large networks."""
+
+    def refused(bound: float) -> bool:
+        bounded = replace(task, bound=np.full(task.model.totals[1], bound))
+        return refused_at(whole_network(bounded), task.rate * BELOW)
+
+    return partial(proven_limit, refused, found if task.model.totals[0] <= _STATES else float("nan"), -1)
 
 
 def whole_network(task: Task) -> Plant:

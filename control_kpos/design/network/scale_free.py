@@ -27,7 +27,7 @@ from ...theorems.stability import LyapunovCertificate
 from ..accept import beyond_feedback, undecided
 from ..feedback import read_rate
 from ..plant import Plant, read_plant, require_simplicial
-from ..result import DesignResult
+from ..result import DesignResult, changed
 from ..running import Programs, SolverChoice, within
 from ..simplicial.search import design_on_simplicial
 
@@ -110,4 +110,4 @@ def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -
     certificate = out_weight_certificate(closed, weight, coupled)
     if not certificate:
         return undecided("a gain was found, but the scale-free claim could not be proven.")
-    return replace(result, certificate=certificate, decay_rate=certificate.decay_rate)
+    return changed(result, certificate=certificate, decay_rate=certificate.decay_rate)

@@ -40,7 +40,7 @@ from ..result import DesignResult, percent
 from ..running import Programs, SolverChoice, within
 from ..simplicial.program import Failure
 from .program import MARGINS, Geometry, NetworkProgram, Task
-from .refusal import beyond_gains, explain_failure
+from .refusal import beyond_gains, explain_failure, network_limit
 
 Floats = NDArray[np.float64]
 
@@ -191,7 +191,7 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
     start = program.start(task.rate)
     if isinstance(start, Failure):
         return undecided(_NO_POINT)
-    points, limit = [start], 1.0
+    points, limit = [start], float("nan")
     if task.bound is None:
         slim, limit = program.smallest_gain(task.rate, start)
         points = [p for p in (_roomy(task, limit), slim, start) if p is not None]
@@ -206,7 +206,7 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
         found = first_proven(((x, digits) for x in points for digits in _DIGITS), prove)
         if found is not None:
             return found
-    return undecided("gains were found, but the network they make could not be proven.", limit=limit)
+    return undecided("gains were found, but the network they make could not be proven.")
 
 
 def _roomy(task: Task, limit: float) -> Floats | None:
@@ -248,7 +248,7 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
         certificate=certificate,
         objective=NETWORK_GAIN if task.bound is None else BOUNDED,
         value=value,
-        limit=limit,
+        limit=network_limit(task, limit),
         decay_rate=max(certificate.decay_rate, task.rate),
         certified_fraction=fraction,
         weakened_rate=kept,

@@ -22,11 +22,10 @@ from ..accept import Accepted, accept, succeed, undecided
 from ..controllability import controllability_notes
 from ..plant import Floats, Plant
 from ..refusal import no_invariance
-from ..result import DesignResult, Nearest
+from ..result import LARGEST_RATE, DesignResult, Nearest, changed
 from ..running import Programs
 from ..simplicial.search import (
     GAIN_SLACK,
-    LARGEST_RATE,
     RATE_PARTS,
     SMALLEST_GAIN,
     UNLIMITED,
@@ -77,13 +76,13 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hi
                 lambda gain: accept(plant, gain, rate=rate, x=_inside(plant, lp, gain)),
             )
             if accepted is not None:
-                size = plant.gain_of(accepted.F)
+                size = accepted.size
                 if best is None or size < best[1]:
                     best = accepted, size
             if best is not None and number >= 1 + len(hints):
                 break
     if best is not None:
-        return succeed(plant, best[0], SMALLEST_GAIN, best[1], best[1])
+        return succeed(plant, best[0], SMALLEST_GAIN, best[1])
     proof = _unstructured_refutation(plant, rate, lp)
     if proof is not None:
         return proof
@@ -131,7 +130,7 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs) -> DesignResult:
     result = first_proven(RATE_PARTS, lambda part: _any_rate(plant, program, lp, limit * part, v))
     if result is None:
         return undecided(f"gains with a decay rate up to {floored(limit)} were found, but none was proven.", plant)
-    return replace(result, objective=LARGEST_RATE, value=result.decay_rate, limit=limit)
+    return changed(result, objective=LARGEST_RATE, value=result.decay_rate)
 
 
 def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
@@ -175,5 +174,5 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Programs) -> DesignResult
             "succeed.",
             plant,
         )
-    size = plant.gain_of(found.F)
-    return succeed(plant, found, FIRST_FOUND, size, size)
+    size = found.size
+    return succeed(plant, found, FIRST_FOUND, size)

@@ -18,14 +18,14 @@ from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept, proven_rate, slack, succeed, undecided
 from ..controllability import controllability_notes
+from ..limits import gain_limit, rate_limit
 from ..plant import Plant
 from ..refusal import decide
-from ..result import DesignResult, Nearest
+from ..result import LARGEST_RATE, DesignResult, Nearest, changed
 from ..running import Programs
 from .program import Failure, SimplicialProgram
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X (leading entries 1)"
-LARGEST_RATE = "largest decay rate"
 FIRST_GAIN = "nothing; max |F x_k| at the generators of X (leading entries 1)"
 # The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
 GAIN_SLACK = 0.05
@@ -81,7 +81,7 @@ def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     found = first_proven(points(), prove)
     if found is None:
         return design_on_simplicial(plant, rate, lp)
-    return succeed(plant, found, FIRST_GAIN, plant.gain_of(found.F), float("nan"))
+    return succeed(plant, found, FIRST_GAIN, found.size)
 
 
 def _smallest(
@@ -108,8 +108,8 @@ def _smallest(
     found = first_proven(points(), prove)
     if found is None:
         return exact_design(plant, rate, lp, infimum)
-    value = plant.gain_of(found.F) if objective == SMALLEST_GAIN else proven_rate(found)
-    return succeed(plant, found, objective, value, infimum)
+    value = found.size if objective == SMALLEST_GAIN else proven_rate(found)
+    return succeed(plant, found, objective, value, gain_limit(plant, rate * BELOW, infimum))
 
 
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
@@ -124,7 +124,8 @@ def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float
     found = accept(plant, F, rate=rate)
     if found is None:
         return undecided("gains in fractions exist, but none that doubles can express was proven; relax the demands.")
-    return succeed(plant, found, SMALLEST_GAIN, plant.gain_of(found.F), infimum)
+    limit = gain_limit(plant, rate * BELOW, infimum)
+    return succeed(plant, found, SMALLEST_GAIN, found.size, limit)
 
 
 def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignResult:
@@ -143,7 +144,7 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
         return _smallest(plant, program, limit * part, point, LARGEST_RATE, lp)
 
     found = first_proven((part for part in RATE_PARTS if affords()), design)
-    return undecided(_UNPROVEN) if found is None else replace(found, limit=limit)
+    return undecided(_UNPROVEN) if found is None else changed(found, limit=rate_limit(plant, limit))
 
 
 def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram, lp: Programs) -> DesignResult:

@@ -314,7 +314,7 @@ def _polished(served: list[System], R: Array, F: Array) -> CodesignResult | None
     given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
     design = state_feedback(system, X=cone, vertices=pairs, time_limit=max(seconds_left(), 1e-3))
     if not design and given is not None:
-        design = succeed(plant, given, "", plant.gain_of(given.F), float("nan"))
+        design = succeed(plant, given, "", given.size)
     if not design:
         return None
     return CodesignResult(

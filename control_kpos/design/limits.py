@@ -1,0 +1,97 @@
+"""Limits of designs: that no gain does better is proven by exact multipliers, or it is not said.
+
+A smallest gain g or a largest rate is found in floating point; a little below g, or above the rate, the inequalities of
+`exact_rows` are contradicted by Farkas' lemma.  Limits are proven when they are first read, with little effort.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from ..exact.budget import OutOfBudgetError, affords, budget, spend
+from ..exact.program import alternative
+from ..proof.certificate import Status
+from .exact_rows import exact_geometry, exact_inequalities
+from .plant import Plant
+from .refusal import EFFORT_PER_ENTRY, decide
+from .running import EFFORT
+from .simplicial.inequalities import output_rows
+
+# How far from the limit in floating point a proven one may be, relative to it, tried in turn.
+_APART = (1e-5, 1e-4, 1e-3, 3e-3, 1e-2)
+
+
+def gain_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:
+    """A bound on max |F x_k| below which no gain meets the demands; NaN if none is proven."""
+
+    def refused(bound: float) -> bool:
+        own = np.inf if plant.gain_bound is None else plant.gain_bound
+        return refused_at(replace(plant, gain_bound=np.minimum(own, np.full(plant.m, bound))), rate)
+
+    return partial(proven_limit, refused, found, -1)
+
+
+def rate_limit(plant: Plant, found: float) -> Callable[[], float]:
+    """A decay rate above which no gain gets; NaN if none is proven."""
+    return partial(proven_limit, partial(refused_at, plant), found, 1)
+
+
+def disturbance_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:
+    """An L-infinity gain from w to z below which no gain gets; NaN if none is proven."""
+    return partial(proven_limit, partial(_no_smaller_gain, plant, rate), found, -1)
+
+
+def proven_limit(refused: Callable[[float], bool], found: float, side: int) -> float:
+    """The number closest to the one found that `refused` proves to be a limit, from below (side -1) or above (1)."""
+    if not np.isfinite(found):
+        return found
+    if side < 0 and found <= 0:
+        return 0.0  # no size is smaller
+    with suppress(OutOfBudgetError), budget(EFFORT["a limit"]), np.errstate(all="ignore"):
+        for apart in _APART:
+            if not affords():
+                break
+            if refused(found * (1 + side * apart)):
+                return found * (1 + side * apart)
+    return float("nan")
+
+
+def refused_at(plant: Plant, rate: float) -> bool:
+    """Proven: no gain has a decay rate above this one."""
+    proof = decide(plant, rate)[0]
+    return proof is not None and proof.status is Status.REFUTED
+
+
+def _no_smaller_gain(plant: Plant, rate: float, gamma: float) -> bool:
+    """Proven: no F and x in int X have (A + B F) x + E 1 < 0, (G + H F) x + D 1 < gamma 1, (G + H F) X in the orthant.
+
+    The rows are those of `disturbance.DisturbanceProgram`, over (xi, z, w) with 1 w, w > 0 for 1: homogeneous.
+    """
+    E, G, H, D = (M.fractions() for M in plant.disturbance)  # type: ignore[union-attr]
+    facets, rays = exact_geometry(plant)
+    q = exact_inequalities(plant)
+    inside = output_rows(G, H, np.eye(len(G), dtype=int).astype(object), rays)[0]
+    q = q.with_closed(inside, ())
+    spend(EFFORT_PER_ENTRY * (len(q.closed) + q.n + len(G)) * (q.size + 1))
+    total = np.concatenate([G @ rays.T, np.tile(H, (1, plant.n))], axis=1)
+    falls = -q.decreasing(int(plant.discrete) - Fraction(rate))
+    positive = np.eye(plant.n + 1, q.size + 1, dtype=int).astype(object)
+    positive[-1] = np.append(np.zeros(q.size, dtype=int), 1).astype(object)
+    strict = [
+        _beside(falls, -(facets @ E).sum(axis=1)),
+        _beside(-total, Fraction(gamma) - D.sum(axis=1)),
+        positive,
+    ]
+    rows = np.concatenate([_beside(q.closed, np.zeros(len(q.closed), dtype=int)), *strict])
+    return alternative(rows, np.arange(len(rows)) >= len(q.closed))[0] is not None
+
+
+def _beside(rows: Any, column: Any) -> Any:
+    return np.concatenate([rows, np.asarray(column, dtype=object)[:, None]], axis=1)

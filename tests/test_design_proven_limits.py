@@ -1,0 +1,97 @@
+"""Limits of designs: proven bounds that no gain beats, or none; what was only found is called the best found."""
+
+import control as ct
+import cvxpy as cp
+import numpy as np
+import planted
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import control_kpos as kp
+
+PAPER = [[0, 1], [1, -2]]
+PLANT = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+PYRAMID = kp.PolyhedralCone([[1, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]])
+
+
+@settings(max_examples=15)
+@given(st.integers(0, 10**6), st.sampled_from([(1, 1), (2, 1), (3, 2), (4, 2)]), st.booleans())
+def test_no_gain_is_smaller_than_the_limit(seed, size, discrete):
+    A, B, rays, F = (planted.discrete if discrete else planted.simplicial)(np.random.default_rng(seed), *size)
+    sys = ct.ss(A, B, np.eye(size[0]), 0, *([1] if discrete else []))
+    d = kp.state_feedback(sys, X=rays)
+    assert d and 0 <= d.limit <= d.value
+    assert d.limit <= np.abs(F @ planted.unit(rays).T).max()  # the planted gain does it
+    if d.limit > 0:
+        below = kp.state_feedback(sys, X=rays, gain_bound=d.limit * (1 - 1e-9))
+        assert below.status is kp.Status.REFUTED and below.check()
+        assert "which is proven" in d.explain() and "best found" not in d.explain()
+
+
+def test_no_gain_is_faster_than_the_limit():
+    d = kp.state_feedback(PLANT, X=PAPER, rate="max")
+    assert 2 <= d.limit < 2.0001 and d.decay_rate <= d.limit and "has more than" in d.explain()
+    assert kp.state_feedback(PLANT, X=PAPER, rate=d.limit).status is kp.Status.REFUTED
+
+
+def test_bounds_that_are_given_count_for_the_limit():
+    d = kp.state_feedback(PLANT, X=PAPER, rate="max", gain_bound=5.5)
+    assert d and d.decay_rate <= d.limit <= 2.0001
+    narrow = kp.state_feedback(PLANT, X=PAPER, gain_bound=5)
+    assert narrow and 4.99 < narrow.limit <= 5
+
+
+@pytest.mark.parametrize("bound", [2.0, 8.0])
+def test_no_gain_rejects_disturbances_better_than_the_limit(bound):
+    plant = kp.ConeStateSpace([[-1.0]], [[1.0]], [[1.0]], 0)
+    d = kp.state_feedback(plant, disturbance=([[1]], [[1]]), gain_bound=bound)
+    best = 1 / (1 + bound)  # x' = (-1 + F) x + w with F = -bound
+    assert d and d.limit <= best <= d.value and d.limit == pytest.approx(best, rel=1e-3)
+    assert kp.state_feedback(PLANT, X=PAPER, disturbance=([[0], [1]], [[1, 0]]), gain_bound=8).limit <= 1 / 12
+
+
+def test_what_a_local_search_found_is_no_limit():
+    still = kp.ConeStateSpace(np.zeros((3, 3)), np.eye(3), np.eye(3), np.zeros((3, 3)), X=PYRAMID)
+    d, better = kp.state_feedback(still, rate=1), kp.state_feedback(still, rate=1, gain_bound=1.00001)
+    assert d and better and d.value > 1.00001 and np.isnan(d.limit) and "the best found" in d.explain()
+    fast = kp.state_feedback(still, rate="max", gain_bound=2)
+    own = kp.state_feedback(PLANT, X=PAPER, objective=lambda F: cp.norm(F), rate=1)
+    two = kp.state_feedback(PLANT, X=PAPER, method="two-step", gain_bound=13)
+    output = kp.output_feedback(ct.ss([[-3, 1], [2, 1]], [[0], [1]], [[0, 1]], 0))
+    patterned = kp.state_feedback(PLANT, X=PAPER, structure=[[True, True]], method="alternation")
+    for found in (fast, own, two, output, patterned):
+        assert found and np.isnan(found.limit) and "the best found" in found.explain()
+
+
+def test_limits_of_vertices_are_about_a_common_vector():
+    A, B = PLANT.A, PLANT.B
+    d = kp.state_feedback(PLANT, X=PAPER, vertices=[(A, B), (A, 0.8 * B)])
+    assert d and np.isfinite(d.limit) and "no gain with a common Lyapunov vector" in d.explain()
+
+
+def test_limits_of_networks():
+    node = kp.ConeStateSpace(PLANT, X=PAPER)
+    ring = np.roll(np.eye(3), 1, axis=1)
+    with pytest.warns(kp.ActuatorLossWarning):
+        d = kp.network_feedback([node] * 3, 20 * ring)
+    assert d and 11.8 < d.limit <= 12 and d.limit <= d.value
+    assert kp.network_feedback([node] * 3, 20 * ring, gain_bound=0.999 * d.limit).status is kp.Status.REFUTED
+    with pytest.warns(kp.ActuatorLossWarning):
+        bounded = kp.network_feedback([node] * 3, ring, gain_bound=9)
+    assert bounded and np.isnan(bounded.limit) and "the best found" in bounded.explain()
+
+
+def test_a_gain_that_is_not_needed_has_the_limit_zero():
+    d = kp.state_feedback(ct.ss([[-1.0]], [[1.0]], [[1.0]], 0))
+    assert d and not d.F.any() and d.limit == 0
+
+
+def test_pictures_of_trade_offs_say_what_was_computed():
+    lines = kp.plot_tradeoff(kp.gain_rate_tradeoff(PLANT, [0.5, 1.9], X=PAPER)).lines[0, 0]
+    assert [line.get_label() for line in lines][1] == "largest decay rate (computed)"
+
+
+def test_what_is_possible_instead_is_computed():
+    d = kp.state_feedback(PLANT, X=PAPER, gain_bound=4.9)
+    assert "Possible instead, as computed and not proven" in d.explain()
