@@ -20,7 +20,7 @@ from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
 from itertools import product as pairs
-from math import gcd, lcm
+from math import factorial, gcd, lcm
 from pathlib import Path
 from typing import Any
 
@@ -774,14 +774,66 @@ def no_cone_between(d: Json, w: Json, A: Matrix) -> None:
     c'(s I - A)^-k b < 0 for an s beyond the real eigenvalues (discrete time: c'A^k b < 0);  for k = 1 it may be 0,
     as the integral of e^(-st) c'e^(At) b >= 0, unless c'A^j b = 0 for all j.
     """
-    k, b, c = index(w["power"]), numbers(w["vector"]), numbers(w["normal"])
+    b, c = numbers(w["vector"]), numbers(w["normal"])
     need(b in [numbers(row) for row in d["contains"]["matrix"]], "b is to be in the cone")
     need(c in [numbers(row) for row in d["within"]["matrix"]], "c'x is to be >= 0 on the cone")
+    if "terms" in w or "rates" in w:
+        expect(not d["discrete"], "an impulse response at any time is for continuous time")
+        (negative_response if "terms" in w else touching_response)(A, b, c, w)
+        return
+    k = index(w["power"])
     expect(k < 5000, "a power is not a small whole number")
     M = integers(A)[0]
     value = responses(c, M if d["discrete"] else resolvent(A, numbers(w["shift"])[0]), b, k)[k]
     touches = value == 0 and k == 1 and not d["discrete"] and any(responses(c, M, b, len(A)))
     need(value < 0 or touches, "c'(s I - A)^-k b < 0")
+
+
+def negative_response(A: Matrix, b: list[Fraction], c: list[Fraction], w: Json) -> None:
+    """c'e^(At) b < 0 at some t > 0: the first m terms of its series in t, and a bound on the others.
+
+    With the largest row sum |A| of sizes, the others are at most |c|_1 |b|_max (|A| t)^m / m! / (1 - |A| t / m).
+    """
+    M, unit = integers(A)
+    m, t = index(w["terms"]), numbers(w["time"])[0] / unit
+    need(t > 0, "the time is positive")
+    reach = t * max(sum(abs(a) for a in row) for row in M)
+    expect(m < 1000, "there are too many terms")
+    need(reach < m, "there are terms enough for a bound")
+    total = sum((h * t**k / factorial(k) for k, h in enumerate(responses(c, M, b, m)[:m])), Fraction(0))
+    size = sum(abs(a) for a in c) * max(abs(a) for a in b)
+    need(total + size * reach**m / factorial(m) / (1 - reach / m) < 0, "c'e^(At) b < 0")
+
+
+def touching_response(A: Matrix, b: list[Fraction], c: list[Fraction], w: Json) -> None:
+    """h(t) = c'e^(At) b = sum_i r_i e^(s_i t) is 0 at some t > 0, but not always.
+
+    Then no invariant cone between b and c is polyhedral: A + a I would keep it for some a, and no term of the series of
+    e^(at) h(t) in t would be negative.  The rates s_i are eigenvalues, and the sum has the first n derivatives of h at
+    t = 0, so that all agree.  All s_i are top - m_i unit, and with q = e^(-unit t), sum_i r_i q^m_i is 0 for some q
+    between 0 and 1.
+    """
+    M, unit = integers(A)
+    s, r, p = numbers(w["rates"]), numbers(w["weights"]), leverrier(M)[0]
+    low, high = numbers(w["low"])[0], numbers(w["high"])[0]
+    need(all(at(p, unit * x) == 0 for x in s), "the rates are eigenvalues")
+    sums = [sum((y * (unit * x) ** k for x, y in zip(s, r, strict=True)), Fraction(0)) for k in range(len(M))]
+    need(sums == responses(c, M, b, len(M))[: len(M)], "the response is a sum of exponentials")
+    steps = [max(s) - x for x in s]
+    below = lcm(*(step.denominator for step in steps))
+    whole = [int(step * below) for step in steps]
+    powers = [step // (gcd(*whole) or 1) for step in whole]
+    expect(max(powers) < 100, "the exponents are too far apart")
+    q = [Fraction(0)] * (max(powers) + 1)
+    for k, y in zip(powers, r, strict=True):
+        q[-1 - k] += y
+    need(any(q) and low >= 0 and high <= 1 and at(q, high) != 0, "the response is not always zero")
+    need(real_roots_beyond(q, low) > real_roots_beyond(q, high), "the response is zero at some time")
+
+
+def at(p: list[Any], x: Fraction) -> Fraction:
+    """p(x)."""
+    return reduce(lambda value, a: value * x + a, p, Fraction(0))
 
 
 def responses(c: list[Fraction], M: list[list[int]], b: list[Fraction], k: int) -> list[Fraction]:

@@ -235,6 +235,12 @@ CERTIFICATES = {
     "not any cone, cycle": lambda: kp.find_cone(TURNED).certificate,
     "not any cone, cycle, discrete": lambda: kp.find_cone(TURNED, discrete=True).certificate,
     "not any cone, ports": lambda: kp.find_cone(ct.ss([[-1, 0], [0, -2]], [[1], [1]], [[-1, 2]], [[0]])).certificate,
+    "not any cone, response below zero": lambda: (
+        kp.find_cone([[-1, 0, 0], [0, -2, 0], [0, 0, -3]], [[1, 1, 1]], [["0.2499", -1, 1]]).certificate
+    ),
+    "not any cone, response at zero": lambda: (
+        kp.find_cone([["-1/3", 0, 0], [0, "-2/3", 0], [0, 0, -1]], [[1, 1, 1]], [["1/4", -1, 1]]).certificate
+    ),
     "not any feedback": lambda: kp.state_feedback(kp.ConeStateSpace(*kp.examples.mass_spring())).certificate,
     "not any feedback, gain bound": lambda: designed(rate=50.0, gain_bound=[30.0]),
     "not any feedback, ports": lambda: (

@@ -118,6 +118,28 @@ def port(A, b, c, power=1, shift=0, discrete=False):
     return none([A], discrete, contains=[b], within=[c], **fields)
 
 
+def dip(time, terms=20, A=((-1, 0), (0, -2)), b=(1, 1), c=(-1, 2), discrete=False):
+    """-e^(-t) + 2 e^(-2t), negative from ln 2 on."""
+    fields = {"normal": {"matrix": [list(c)]}, "vector": {"matrix": [list(b)]}}
+    fields |= {"time": {"fraction": time}, "terms": terms}
+    return none([[list(row) for row in A]], discrete, contains=[list(b)], within=[list(c)], **fields)
+
+
+def touch(weights, low, high, rates=(-1, -2, -3), c=None, rows=None, discrete=False):
+    """sum r_i e^(s_i t), which is 0 between q = low and q = high."""
+    n = len(rates)
+    rows = rows or [[rates[i] if i == j else 0 for j in range(n)] for i in range(n)]
+    c, b = list(c or weights), [1] * len(rows)
+    fields = {
+        "normal": {"matrix": [c]},
+        "vector": {"matrix": [b]},
+        "low": {"fraction": low},
+        "high": {"fraction": high},
+    }
+    fields |= {"rates": {"fractions": list(rates)}, "weights": {"fractions": list(weights)}}
+    return none([rows], discrete, contains=[b], within=[c], **fields)
+
+
 QUARTER = [[0, 1], [-1, 0]]
 FLIPPED = [[1, 0, 0], [0, -1, 1], [0, 0, -1]]  # 1, and -1 in a chain of two
 BOTH = [[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, -1, 1], [0, 0, 0, -1]]  # both in chains of two
@@ -208,6 +230,38 @@ NO_CONE = {
     "longer chains inside, seen": (chains(SHORTER, "7/8"), "WRONG"),
     "longer chains of a pair": (chains(TURNING, order=4), "REFUTED"),
     "longer chains of a pair, second power": (chains(TURNING, order=2), "WRONG"),
+    "dip": (dip(1), "REFUTED"),
+    "dip, in thirds": (dip(1, A=[["-4/3", "1/3"], ["2/3", "-5/3"]], c=(3, "-5/2"), b=(1, 1)), "WRONG"),
+    "dip, not yet": (dip("1/2"), "WRONG"),
+    "dip, in discrete time": (dip(1, discrete=True), "UNREADABLE"),
+    "dip, before time": (dip(-1, c=(1, -2)), "WRONG"),
+    "dip, at once": (dip(0, c=(1, -2)), "WRONG"),
+    "dip, too few terms": (dip(1, 3), "WRONG"),
+    "dip, a few terms more": (dip(1, 6), "WRONG"),
+    "dip, terms enough": (dip(1, 9), "REFUTED"),
+    "dip, as many terms as that": (dip(1, 2), "WRONG"),
+    "dip, one term": (dip("2/5", 1, [[-1]], [1], [-1]), "REFUTED"),
+    "dip, one term and a bound that is used up": (dip("1/2", 1, [[-1]], [1], [-1]), "WRONG"),
+    "dip, one term and too large a bound": (dip("3/5", 1, [[-1]], [1], [-1]), "WRONG"),
+    "dip, very many terms": (dip(1, 999, [[-1]], [1], [-1]), "REFUTED"),
+    "dip, too many terms": (dip(1, 1000, [[-1]], [1], [-1]), "UNREADABLE"),
+    "touch": (touch(["1/4", -1, 1], "49/100", "51/100"), "REFUTED"),
+    "touch, in discrete time": (touch(["1/4", -1, 1], "49/100", "51/100", discrete=True), "UNREADABLE"),
+    "touch, elsewhere": (touch(["1/4", -1, 1], "51/100", "52/100"), "WRONG"),
+    "touch, wide": (touch(["1/4", -1, 1], 0, 1), "REFUTED"),
+    "touch, up to the root": (touch(["1/4", -1, 1], 0, "1/2"), "WRONG"),
+    "touch, other weights": (touch(["1/4", -1, 1], 0, 1, c=["1/4", -1, 2]), "WRONG"),
+    "touch, before time": (touch([1, 1], -2, "1/2", rates=[-1, -2]), "WRONG"),
+    "touch, after all time": (touch([-2, 1], "1/2", 3, rates=[-1, -2]), "WRONG"),
+    "touch, always": (touch([0, 0, 0], 0, 1), "WRONG"),
+    "touch, no eigenvalue": (
+        touch(["1/4", -1, 1, 0], 0, 1, [-1, -2, -3, -4], ["1/4", -1, 1], [[-1, 0, 0], [0, -2, 0], [0, 0, -3]]),
+        "WRONG",
+    ),
+    "touch, halves": (touch(["1/4", -1, 1], "49/100", "51/100", rates=["-1/2", -1, "-3/2"]), "REFUTED"),
+    "touch, steps of two": (touch(["1/4", -1, 1], "49/100", "51/100", rates=[-1, -3, -5]), "REFUTED"),
+    "touch, far apart": (touch([1, -3, 1], "1/4", "1/2", rates=[0, -1, -99]), "REFUTED"),
+    "touch, too far apart": (touch([1, -3, 1], "1/4", "1/2", rates=[0, -1, -100]), "UNREADABLE"),
     "port": (port(APART, [1, 1], [-1, 2], shift="-1/2"), "REFUTED"),
     "port touches": (port(APART, [1, 1], [-1, 2]), "REFUTED"),
     "port inside": (port(APART, [1, 1], [-1, 2], shift=1), "WRONG"),

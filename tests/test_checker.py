@@ -170,6 +170,7 @@ EQUIVALENT = {
     "root_beside: 2 * len(p) ** 2 -> 2 + len(p) ** 2": "an order N has degree phi(N) >= sqrt(N) but for N = 2 and 6",
     "root_beside: order - 1 -> order + 1": "orders 1 and 2 divide 3 and 4",
     "root_beside: len(p) - 1 -> len(p) + 1": "a positive factor of all coefficients",
+    "at: value * x + a -> value * x - a": "p(x) and its opposite",
     "applied: x + a * y -> x - a * y": "p(M) V and its opposite",
     "slope.get((i, j), Fraction(0)) + a * b -> slope.get((i, j), Fraction(0)) - a * b": "the sum has to be 0",
 }

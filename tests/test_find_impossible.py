@@ -6,11 +6,13 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from planted import similar
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, expm
 
 import control_kpos as kp
 from control_kpos import checker, find_cone
+from control_kpos.exact.linalg import solve_columns
 from control_kpos.find.impossible.jordan_index import IndexObstruction
+from control_kpos.find.impossible.response import ExponentialObstruction, SeriesObstruction
 
 
 def chain(block, length):
@@ -109,3 +111,112 @@ def test_longer_chains_of_a_member_and_with_ports():
     ports = find_cone(longer, contains=[[1, 0, 0]], within=[[1, 0, 0]], discrete=True)
     assert ports.status is kp.Status.REFUTED and ports.check()
     assert find_cone(longer).status is not kp.Status.REFUTED  # in continuous time -1 is no rival of 1
+
+
+# -- between vectors and half-spaces
+
+THREE = [[-1, 0, 0], [0, -2, 0], [0, 0, -3]]
+
+
+def refuted(found, path):
+    """A "no" that the package, a file and the checker agree about."""
+    assert found.status is kp.Status.REFUTED and found.check()
+    found.save(path)
+    assert kp.load_certificate(path).status is kp.Status.REFUTED and checker.main(path) == 1
+    return found.obstruction
+
+
+@pytest.mark.parametrize("c", ["0.2", "0.247", "0.249", "0.2499", "0.249999", "0.24999999999999999999"])
+@pytest.mark.parametrize("scale", [1, "1/7", 30])
+def test_a_response_below_zero_by_any_amount(c, scale, tmp_path):
+    """c e^(-t) - e^(-2t) + e^(-3t) is (c - 1/4) / 2 at t = ln 2."""
+    A = np.array(THREE, dtype=object) * Fraction(scale)
+    refuted(find_cone(A.tolist(), contains=[[1, 1, 1]], within=[[c, -1, 1]]), tmp_path / "none.json")
+    turned, T = np.array(similar(np.array(THREE), 3), dtype=object), transformation(3)
+    row = solve_columns(T.T, np.array([[Fraction(c)], [Fraction(-1)], [Fraction(1)]], dtype=object))[:, 0]
+    found = find_cone(
+        (turned * Fraction(scale)).tolist(), contains=[(T @ np.ones(3, dtype=int)).tolist()], within=[row.tolist()]
+    )
+    refuted(found, tmp_path / "none.json")
+
+
+def transformation(seed):
+    """The T of `similar` for three states."""
+    T = np.random.default_rng(seed).integers(-2, 3, (3, 3))
+    assert abs(np.linalg.det(T)) > 0.5
+    return np.array([[Fraction(int(x)) for x in row] for row in T], dtype=object)
+
+
+DIPS = {
+    "a pair": ([[-1, 0, 0], [0, "-1.05", -2], [0, 2, "-1.05"]], [1, 1, 0], ["0.9", 1, 0]),
+    "a pair, just": ([[-1, 0, 0], [0, "-1.05", -2], [0, 2, "-1.05"]], [1, 1, 0], ["0.924", 1, 0]),
+    "a repeated eigenvalue": (
+        [[-1, 0, 0], [0, -2, 1], [0, 0, -2]],
+        [1, 0, 1],
+        ["0.3678", -1, 0],
+    ),  # e^(-t) (.3678 - t e^(-t))
+    "irrational eigenvalues": ([[-3, 2, 0], [1, -3, 0], [0, 0, -2]], [1, 0, 1], ["1.2", "-1.13", -1]),
+}
+
+
+@pytest.mark.parametrize("name", DIPS)
+def test_responses_below_zero_of_any_spectrum(name, tmp_path):
+    A, b, c = DIPS[name]
+    witness = refuted(find_cone(A, contains=[b], within=[c]), tmp_path / "none.json")
+    matrix, row = np.array(A, dtype=float), np.array(c, dtype=float)
+    if isinstance(witness, SeriesObstruction):
+        assert row @ expm(matrix * float(witness.time)) @ np.array(b, dtype=float) < 0
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+@pytest.mark.parametrize("unit", [1, "1/3", 5])
+def test_a_response_that_touches_zero_has_no_polyhedral_cone(turn, unit, tmp_path):
+    """c = 1/4: zero at t = ln 2 / unit and nowhere else; with 0.26 there is a cone."""
+    A = (np.array(THREE, dtype=object) * Fraction(unit)).tolist()
+    b, c = [1, turn, 1], ["1/4", -turn, 1]
+    found = find_cone(A, contains=[b], within=[c])
+    witness = refuted(found, tmp_path / "none.json")
+    assert f"zero near t = {np.log(2) / float(Fraction(unit)):.3g}" in found.explain()
+    assert witness.low < Fraction(1, 2) < witness.high
+    assert find_cone(A, contains=[b], within=[["0.26", -turn, 1]])
+    hidden = block_diag(THREE, [[-1, 1], [0, -1]])  # what the response does not see may be defective
+    found = find_cone(hidden, contains=[[1, turn, 1, 0, 0]], within=[[0.25, -turn, 1, 0, 0]])
+    assert found.status is kp.Status.REFUTED and isinstance(found.obstruction, ExponentialObstruction)
+
+
+def test_changed_witnesses_of_responses_fail():
+    below = find_cone(THREE, contains=[[1, 1, 1]], within=[["0.2499", -1, 1]]).certificate
+    touching = find_cone(THREE, contains=[[1, 1, 1]], within=[["1/4", -1, 1]]).certificate
+    series, exponential = below.witness, touching.witness
+    assert isinstance(series, SeriesObstruction) and isinstance(exponential, ExponentialObstruction)
+    for change in (
+        {"time": Fraction(-1)},
+        {"time": Fraction(2)},
+        {"terms": 1},
+        {"terms": 5},
+        {"normal": -series.normal},
+    ):
+        assert not replace(below, witness=replace(series, **change)).check()
+    for change in (
+        {"low": Fraction(51, 100), "high": Fraction(52, 100)},
+        {"low": Fraction(0), "high": Fraction(1)},  # no time can be told
+        {"high": Fraction(1, 2)},
+        {"rates": exponential.rates[::-1]},
+        {"weights": tuple(2 * r for r in exponential.weights)},
+        {"weights": ()},
+        {"normal": series.normal},
+    ):
+        assert not replace(touching, witness=replace(exponential, **change)).check()
+    for certificate in (below, touching):
+        assert not replace(certificate, discrete=True).check()
+
+
+def test_a_response_below_zero_late_in_discrete_time(tmp_path):
+    """c - q + q^2 with q = (1 - s)^k, nearly: below zero where q is near 1/2, which is after ln 2 / s steps."""
+    for s, c in (("0.01", "0.2499"), ("0.001", "0.24999"), ("0.0005", "0.249999")):
+        poles = [1, 1 - Fraction(s), (1 - Fraction(s)) ** 2]
+        A = [[poles[i] if i == j else 0 for j in range(3)] for i in range(3)]
+        witness = refuted(
+            find_cone(A, contains=[[1, 1, 1]], within=[[c, -1, 1]], discrete=True), tmp_path / "none.json"
+        )
+        assert abs(witness.power * float(s) - np.log(2)) < 0.05

@@ -28,7 +28,7 @@ from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import encode_generators, given_generators
 from ..proof.weights import ProofOmittedError, Prover
-from .impossible.port_obstruction import PortObstruction
+from .impossible.port_obstruction import Between
 
 
 @runtime_checkable
@@ -159,7 +159,7 @@ class ConeCertificate(Certificate):
         """
         if "X" not in contents:
             restored = cls.settle(**contents)
-            if isinstance(restored.witness, PortObstruction) and not restored.witness.concerns(
+            if isinstance(restored.witness, Between) and not restored.witness.concerns(
                 restored.contains, restored.within
             ):
                 raise DataError("the obstruction is about ports that the question does not have.")

@@ -31,7 +31,7 @@ from .certificate import Obstruction
 from .family.search import FamilySearch, completed
 from .impossible.filters import family_obstruction
 from .impossible.jordan_index import matrix_obstruction
-from .impossible.port_obstruction import port_obstruction
+from .impossible.response import obstruction_between
 from .one_matrix import search as one_matrix
 from .one_matrix.modes import Analysis, analysis
 from .one_matrix.repeated import repeated_cones
@@ -310,7 +310,7 @@ def _obstruction(question: Question) -> Obstruction | None:
     A, (vectors, normals) = question.matrices[0], question.ports
     found = matrix_obstruction(A, discrete=question.discrete)
     if found is None and (vectors.shape[0] or normals.shape[0]):
-        return port_obstruction(A, vectors, normals, discrete=question.discrete)
+        return obstruction_between(A, vectors, normals, discrete=question.discrete)
     return found
 
 

@@ -31,15 +31,17 @@ from ...exact.roots import real_roots_above
 from ...proof.encoding import register_record
 from .existence import fact, require_countable, spectrum_polynomial
 
-_LARGEST = 40
+LARGEST = 40
 _MOST = 400
+# Powers in discrete time whose sign is found exactly, and how low they are in floating point, relative to the sizes.
+_LOOKED_AT, _NEARLY = 5, 1e-12
 # Operations of one product of long integers.
 _PER_PRODUCT = 200.0
 
 
 @dataclass(frozen=True, eq=False)
-class PortObstruction:
-    """A product of a half-space, the dynamics and a vector that is negative where it must not be.
+class Between:
+    """An obstruction between a vector and a half-space.
 
     Attributes
     ----------
@@ -47,6 +49,32 @@ class PortObstruction:
         c, a half-space that the cone was to lie in.
     vector : Matrix, shape (1, n)
         b, a vector that the cone was to hold.
+    """
+
+    normal: Matrix
+    vector: Matrix
+
+    def fits(self, n: int) -> bool:
+        """Whether the sizes are those of the matrix."""
+        return self.normal.shape == self.vector.shape == (1, n)
+
+    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
+        """Nothing: what the witness holds is all that is needed."""
+        require_countable(matrices)
+        return {}
+
+    def concerns(self, contains: Matrix | None, within: Matrix | None) -> bool:
+        """True if the cone was to hold the vector and to lie in the half-space."""
+        wanted = ((contains, self.vector), (within, self.normal))
+        return all(rows is not None and (rows.fractions() == row.fractions()).all(axis=1).any() for rows, row in wanted)
+
+
+@dataclass(frozen=True, eq=False)
+class PortObstruction(Between):
+    """A product of a half-space, the dynamics and a vector that is negative where it must not be.
+
+    Attributes
+    ----------
     power : int
         k.
     shift : Fraction or None
@@ -59,8 +87,6 @@ class PortObstruction:
         A real transmission zero beyond the dominant eigenvalue, if there is one.
     """
 
-    normal: Matrix
-    vector: Matrix
     power: int
     shift: Fraction | None
     value: float
@@ -69,21 +95,9 @@ class PortObstruction:
 
     def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact sign of the product."""
-        n = matrices.shape[-1]
-        sizes = self.normal.shape == (1, n) and self.vector.shape == (1, n)
-        if not sizes or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
+        if not self.fits(matrices.shape[-1]) or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
             return None
         return [fact("c'(s I - A)^-k b < 0", _negative(matrices[0], self))]
-
-    def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
-        """Nothing: the vectors, the power and s are all that is needed."""
-        require_countable(matrices)
-        return {}
-
-    def concerns(self, contains: Matrix | None, within: Matrix | None) -> bool:
-        """True if the cone was to hold the vector and to lie in the half-space."""
-        wanted = ((contains, self.vector), (within, self.normal))
-        return all(rows is not None and (rows.fractions() == row.fractions()).all(axis=1).any() for rows, row in wanted)
 
     def __str__(self) -> str:
         value = about(self.value, digits=3)
@@ -111,7 +125,7 @@ register_record(PortObstruction)
 
 def port_obstruction(A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: bool = False) -> PortObstruction | None:
     """A proven reason why no invariant cone holds the vectors and lies in the half-spaces, or None."""
-    if A.shape[0] > _LARGEST:
+    if A.shape[0] > LARGEST:
         return None
     for j in range(vectors.shape[0]):
         for i in range(normals.shape[0]):
@@ -145,15 +159,14 @@ def _suspects(
     values = np.linalg.eigvals(M)
     scale = float(np.abs(values).max(initial=0.0)) or 1.0
     if discrete:
-        x, worst = b.copy(), []
-        for k in range(_MOST):
-            worst.append((float(c @ x) / (np.linalg.norm(x) or 1.0), k, float(c @ x)))
-            x = M @ x
-            if not np.isfinite(x).all():
-                break
-        for _, k, value in sorted(worst)[:3]:
-            if value < 0:
-                yield k, None, value, float(k), None
+        x, heights = b.copy(), []
+        for _ in range(10 * _MOST):
+            size = float(np.linalg.norm(x)) or 1.0
+            heights.append(float(c @ x) / size)
+            x = M @ (x / size)
+        for k in np.argsort(heights)[:_LOOKED_AT].tolist():
+            if heights[k] < _NEARLY * np.linalg.norm(c):
+                yield k, None, heights[k], float(k), None
         return
     top = float(values.real.max())
     reals = values[np.abs(values.imag) < 1e-9 * scale].real
