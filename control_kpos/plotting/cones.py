@@ -132,7 +132,8 @@ def _draw_cone_in_plane(
     ax.axhline(0, color="0.6", linewidth=0.6, zorder=0)
     ax.axvline(0, color="0.6", linewidth=0.6, zorder=0)
     ax.set(xlabel="x[0]", ylabel="x[1]")
-    ax.set_aspect("equal", adjustable="datalim")
+    if ax.get_autoscale_on():  # a frame that somebody chose stays
+        ax.set_aspect("equal", adjustable="datalim")
     return rays, faces
 
 

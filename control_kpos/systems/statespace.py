@@ -375,6 +375,8 @@ class ConeStateSpace(ConeOperations):
         return f"{type(self).__name__}{text}{cones})"
 
     def _repr_html_(self) -> str | None:
+        if not self.D.size:
+            return None  # python-control reads numpy's text for arrays back, and that of empty ones it cannot read
         text = super()._repr_html_()
         shown = ", ".join(f"{name}: {escape(_described(cone))}" for name, cone in self._shown_cones().items())
         return f"{text}\n<br>Cones {shown}" if text and shown else text
