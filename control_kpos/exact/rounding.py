@@ -70,6 +70,7 @@ def room(terms: int) -> float:
     return max(ROOM, 1 + error_factor(terms))
 
 
+@np.errstate(all="ignore")
 def rounding_radius(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Bound on the rounding error of correctly rounded doubles."""
     return np.abs(values) * (2 * HALF_ULP) + 2.0**-1074

@@ -157,6 +157,7 @@ class OutWeightCertificate(Certificate):
             f"{floored(self._largest_sum)}"
         )
 
+    @np.errstate(all="ignore")
     def covers(self, coupling: Any, types: Sequence[int] | None = None) -> bool:
         """True if the local v, r, q prove the network with this coupling, or its in-weights are small enough, exactly.
 
@@ -264,6 +265,7 @@ def _kinds(types: Any) -> Index:
     return kinds.astype(np.intp)
 
 
+@np.errstate(all="ignore")
 def scale_free_certificate(
     nodes: ConeStateSpace | NodeStack | Iterable[ConeStateSpace],
     weight: float | None = None,

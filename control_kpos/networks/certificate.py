@@ -186,6 +186,7 @@ class NetworkCertificate(ClaimOnNetwork):
         return files.evidence(self.model, self.witness, vectors, self.loop, self.sigma)
 
     @cached_property
+    @np.errstate(all="ignore")
     def node_margins(self) -> NDArray[np.float64]:
         """How fast each node's storage is sure to decay, relative to the fastest rate in the network; shape (N,).
 
@@ -214,7 +215,7 @@ class NetworkCertificate(ClaimOnNetwork):
         """The smallest of the node margins; for REFUTED minus the smallest margin of the witness."""
         if self.witness is not None:
             return 0.0 - abs(min((c.margin for c in self._own_conditions), default=0.0))
-        return float(np.nanmin(self.node_margins)) if self else 0.0
+        return float(np.fmin.reduce(self.node_margins, initial=1.0)) if self else 0.0
 
     def explain(self) -> str:
         model = self.model

@@ -59,6 +59,7 @@ _MISSES = 2
 Data: TypeAlias = "tuple[Floats, Floats, Floats]"
 
 
+@np.errstate(all="ignore")
 def certify(model: NetworkModel, progress: Progress | None = None) -> NetworkCertificate:
     """Decide Theorem 4 for a network; with W_jj as a part of node j, if that is what breaks it as it was given."""
     found = None if broken_by_own_link(model) else certify_as_given(model, progress)

@@ -145,6 +145,7 @@ def _rewired(model: NetworkModel, new: NetworkModel, node: int, blocks: Mapping[
 # -- its certificate
 
 
+@np.errstate(all="ignore")
 def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Index) -> NetworkCertificate | None:
     """A certificate of the changed network from one of the network before, or None if that proves nothing there.
 
@@ -211,6 +212,7 @@ def _storages(model: NetworkModel, v: Floats, new: Index) -> Any:
 # -- permissible link weights
 
 
+@np.errstate(all="ignore")
 def permissible_weight(
     certificate: NetworkCertificate,
     stack: NodeStack,

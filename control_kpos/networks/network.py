@@ -246,6 +246,7 @@ class ConeNetwork(ClosedLoopSystem):
         """
         return permissible_weight(self.certificate, single_node(system, self.dt), sources, targets)
 
+    @np.errstate(all="ignore")
     def _with_placed(
         self, node: int, system: Any, incoming: Mapping[int, Any] | None, outgoing: Mapping[int, Any] | None
     ) -> ConeNetwork:
@@ -303,6 +304,7 @@ class ConeNetwork(ClosedLoopSystem):
         return card(f"Network {self.name}", rows, status=certificate.status.name, text=certificate.explain())
 
 
+@np.errstate(all="ignore")
 def feedback_interconnect(
     systems: NodeStack | StateSpace | Iterable[NodeStack | StateSpace],
     coupling: ArrayLike | Any,

@@ -206,6 +206,7 @@ class Certificate(ABC):
             register_claim(cls.claim, cls.restore)
 
     @classmethod
+    @np.errstate(all="ignore")
     def settle(cls: type[C], **data: Any) -> C:
         """The certificate for these data, with the status that follows from them.
 
@@ -255,6 +256,7 @@ class Certificate(ABC):
         return self._evaluate()[1]
 
     @cached_property
+    @np.errstate(all="ignore")
     def margin(self) -> float:
         """Scale-free distance to the boundary, at most 1; 0 on it, negative beyond it.
 
@@ -267,6 +269,7 @@ class Certificate(ABC):
             return 0.0 - abs(min(broken, default=0.0))
         return min((c.margin for c in counted), default=0.0)
 
+    @np.errstate(all="ignore")
     def check(self) -> bool:
         """Recompute the verdict from the data, without any solver.
 
@@ -296,6 +299,7 @@ class Certificate(ABC):
         """
         save_certificate(self, path)
 
+    @np.errstate(all="ignore")
     def proof(self) -> dict[str, Any]:
         """What a checker without this package needs besides the data, as JSON data.
 

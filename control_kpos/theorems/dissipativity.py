@@ -247,6 +247,7 @@ def dissipativity(
     return dissipativity_of(positivity, q=q, r=r)
 
 
+@np.errstate(all="ignore")
 def dissipativity_of(
     positivity: PositivityCertificate, *, q: ArrayLike | None = None, r: ArrayLike | None = None
 ) -> DissipativityCertificate:

@@ -89,6 +89,7 @@ def induced_gain(
     return induced_gain_of(cone_positivity(A, B, C, D, X, U, Y, discrete=discrete), norm=norm, e=e, f=f)
 
 
+@np.errstate(all="ignore")
 def induced_gain_of(
     positivity: PositivityCertificate,
     *,

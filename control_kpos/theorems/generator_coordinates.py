@@ -141,7 +141,9 @@ class Pencil:
         return self.N.times(mu.denominator) + SparseIntegers.diagonal(-mu.numerator * self.E)
 
     def decide(self, shift: Any) -> Decision | None:
-        """Whether the spectral abscissa is below the shift."""
+        """Whether the spectral abscissa is below the shift; None if that is infinite, or out of reach."""
+        if isinstance(shift, float) and not np.isfinite(shift):
+            return None
         return decide(self.at(shift), self.cones)
 
     @np.errstate(all="ignore")

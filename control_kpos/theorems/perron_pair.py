@@ -281,7 +281,7 @@ def _away_from_margin(N: SparseIntegers) -> Decision | None:
                 if Frame(N.T, np.zeros_like(units)).holds(v, 1):
                     return Decision(True, v)
             spread, weight = np.log2(np.maximum(at.x, np.finfo(float).smallest_subnormal)), at.x * at.y
-        if np.ptp(spread) <= _SPREAD:
+        if not _SPREAD < np.ptp(spread) < np.inf:
             break
         units = units + np.rint(spread).astype(np.int64)  # in units of their own, small entries keep their digits
     return _grown_inside(N, weight)
@@ -422,7 +422,9 @@ def approach(F: sp.csr_array, e: Floats, start: float | None = None) -> Iterator
         high = mu
         upper = mu - max(float((x[own] / a[own]).min()), float((y[own] / b[own]).min()))
         lower = mu - min(float((x[own] / a[own]).max()), float((y[own] / b[own]).max()))
-        theta = mu - float((b * e / b.max()) @ x) / float((b * e / b.max()) @ a)
+        theta = mu - float(np.divide((b * e / b.max()) @ x, (b * e / b.max()) @ a))
+        if not np.isfinite(theta):
+            return
         x, y = a / a.max(), b / b.max()
         yield Approach(mu, x, y, theta, lower, upper)
         gap = high - theta

@@ -291,6 +291,7 @@ def positivity_of(s: System) -> PositivityCertificate:
     return _decided(A=A, B=B, C=C, D=D, X=s.X, U=s.U, Y=s.Y, discrete=s.discrete)
 
 
+@np.errstate(all="ignore")
 def _decided(**data: Any) -> PositivityCertificate:
     certificate = positivity_from_generators(**data) if has_open_facets(data["X"]) else None
     return settle_positivity(**data) if certificate is None else certificate
@@ -338,6 +339,7 @@ class ClaimOnPositivity(Certificate):
         return cls.settle(positivity=positivity, **own)
 
 
+@np.errstate(all="ignore")
 def positivity_from_generators(**data: Any) -> PositivityCertificate | None:
     """The certificate for data already read, without a facet of X; None if generators alone do not decide."""
     s = PositivityCertificate(**data)
@@ -356,6 +358,7 @@ def positivity_from_generators(**data: Any) -> PositivityCertificate | None:
     return None if settled.status is Status.UNDECIDED else settled
 
 
+@np.errstate(all="ignore")
 def settle_positivity(**data: Any) -> PositivityCertificate:
     """The certificate for data already read, with the worst violation as witness if there is one."""
     draft = PositivityCertificate.settle(**data)

@@ -296,7 +296,8 @@ def balancing_units(N: SparseIntegers) -> NDArray[np.int64]:
     if missed:  # long graphs, whose factors do not fill in
         ground = sp.csr_array((np.ones(1), ([0], [0])), shape=(n, n))
         units = spla.splu(sp.csc_array(laplacian + ground), permc_spec="MMD_AT_PLUS_A").solve(pull - pull.mean())
-    return _centred(np.rint(units).astype(np.int64)) if np.isfinite(units).all() else np.zeros(n, dtype=np.int64)
+    usable = np.abs(units).max() <= np.ptp(own) + np.abs(length).sum()  # False for NaN; no balance needs more
+    return _centred(np.rint(units).astype(np.int64)) if usable else np.zeros(n, dtype=np.int64)
 
 
 def refine(frame: Frame, solver: Borders) -> Iterator[Step]:

@@ -290,6 +290,7 @@ def linear_lyapunov(
     return lyapunov_on(state_positivity(A, X, discrete=discrete), rate=rate)
 
 
+@np.errstate(all="ignore")
 def lyapunov_on(
     positivity: PositivityCertificate, *, rate: Literal["max"] | Fraction | None = None
 ) -> LyapunovCertificate:

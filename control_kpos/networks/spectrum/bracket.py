@@ -121,6 +121,7 @@ class AbscissaCertificate(ClaimOnNetwork):
         )
 
 
+@np.errstate(all="ignore")
 def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | None = None) -> AbscissaCertificate:
     """Find and prove a bracket of the spectral abscissa; see `ConeNetwork.spectral_abscissa`."""
     form = positive_form(model)

@@ -162,7 +162,10 @@ def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approa
             break
     else:
         return None
-    theta = mu - float(np.einsum("i,i->", c, x)) / float(np.einsum("i,i->", v, x))
+    with np.errstate(all="ignore"):
+        theta = mu - float(np.divide(np.einsum("i,i->", c, x), np.einsum("i,i->", v, x)))
+    if not np.isfinite(theta):
+        return None
     return Approach(theta, mu, v, x, c, d, max(used, system.loop.iterations))
 
 
