@@ -50,6 +50,9 @@ def expect(fact: bool, what: str) -> None:
         raise ValueError(what)
 
 
+# What files say of bounds on decay rates that are none.
+BOUNDLESS = "decay_rate_bound", "inf"
+
 # -- numbers, vectors, matrices
 
 
@@ -88,7 +91,7 @@ def matrix(o: Json, m: int, n: int) -> Matrix:
         fits = len(o["matrix"]) == m and all(len(row) == n for row in o["matrix"])
         entries = [(i, j, x) for i, row in enumerate(o["matrix"]) for j, x in enumerate(row)]
     else:
-        fits, entries = o["shape"] == [m, n], o["sparse"]
+        fits, entries = [index(side) for side in o["shape"]] == [m, n], o["sparse"]
     expect(fits, f"a matrix is not {m} x {n}")
     for i, j, x in entries:
         expect(type(i) is int and type(j) is int and 0 <= i < m and 0 <= j < n, "an entry is out of range")
@@ -879,6 +882,13 @@ def size(d: Json, x: Vector) -> Fraction:
     return next((abs(x[i]) for i in sorted(x) if 8 * abs(x[i]) >= top), top) if d.get("leading") else Fraction(1)
 
 
+def marks(o: Json) -> list[list[Fraction]]:
+    """Rows of 0 and 1."""
+    out = [numbers(row) for row in o["array"]]
+    expect(all(x in (0, 1) for row in out for x in row), "a mark is neither 0 nor 1")
+    return out
+
+
 def no_feedback(c: Json, limit: int) -> None:
     """No F and no point z = sum_k xi_k x_k, all xi_k > 0, satisfy for every vertex (A_s, B_s):
 
@@ -892,7 +902,7 @@ def no_feedback(c: Json, limit: int) -> None:
     a_k + |b_k|'gain_bound <= 0 for all k, and < 0 for one k unless some d_s is not 0 (no bound: b_k = 0).
     """
     d, e = c["data"], c["proof"]
-    X, free = cone(d["X"], limit), [numbers(row) for row in d["free"]["array"]]
+    X, free = cone(d["X"], limit), marks(d["free"])
     ports = d["ports"]["tuple"] if d["ports"] else [None, None, None]
     Y, m = cone(ports[2], limit), len(free[0])
     C, D = given(ports[0], Y.dim, X.dim), given(ports[1], Y.dim, m)
@@ -924,7 +934,7 @@ def no_invariant_gain(c: Json, limit: int) -> None:
     sum_sk l_sk'A_s x_k < 0, and sum_sk (B_s'l_sk)_i (R x_k)_j = 0 wherever G_ij may differ from 0.
     """
     d, e = c["data"], c["proof"]
-    X, pattern = cone(d["X"], limit), [numbers(row) for row in d["pattern"]["array"]]
+    X, pattern = cone(d["X"], limit), marks(d["pattern"])
     R, level, slope = matrix(d["R"], len(pattern[0]), X.dim), Fraction(0), dict[tuple[int, int], Fraction]()
     for A, B, l in inwards(d, e, X, len(pattern)):
         for f, x in zip(l, X.rays, strict=True):
@@ -1015,6 +1025,10 @@ def verify(c: Json, limit: int) -> str:
     claim, status, d = c["claim"], c["status"], c["data"]
     e: Json = c["proof"] | d
     need(status in ("PROVED", "REFUTED"), f"the file itself says {status}")
+    if status == "REFUTED":
+        rate, bound = (d.get(name, {"double": none})["double"] for name, none in (("decay_rate", 0), BOUNDLESS))
+        need(rate == "nan" or number(rate) == 0, "a refutation has no decay rate")
+        need(bound == BOUNDLESS[1], "a refutation has no bound on decay rates")
     expect("omitted" not in c["proof"], f"it leaves out its proof: {c['proof'].get('omitted')}")
     expect(not any(name.endswith("exact") for name in c["proof"]), "what is claimed stands in the data")
     if (claim, status) in ALONE:

@@ -22,6 +22,18 @@ def asked(required, status="PROVED", **more):
     return out
 
 
+def limited(bound):
+    out = scalar("stable", "REFUTED", A=0, **direction(1, 0))
+    out["data"]["decay_rate_bound"] = {"double": bound}
+    return out
+
+
+def shaped(shape):
+    out = scalar("stable")
+    out["data"]["A"] = {"sparse": [[0, 0, -2]], "shape": shape}
+    return out
+
+
 def direction(x, u, rate=0, shows="motion", **more):
     return {"x": {"array": [x]}, "u": {"array": [u]}, "rate": rate, "shows": shows, **more}
 
@@ -152,6 +164,15 @@ BY_HAND = {
     "feedthrough needs supply": (scalar("dissipative", D=1), "WRONG"),
     "feedthrough has supply": (scalar("dissipative", D=1, r=2), "PROVED"),
     "zero is no witness": (scalar("stable", "REFUTED", A=1, **direction(0, 0)), "WRONG"),
+    "a refutation with a rate": (scalar("stable", "REFUTED", A=0, decay=1, **direction(1, 0)), "WRONG"),
+    "a refutation with no number as rate": (
+        scalar("stable", "REFUTED", A=0, decay="nan", **direction(1, 0)),
+        "REFUTED",
+    ),
+    "a refutation with a bound on rates": (limited("0x1.0p+0"), "WRONG"),
+    "a refutation without a bound on rates": (limited("inf"), "REFUTED"),
+    "a matrix of true rows": (shaped([True, 1]), "UNREADABLE"),
+    "a matrix of one row": (shaped([1, 1]), "PROVED"),
     "a witness": (scalar("stable", "REFUTED", A=0, **direction(1, 0)), "REFUTED"),
     "a witness with input": (scalar("stable", "REFUTED", **direction(1, 2)), "WRONG"),
     "an input moves the state": (scalar("dissipative", "REFUTED", r=0, **direction(0, 1)), "REFUTED"),

@@ -305,6 +305,8 @@ def rigid(A, B, R=1, pattern=1, discrete=True):
 
 NO_FEEDBACK = {
     "no input": (hopeless(-1), "REFUTED"),
+    "marked by two": (hopeless(-1, free=((2,),)), "UNREADABLE"),
+    "marked by two in the pattern": (rigid([-1], [0], pattern=2), "UNREADABLE"),
     "no input, on the boundary": (hopeless(0), "WRONG"),
     "not in continuous time": (hopeless(-1, discrete=False), "WRONG"),
     "functional outside": (hopeless(1, l=-1), "WRONG"),

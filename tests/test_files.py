@@ -259,6 +259,7 @@ def test_saving_keeps_links_and_modes_and_names_the_path_given(tmp_path):
     with pytest.raises(FileNotFoundError) as missing:
         certificate.save(tmp_path / "nowhere" / "file.json")
     assert missing.value.filename == str(tmp_path / "nowhere" / "file.json")
+    assert str(missing.value).endswith(repr(missing.value.filename))
     os.mkfifo(tmp_path / "pipe.json")
     refusals = (load_certificate, certificate.save)
     for refuse in refusals:

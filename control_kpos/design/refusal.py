@@ -169,7 +169,7 @@ class NoFeedback(Contradiction):
         w = self.witness
         if not isinstance(w, Multipliers):
             return None
-        rows = homogeneous_rows(self.inequalities(), self.rate, self.discrete, np.asarray(self.free) != 0)[0]
+        rows = homogeneous_rows(self.inequalities(), self.rate, self.discrete, _marks(self.free))[0]
         numbers = np.array([*w.closed, *w.drift, *w.positive], dtype=object)
         return numbers, rows, np.arange(len(rows)) >= len(w.closed)
 
@@ -291,7 +291,7 @@ class NoInvariance(Contradiction):
         i, k = self._pairs()
         facets, rays = short_rows(self.X.exact_facets), short_rows(self.X.exact_rays)
         seen = rays @ self.R.fractions().T
-        free = np.flatnonzero(np.asarray(self.pattern).ravel())
+        free = np.flatnonzero(_marks(self.pattern))
         parts = []
         for A, B in zip(self.A, self.B, strict=True):
             left = (facets @ B.fractions())[i]
@@ -323,6 +323,13 @@ class NoInvariance(Contradiction):
             f"{self.witness}, checked in exact arithmetic. Choose more actuators, a freer structure, or another cone: "
             f"{_OTHERS}."
         )
+
+
+def _marks(free: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Where 1 stands among 0 and 1; DataError for anything else."""
+    if not np.isin(free, (0, 1)).all():
+        raise DataError("entries that may differ from zero are marked by 1, the others by 0.")
+    return np.asarray(free) != 0
 
 
 def _entries(plant: Plant) -> int:

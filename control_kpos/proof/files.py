@@ -83,7 +83,7 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
         with suppress(OSError):  # what went wrong first is what is reported
             temporary.unlink(missing_ok=True)
         if isinstance(error, OSError) and error.filename is not None:
-            error.filename, error.filename2 = str(path), None  # not the name of the temporary file
+            raise type(error)(error.errno, error.strerror, str(path)) from None  # not the name of the temporary file
         raise
 
 

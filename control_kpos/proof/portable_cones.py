@@ -156,7 +156,7 @@ def decode_cone(runs: Any, limit: int) -> Cone:
         if type(count) is not int or not 0 < count * n <= limit - dim:
             raise CertificateFileError(f"{str(count)[:60]} cones in dimension {n} are absurd for a file of this size.")
         dim += count * n
-        if part["rays"] == [[1]]:
+        if part["rays"] == [[1]] and type(part["rays"][0][0]) is int:
             factors.append(orthant(count))
             continue
         key = str(part["rays"])
