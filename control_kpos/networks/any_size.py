@@ -136,10 +136,13 @@ class OutWeightCertificate(Certificate):
                 f"Proved: any number of {what}, {self._graphs()}, is positive and stable with decay rate at least "
                 f"{floored(self.decay_rate, 4)}."
             )
-        return (
-            f"Not certified: already a node with a self-loop of weight {about(self.weight)} fails. "
-            f"{self.local.explain()} Ask for a smaller weight, or raise the local gain."
-        )
+        loop = f"a node with a self-loop of weight {about(self.weight)}"
+        if self.status is Status.REFUTED:
+            return (
+                f"Not certified: already {loop} fails. "
+                f"{self.local.explain()} Ask for a smaller weight, or raise the local gain."
+            )
+        return f"Undecided: {loop} is not decided, or not as these networks need it. {self.local.explain()}"
 
     def _graphs(self) -> str:
         """The couplings that this is about, in words."""

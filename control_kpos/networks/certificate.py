@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import floored
+from ..cones import Orthant
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
@@ -45,13 +46,18 @@ from .witnesses import (
     refute,
 )
 
+# What a refusal is about, and what to do.
 _REMEDY = {
-    CouplingViolation: "Change the sign of the link, or choose cones that the coupling respects.",
-    NodeViolation: "Choose another cone for this node, or a local feedback that makes it positive.",
+    CouplingViolation: "This is about these cones, and no sign of instability. Change the sign of the link, or choose "
+    "cones that the coupling respects.",
+    NodeViolation: "This is about these cones, and no sign of instability. Choose another cone for this node, or a "
+    "local feedback that makes it positive.",
     NetworkInstability: "Weaken links, or raise the local gains at the nodes where x is largest.",
     AlgebraicLoop: "Weaken the feedthrough D or the links of this loop, or put dynamics into it.",
-    NodeNotDissipative: "Relax its supply rate: raise r or lower -q, or raise its local feedback.",
-    NoWeights: "Relax the supply rates, or let the package find them: call without supply_rates.",
+    NodeNotDissipative: "This is about these supply rates, not about stability. Relax that of the node: raise r or "
+    "lower -q, or raise its local feedback.",
+    NoWeights: "This is about these supply rates, not about stability. Relax them, or let the package find them: call "
+    "without supply_rates.",
 }
 
 
@@ -188,8 +194,9 @@ class NetworkCertificate(ClaimOnNetwork):
     @cached_property
     @np.errstate(all="ignore")
     def node_margins(self) -> NDArray[np.float64]:
-        """How fast each node's storage is sure to decay, relative to the fastest rate in the network; shape (N,).
+        """How fast each node's storage decays, relative to the fastest rate in the network; shape (N,).
 
+        Computed in floating point; what is proven is `decay_rate`.
         The smallest -(v'A - q'C)x / v'x over the generators of X_j, divided by the largest
         (|v|'|A||x| + |q|'|C||x|) / v'x of all nodes: free of all units, NaN without a proof.  The node with
         the smallest is where the network is weakest.
@@ -212,7 +219,7 @@ class NetworkCertificate(ClaimOnNetwork):
 
     @property
     def margin(self) -> float:  # type: ignore[override]
-        """The smallest of the node margins; for REFUTED minus the smallest margin of the witness."""
+        """The smallest of the node margins, computed; for REFUTED minus the smallest margin of the witness."""
         if self.witness is not None:
             return 0.0 - abs(min((c.margin for c in self._own_conditions), default=0.0))
         return float(np.fmin.reduce(self.node_margins, initial=1.0)) if self else 0.0
@@ -232,19 +239,30 @@ class NetworkCertificate(ClaimOnNetwork):
             return (
                 f"Proved: {what} is positive and exponentially stable with decay rate at least "
                 f"{floored(self.decay_rate, 4)} per {unit}. "
-                f"The weakest is {model.name_of(weakest)}, with scale-free margin "
+                f"By scale-free margins, computed and not proven, the weakest is {model.name_of(weakest)} with about "
                 f"{self.node_margins[weakest]:.3g}. {delays}, "
                 f"and when {links} are weakened, lost or switched over time, as long as what is left and what is "
                 "taken away "
-                "both map Y into U. Not so for a weakened feedback inside a node."
+                "both map Y into U. Nothing is said of a weakened feedback inside a node."
             )
-        if self.witness is not None:
-            return f"Not certified: {what} fails, {self.witness}. {_REMEDY[type(self.witness)]}"
+        if self.status is Status.REFUTED:
+            return f"Not certified: {what} fails, {self._reason()}. {_REMEDY[type(self.witness)]}"
         return (
             f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the "
             "edge of stability. "
             "Change the gains or links a little."
         )
+
+    def _reason(self) -> str:
+        """What the witness shows, in words that its conditions prove."""
+        model, w = self.model, self.witness
+        if isinstance(w, NetworkInstability) and model.discrete:
+            return f"{w}".replace("growth rate", "growth factor per step")
+        if isinstance(w, NodeViolation):
+            s = model.stacks[model.locate(w.node)[0]]
+            if all(isinstance(cone, Orthant) for cone in (s.X, s.U, s.Y)):
+                return f"{w}; its cones are nonnegative orthants, as those of nodes given without cones"
+        return f"{w}"
 
 
 def dissipation(

@@ -234,10 +234,10 @@ class ConeNetwork(ClosedLoopSystem):
         Returns
         -------
         float
-            Every pair of link weights a (from each source) and b (to each target) with a * b below this
-            number is covered by the certificate: the new node then needs no solve.  inf without a loop
-            through the network; 0 if the certificate does not hold, the node is not positive and stable, or a
-            link does not map Y into U.
+            For every pair of link weights a (from each source) and b (to each target) with a * b below this
+            number the certificate covers the new node, which then needs no solve.  Computed, with 0.1 % to spare;
+            `with_node` proves it.  inf without a loop through the network; 0 if the certificate does not hold, the
+            node is not positive and stable, or a link does not map Y into U.
 
         Raises
         ------

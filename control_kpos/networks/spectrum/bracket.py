@@ -116,8 +116,8 @@ class AbscissaCertificate(ClaimOnNetwork):
             return f"Proved: the spectral {what} lies in [{floored(self.lower, 12)}, {raised(self.upper, 12)}]."
         return (
             f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
-            "certificate says what breaks it; otherwise the bracket is too narrow for rounding, and a larger width may "
-            "help."
+            "certificate says what breaks it; otherwise the bracket may be too narrow for rounding, and a larger width "
+            "may help."
         )
 
 

@@ -20,7 +20,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ...cards import raised
 from ...cones import Orthant
 from ..blocks import Floats, Index
 from ..model import NetworkModel
@@ -117,7 +116,7 @@ def descend(
         jump = np.inf if best is None else abs(try_at.theta - best.theta)
         best = try_at
         if progress is not None:
-            progress(f"step {step + 1}: spectral abscissa about {best.theta:.9g}, below {raised(best.shift, 9)}")
+            progress(f"step {step + 1}: spectral abscissa about {best.theta:.9g}, from the shift {best.shift:.9g}")
         gap = best.shift - best.theta
         goal = 0.45 * relative * abs(best.theta)
         if gap <= goal or (stop is not None and stop(best)):

@@ -15,7 +15,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ...cards import floored
 from ..blocks import Floats, Index
 from ..model import NetworkModel
 from .descent import (
@@ -67,7 +66,7 @@ def localised_peak(model: NetworkModel, start: float, relative: float, progress:
         while near is not None and near.theta - before > 0.1 * relative * abs(near.theta):
             before = near.theta
             if progress is not None:
-                progress(f"spectral abscissa at least {floored(before, 9)}, from {np.count_nonzero(mask)} nodes")
+                progress(f"spectral abscissa about {before:.9g}, from {np.count_nonzero(mask)} nodes")
             size = model.peaks(model.lifted(mask, near.x))
             mask = neighbourhood(links, np.flatnonzero(size >= 0.1 * size.max()), reach)
             near = descend(model.restrict(mask), before + 1e-4 * abs(before), relative=0.5 * relative)
