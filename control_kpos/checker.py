@@ -382,14 +382,11 @@ def invariant(s: System, e: Json) -> None:
 def own_links_closed(s: System, sizes: list[Fraction]) -> System:
     """W_jj as a part of node j of the given sizes (states, inputs, outputs), and W without these blocks.
 
-    With S = (I - W_jj D_j)^-1 node j becomes A + B S W_jj C, B S, C + D S W_jj C, D S.
+    With S = (I - W_jj D_j)^-1 node j becomes A + B S W_jj C, B S, C + D S W_jj C, D S, whatever part of W is its own.
     """
     inputs, outputs = ([j // 3 for j in range(kind, len(sizes), 3) for _ in range(int(sizes[j]))] for kind in (1, 2))
-    expect(len(inputs) == s.U.dim and len(outputs) == s.Y.dim, "the sizes are not those of the nodes")
-    own, rest = (
-        [{i: a for i, a in w.items() if (inputs[i] == outputs[k]) is mine} for k, w in enumerate(s.W)]
-        for mine in (True, False)
-    )
+    own = [{i: a for i, a in w.items() if inputs[i] == outputs[k]} for k, w in enumerate(s.W)]
+    rest = [total((1, w), (-1, mine)) for w, mine in zip(s.W, own, strict=True)]
     loops = chained(own, s.D)
     S = inverse([total((1, {k: Fraction(1)}), (-1, x)) for k, x in enumerate(loops)])
     heard = chained(S, own, s.C)
@@ -412,9 +409,9 @@ def inverse(M: Matrix) -> Matrix:
     rest: list[tuple[Vector, Vector]] = [(x, {k: Fraction(1)}) for k, x in enumerate(M)]
     done: list[tuple[Vector, Vector]] = []
     for i in range(len(M)):
-        k = next((k for k, (x, _) in enumerate(rest) if i in x), -1)
-        need(k >= 0, "the links of nodes to themselves are well posed")
-        x, z = rest.pop(k)
+        usable = [k for k, (x, _) in enumerate(rest) if i in x]
+        need(bool(usable), "the links of nodes to themselves are well posed")
+        x, z = rest.pop(usable[0])
         pivot = total((1 / x[i], x)), total((1 / x[i], z))
         rest, done = ([clear(pair, pivot, i) for pair in part] for part in (rest, done))
         done.append(pivot)
@@ -423,9 +420,7 @@ def inverse(M: Matrix) -> Matrix:
 
 def clear(pair: tuple[Vector, Vector], pivot: tuple[Vector, Vector], i: int) -> tuple[Vector, Vector]:
     """Without entry i, by subtraction of the pivot."""
-    a = pair[0].get(i)
-    if a is None:
-        return pair
+    a = pair[0].get(i, Fraction(0))
     return total((1, pair[0]), (-a, pivot[0])), total((1, pair[1]), (-a, pivot[1]))
 
 

@@ -47,6 +47,14 @@ SPIRAL = [[-1, 4, 0], [-4, -1, 0], [0, 0, 1]]
 FAMILY = [[[-2, 1], [1, -2]], [["-3", "1/3"], ["0.5", -2]]]
 
 
+def own_links(rate, across=0):
+    """Nodes with links to themselves: I - W_jj D_j has a zero on its diagonal, or has none."""
+    two = kp.ConeStateSpace([[rate, across], [0, rate]], np.eye(2), np.eye(2), np.eye(2))
+    one = kp.ConeStateSpace([["-1/3"]], [[1]], [[1]], [[0.5]])
+    links = [[1, -1, 0.1, 0, 0], [-1, 2, 0, 0, 0], [0.05, 0.05, -1, 0, 0], [0, 0, 0.1, -1, 0.5], [0, 0, 0, 0.25, -1]]
+    return network([two, one, two], links)
+
+
 def thin_cone(A):
     """The certificate of a cone with sparse multipliers, as those of thousands of generators are."""
     found = modal_cone(modes(np.array(A, dtype=float)), thin=True)
@@ -158,6 +166,9 @@ CERTIFICATES = {
     "network, wrong link": lambda: network(mass_springs(), -kp.examples.ring(4)),
     "network, node not positive": lambda: network(mass_springs(extra=1.0), kp.examples.ring(4)),
     "network, loop not well posed": lambda: network(mixed_nodes(), [[0, 0.5, 4], [9, 0, 0.1], [4, 0.2, 0]]),
+    "network, own links closed": lambda: own_links(-3),
+    "network, own links closed, unstable": lambda: own_links(1),
+    "network, own links closed, node not positive": lambda: own_links(-3, -2),
     "network, discrete": lambda: network(
         [kp.ConeStateSpace([[0.5]], [[1]], [[1]], [[0]], dt=True)] * 2, [[0, 0.25], [0.25, 0]]
     ),

@@ -49,6 +49,24 @@ def sized(*sizes):
     return out
 
 
+def closed(W, D=0, **more):
+    """A node with a link to itself that is closed first."""
+    out = scalar("network", W=W, D=D, **more)
+    out["data"] |= {"sizes": {"array": [1, 1, 1]}, "own_links_closed": True}
+    return out
+
+
+def closed_twice(decay):
+    """A node of two ports, with (I - W D)^-1 = [[16, 4], [2, 16]] / 31, and as much decay and supply as there is."""
+    out, plane, one = closed(0), {"cone": [[2, HALF["cone"][0][1]]]}, {"matrix": [[1, 0], [0, 1]]}
+    out["data"] |= dict.fromkeys("XUY", plane) | dict.fromkeys("BCD", one) | {"A": {"matrix": [[-3, 0], [0, -3]]}}
+    out["data"] |= {"W": {"matrix": [[-1, "0.5"], ["0.25", -1]]}, "sizes": {"array": [2, 2, 2]}}
+    vectors = {"v": {"array": [1, 1]}, "q": {"array": [0, 0]}, "r": {"array": ["18/31", "20/31"]}}
+    out["data"] |= vectors | {"decay_rate": {"double": decay}}
+    out["proof"] |= {name.upper(): x for name, x in vectors.items()} | {"p": vectors["v"], "t": vectors["r"]}
+    return out
+
+
 def weights(p, t):
     return {"p": {"array": [p]}, "t": {"array": [t]}}
 
@@ -188,6 +206,12 @@ BY_HAND = {
     "nodes without end": (sized(10**18, 1, 1), "UNREADABLE"),
     "nodes of sizes that cancel": (sized(1, 1, 2, -1, 0, -1), "UNREADABLE"),
     "nodes of part of a state": (sized("3/2", 1, 1), "UNREADABLE"),
+    "own link closed": (closed(-1, q=0), "PROVED"),
+    "own link closed, at the margin": (closed(2, q=0), "WRONG"),
+    "own link closed, with feedthrough": (closed(-1, 1, q=0, **weights(1, 1)), "PROVED"),
+    "own link that is singular": (closed(1, 1, q=0, **weights(1, 1)), "WRONG"),
+    "own links closed, at the decay they leave": (closed_twice("104/31"), "PROVED"),
+    "own links closed, at more": (closed_twice("3.355"), "WRONG"),
     "nodes out of balance": (scalar("network", W=2), "WRONG"),
     "contracting loop": (scalar("network", D="1/2", r="1.5", W="1/2", **weights(1, "1/2")), "PROVED"),
     "loop of gain one": (scalar("network", D=1, r=2, W="1/2", **weights("1/2", 1)), "WRONG"),
