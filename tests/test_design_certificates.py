@@ -184,3 +184,23 @@ def test_bounds_say_at_which_generators_they_hold(tmp_path):
         certificate.save(path)
         assert kp.load_certificate(path).leading is certificate.leading
         assert checker.main(path) == 0
+
+
+@pytest.mark.parametrize(("fixed", "dt"), [("-1/3", None), ("2/3", 1)])
+def test_rates_are_proven_as_they_are_written(fixed, dt):
+    """One mode decays at 1/3 whatever the gain: met with equality, and no faster."""
+    more = () if dt is None else (dt,)
+    sys = kp.ConeStateSpace([[fixed, 0], [0, 2]], [[0], [1]], np.eye(2), np.zeros((2, 1)), *more)
+    d = kp.state_feedback(sys, rate="1/3")
+    assert d and d.check() and d.certificate.required_rate == Fraction(1, 3) == d.weakened_rate
+    assert d.decay_rate <= Fraction(1, 3) and 0 < d.certified_fraction < 1
+    double = kp.state_feedback(sys, rate=1 / 3)  # a little below
+    assert double and double.decay_rate >= 1 / 3
+    assert not kp.state_feedback(sys, rate="0.33333333333333333334")
+    assert kp.state_feedback(sys, rate="0.34").status is kp.Status.REFUTED
+
+
+def test_the_largest_rate_is_reached_with_equality():
+    d = kp.state_feedback(PLANT, X=PAPER, rate=2)
+    assert d and d.check() and d.decay_rate == 2 and kp.state_feedback(PLANT, X=PAPER, rate="2.00001").F is None
+    assert kp.observer_gain(kp.ConeStateSpace([["-1/3", 0], [0, 1]], [[0], [1]], [[0, 1]], [[0]]), rate="1/3")

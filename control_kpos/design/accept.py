@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import partial
 from typing import Any
 
@@ -36,6 +37,8 @@ _KEPT = 0.5
 _EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 # The same where signs are found in integers, for n^2.2; margins above which floating point finds them.
 _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
+# How far, relatively, a rate in doubles may be below one that is then decided exactly.
+_EQUAL = 1e-6
 
 
 @dataclass(frozen=True)
@@ -51,7 +54,7 @@ class Accepted:
     closed : tuple of Matrix
         A + B F of every vertex.
     certificate : Certificate
-    rate : float
+    rate : float or Fraction
         The decay rate that was demanded.
     """
 
@@ -60,7 +63,7 @@ class Accepted:
     full: Matrix
     closed: tuple[Matrix, ...]
     certificate: Certificate
-    rate: float
+    rate: float | Fraction
 
 
 def roundings(F: Floats) -> Iterator[Floats]:
@@ -79,7 +82,7 @@ def accept(
     plant: Plant,
     F: Any,
     *,
-    rate: float = 0.0,
+    rate: float | Fraction = 0.0,
     x: Floats | None = None,
     gain: float = np.inf,
     gamma: float | None = None,
@@ -90,8 +93,8 @@ def accept(
     ----------
     plant : Plant
     F : ndarray, shape (m, n); of output feedback the K of u = K y, shape (m, q)
-    rate : float
-        Decay rate to be proven.
+    rate : float or Fraction
+        Decay rate to be proven, exactly.
     x : ndarray, shape (n,), optional
         Candidate for the common vector of several vertices, or of the bound on the gain from disturbances.
     gain : float
@@ -199,12 +202,14 @@ def _all_proven(parts: Iterable[Certificate | None]) -> Any:
     return tuple(proven)
 
 
-def _proven_loop(M: Matrix, plant: Plant, rate: float) -> LyapunovCertificate | None:
-    """Theorem 2 for one closed loop, with the tightest rate only where the plain one does not do."""
+def _proven_loop(M: Matrix, plant: Plant, rate: float | Fraction) -> LyapunovCertificate | None:
+    """Theorem 2 for one closed loop, with the tightest rate or exactly this one where the plain one does not do."""
     loop = linear_lyapunov(M, plant.X, discrete=plant.discrete)
     if loop and loop.decay_rate < rate:
         loop = linear_lyapunov(M, plant.X, discrete=plant.discrete, rate="max")
-    return loop if loop and loop.decay_rate >= rate else None
+        if loop and loop.decay_rate < rate <= loop.decay_rate_bound and rate <= loop.decay_rate * (1 + _EQUAL):
+            loop = linear_lyapunov(M, plant.X, discrete=plant.discrete, rate=rate)
+    return loop if loop and (loop.decay_rate >= rate or loop.required_rate is not None) else None
 
 
 def exact_gain(plant: Plant, F: Floats) -> Matrix:
@@ -263,5 +268,7 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
 
 
 def proven_rate(found: Accepted) -> float:
-    """Decay rate of the slowest vertex."""
-    return float(getattr(found.certificate, "decay_rate", np.nan))
+    """Decay rate of the slowest vertex, and that which was demanded and proven, rounded down."""
+    demanded = float(found.rate)
+    demanded = demanded if demanded <= found.rate else float(np.nextafter(demanded, 0.0))
+    return max(float(getattr(found.certificate, "decay_rate", np.nan)), demanded)

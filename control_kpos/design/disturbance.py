@@ -71,13 +71,11 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     first = least.solve(lp)
     if not first or not (first["x"][: plant.n] > 0).all():
         reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
-        message = (
-            f"the program has no solution ({reason}): no gain keeps x in X, z in its orthant, and the loop stable."
-        )
+        message = f"the linear program has no solution ({reason}); whether there is a gain is not proven."
         return undecided(message, plant, objective=LINF_GAIN)
     x, best = first["x"], float(first["gamma"][0])
     if plant.gain_of(program.read(x)[0]) > _HUGE * max(plant.scale, 1.0):
-        message = "the larger the gain, the better, without end; give gain_bound."
+        message = "gains of ten thousand times the size of the plant still do better; give gain_bound."
         return undecided(message, objective=LINF_GAIN)
 
     def points() -> Iterator[tuple[float, Floats]]:

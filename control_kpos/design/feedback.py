@@ -7,6 +7,7 @@ gain of an observer is the state feedback of the dual system.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
@@ -60,7 +61,7 @@ def state_feedback(
     rate : float or "max"
         Decay rate to be reached, per unit of time; in discrete time V(x[k+1]) <= (1 - rate) V(x[k]).  "max": as
         fast as possible.  0: any.  A gain that is only just large enough leaves little decay: ask for what you need.
-        A rate that is no double, such as "1/3", is read as the next double above it, which proves it as well.
+        A rate such as "1/3" is proven as it is written; equality will do.
     gain_bound : float or array_like, shape (m,), optional
         |F x_k| <= gain_bound, input by input, at every generator x_k of X: the input that the state x_k may use.  The
         length of a generator has no meaning, so x_k is scaled to a leading entry of 1 (or -1), that is the first entry
@@ -148,35 +149,43 @@ def state_feedback(
         if blocked is not None:
             return blocked
         if own:
-            return design_with_constraints(plant, float(target), constraints, objective, lp)
+            return design_with_constraints(plant, target, constraints, objective, lp)
         return _design(plant, target, disturbance, method, lp)
 
     return within(time_limit, design, solver=solver, progress=progress)
 
 
-def _design(plant: Plant, target: float | str, disturbance: Any, method: str, lp: Programs) -> DesignResult:
+def _design(plant: Plant, target: Any, disturbance: Any, method: str, lp: Programs) -> DesignResult:
     if disturbance is not None:
         require_simplicial(plant.X, "disturbance rejection")
         if target == "max" or plant.pattern is not None:
             raise DataError("disturbance goes with a fixed rate, and not with structure.")
-        return reject_disturbance(plant, float(target), disturbance, lp)
+        return reject_disturbance(plant, target, disturbance, lp)
     if method == "two-step":
-        return design_in_two_steps(plant, float(target) if target != "max" else 0.0, lp)
+        return design_in_two_steps(plant, target if target != "max" else 0.0, lp)
     if method in ("one-shot", "first"):
         require_simplicial(plant.X, "the one-shot program")
     elif method == "alternation" or not plant.X.is_simplicial or plant.free is None:
         return design_by_alternation(plant, target, lp)
     if method == "first" and target != "max":
-        return first_gain(plant, float(target), lp)
+        return first_gain(plant, target, lp)
     return design_on_simplicial(plant, target, lp)
 
 
-def read_rate(rate: Any) -> float | str:
-    """The number, if it is no double the next one above: what decays that fast decays as fast as asked; or "max"."""
+def read_rate(rate: Any) -> float | Fraction | str:
+    """The number, as a fraction if it is no double; or "max"."""
     if isinstance(rate, str) and not is_number(rate):
         return choice(rate, "rate", ("max",))
     asked = exact_number(rate, "rate", nonnegative=True)
-    return float(asked) if float(asked) >= asked else float(np.nextafter(float(asked), np.inf))
+    return float(asked) if float(asked) == asked else asked
+
+
+def read_double_rate(rate: Any) -> float | str:
+    """The same, of a number that is no double the next one above: what decays that fast decays as fast as asked."""
+    asked = read_rate(rate)
+    if not isinstance(asked, Fraction):
+        return asked
+    return float(asked) if float(asked) > asked else float(np.nextafter(float(asked), np.inf))
 
 
 def output_feedback(

@@ -226,10 +226,11 @@ def times(left: Matrix, right: Matrix) -> Matrix:
     return Matrix.over((a @ b) * factor.numerator, factor.denominator)
 
 
-def shifted(A: Matrix, number: float) -> Matrix:
+def shifted(A: Matrix, number: float | Fraction) -> Matrix:
     """A + number I exactly."""
     n = A.shape[-1]
-    return closed_loop(A, Matrix.identity(n), Matrix(number * np.eye(n))) if number else A
+    scaled = Matrix.from_fractions(np.eye(n, dtype=int).astype(object) * Fraction(number))
+    return closed_loop(A, Matrix.identity(n), scaled) if number else A
 
 
 # -- arguments

@@ -93,6 +93,7 @@ def _blocking_node(task: Task) -> DesignResult | None:
     Links only add to A + B F, in the order of X, and so never speed up the decay.
     """
     model, rate, lp = task.model, task.rate, task.lp
+    within = " within its gain_bound" if task.bound is not None else ""
     seen: set[tuple[Any, Any, int]] = set()
     bounds = None if task.bound is None else model.split(task.bound, 1)
     for g, (s, index) in enumerate(zip(model.stacks, model.members, strict=True)):
@@ -111,10 +112,10 @@ def _blocking_node(task: Task) -> DesignResult | None:
             result = _alone(plant, rate, lp)
             if result is None:
                 continue
-            slow = _alone(plant, 0.0, lp) if rate > 0 else result
+            slow, name = _alone(plant, 0.0, lp) if rate > 0 else result, model.name_of(j)
             if slow is not None:
-                return replace(slow, message=f"{model.name_of(j)} cannot be made positive and stable even alone.")
-            return replace(result, message=f"{model.name_of(j)} cannot have a decay rate of {raised(rate)} even alone.")
+                return replace(slow, message=f"{name} cannot be made positive and stable{within}, even alone.")
+            return replace(result, message=f"{name} cannot have a decay rate of {raised(rate)}{within}, even alone.")
     return None
 
 

@@ -25,7 +25,7 @@ from ...progress import Target
 from ...systems.statespace import ConeStateSpace
 from ...theorems.stability import LyapunovCertificate
 from ..accept import beyond_feedback, undecided
-from ..feedback import read_rate
+from ..feedback import read_double_rate
 from ..plant import Plant, read_plant, require_simplicial
 from ..result import DesignResult, changed
 from ..running import Programs, SolverChoice, within
@@ -79,7 +79,7 @@ def scale_free_feedback(
     >>> bool(d), bool(ring.certificate)
     (True, True)
     """
-    target, value = read_rate(rate), exact_number(weight, "weight", nonnegative=True)
+    target, value = read_double_rate(rate), exact_number(weight, "weight", nonnegative=True)
 
     def design(lp: Programs) -> DesignResult:
         return _design(read_plant(sys, X, gain_bound=gain_bound, structure=structure), value, target, lp)

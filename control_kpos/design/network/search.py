@@ -34,7 +34,7 @@ from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ..accept import undecided
 from ..actuator_loss import Demand, least_fractions, lifted
-from ..feedback import read_rate
+from ..feedback import read_double_rate
 from ..plant import closed_loop, read_bound
 from ..result import DesignResult, percent
 from ..running import Programs, SolverChoice, within
@@ -123,7 +123,7 @@ def network_feedback(
     (True, (5, 1, 2), True)
     """
     uniform = flag(uniform, "uniform")
-    target = read_rate(rate)
+    target = read_double_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
 

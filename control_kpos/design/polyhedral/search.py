@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,7 @@ _BOX = 20.0
 _STARTS, _MANY_STARTS = 6, 12
 
 
-def design_by_alternation(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
+def design_by_alternation(plant: Plant, rate: Any, lp: Programs) -> DesignResult:
     """Alternate from several vectors inside X*; the rate is a number or "max"."""
     trivial = without_feedback(plant, rate)
     if trivial is not None:
@@ -54,7 +55,7 @@ def design_by_alternation(plant: Plant, rate: float | str, lp: Programs) -> Desi
             return DesignResult(status=Status.REFUTED, certificate=proof, message=message, notes=notes)
     if rate == "max":
         return _fastest(plant, program, lp)
-    return _any_rate(plant, program, lp, float(rate))
+    return _any_rate(plant, program, lp, rate)
 
 
 def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hints: Floats) -> DesignResult:
@@ -170,8 +171,7 @@ def design_in_two_steps(plant: Plant, rate: float, lp: Programs) -> DesignResult
     found = accept(plant, program.fill(answer["gain"]), rate=rate)
     if found is None:
         return undecided(
-            "the first program gave a gain for which the second has no solution; the one-shot method may still "
-            "succeed.",
+            "the first program gave a gain for which stability was not proven; the one-shot method may still succeed.",
             plant,
         )
     size = found.size

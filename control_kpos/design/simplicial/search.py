@@ -31,7 +31,7 @@ FIRST_GAIN = "nothing; max |F x_k| at the generators of X (leading entries 1)"
 GAIN_SLACK = 0.05
 # Of the decay rate that this excess allows, the part that is used; and of the largest rate, the parts asked for.
 _RATE_PART, RATE_PARTS = 0.8, (0.999, 0.99, 0.9)
-UNLIMITED = "nothing limits the decay rate; give gain_bound, or the rate you need."
+UNLIMITED = "no limit of the decay rate was found; give gain_bound, or the rate you need."
 _UNPROVEN = (
     "the linear program has no solution that could be proven, and exact arithmetic would take too long, or longer than "
     "the limit leaves."
@@ -40,7 +40,7 @@ _UNPROVEN = (
 BELOW = 1 - 1e-9
 
 
-def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> DesignResult:
+def design_on_simplicial(plant: Plant, rate: Any, lp: Programs) -> DesignResult:
     """The one-shot design; the plant's pattern must follow the blocks of X."""
     trivial = without_feedback(plant, rate)
     if trivial is not None:
@@ -48,19 +48,19 @@ def design_on_simplicial(plant: Plant, rate: float | str, lp: Programs) -> Desig
     program = SimplicialProgram(plant, lp)
     if rate == "max":
         return _fastest(plant, program, lp)
-    target = float(rate)
+    target = rate
     start = program.start(target)
     if isinstance(start, Failure):
         return _refuse(plant, target, start, program, lp)
     return _smallest(plant, program, target, start, SMALLEST_GAIN, lp)
 
 
-def without_feedback(plant: Plant, rate: float | str) -> DesignResult | None:
+def without_feedback(plant: Plant, rate: Any) -> DesignResult | None:
     """The result with gain 0, if that does what is asked."""
     nothing = np.zeros(plant.shape)
     if rate == "max" or len(plant.vertices) > 1 or not (slack(plant, nothing) > -1e-9).all():
         return None
-    found = accept(plant, nothing, rate=float(rate))
+    found = accept(plant, nothing, rate=rate)
     return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
 
 
@@ -123,7 +123,9 @@ def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float
         return undecided(_UNPROVEN)
     found = accept(plant, F, rate=rate)
     if found is None:
-        return undecided("gains in fractions exist, but none that doubles can express was proven; relax the demands.")
+        return undecided(
+            "gains in fractions exist up to a billionth of the demands, but none in doubles was proven; relax them."
+        )
     limit = gain_limit(plant, rate * BELOW, infimum)
     return succeed(plant, found, SMALLEST_GAIN, found.size, limit)
 
