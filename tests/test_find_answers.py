@@ -88,3 +88,22 @@ def test_an_answer_tells_which_limit_ended_the_search(monkeypatch):
     monkeypatch.setattr("control_kpos.find.find._EFFORT", 10.0)
     spent = find_cone(pair(1.0, 5.0))
     assert spent.status is Status.UNDECIDED and "The effort set for this search ended the search" in spent.explain()
+
+
+def test_the_text_goes_by_the_status_and_says_what_is_computed():
+    """A witness that proves nothing refutes nothing; numbers from floating point are called computed."""
+    refuted, between = find_cone(pair(0.0, 1.0)), find_cone(np.diag([-1.0, -2]), contains=[[1, 1]], within=[[-1, 2]])
+    for found in (refuted, between, find_cone([np.eye(3), pair(0.0, 1.0)])):
+        unproven = replace(found.certificate, status=Status.UNDECIDED)
+        assert "No invariant" in found.explain() and unproven.explain().startswith("Undecided: no cone")
+    assert (
+        "exists: " in refuted.explain()
+        and "(computed: 1 ± " not in refuted.explain()
+        and "(computed: " in refuted.explain()
+    )
+    assert "holds the vectors and lies in the half-spaces asked for" in between.explain()
+    wrong = replace(between.certificate, witness=replace(between.obstruction, value=-7.0))
+    assert not wrong.check()
+    proved, none = find_cone(pair(1.0, 5.0)), find_cone(pair(2.0**-40, 1.0))
+    assert "Computed, not proven: every such cone has at least 16 rays" in proved.explain()
+    assert "by the computed eigenvalues" in none.explain() and "Refuted" not in none.explain()

@@ -25,7 +25,7 @@ from ..exact.condition import Condition
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Certificate
+from ..proof.certificate import Certificate, Status
 from ..proof.portable_cones import encode_generators, given_generators
 from ..proof.weights import ProofOmittedError, Prover
 from .impossible.port_obstruction import Between
@@ -200,8 +200,8 @@ class ConeCertificate(Certificate):
 
     def explain(self) -> str:
         """A few sentences a person can act on."""
-        if self.witness is not None:
-            return f"No invariant proper polyhedral cone exists: {self.witness}."
+        if self.status is Status.REFUTED:
+            return f"No invariant proper polyhedral cone {self._scope()}: {self.witness}."
         if not self:
             return "Undecided: no cone was proven, and none was excluded."
         kind = "facets" if self.by_facets else "generators"
@@ -215,6 +215,12 @@ class ConeCertificate(Certificate):
             f"{family}{more}. "
             f"Scale-free margin {self.margin:.3g}."
         )
+
+    def _scope(self) -> str:
+        """What it is that no cone does."""
+        if isinstance(self.witness, Between):
+            return "holds the vectors and lies in the half-spaces asked for"
+        return "exists" if self.matrices.shape[0] == 1 else f"is common to the {self.matrices.shape[0]} matrices"
 
 
 def _forms(left: Matrix, right: Matrix) -> BilinearForms:

@@ -105,13 +105,13 @@ def find_cone(
 
     Examples
     --------
-    A pair with frequency 4 and gap 2 needs at least 7 rays:
+    A pair with frequency 4 and gap 2 takes at least 7 rays:
 
     >>> found = find_cone([[-1, 4, 0], [-4, -1, 0], [0, 0, 1]])
     >>> found.status.name, found.n_rays, found.fewest_rays
     ('PROVED', 7, 7)
     >>> print(find_cone([[0, 1], [-1, 0]]).explain())
-    No invariant proper polyhedral cone exists: the rightmost eigenvalues 0 ± 1i are not real, and ...
+    No invariant proper polyhedral cone exists: the rightmost eigenvalues (computed: 0 ± 1i) are not real, ...
     """
     by_facets = choice(few, "few", ("rays", "facets")) == "facets"
     most = None if max_rays is None else whole_number(max_rays, "max_rays", least=1)
@@ -289,10 +289,10 @@ def _find(question: Question) -> FoundCone:
         return FoundCone(status=certificate.status, certificate=certificate, fewest_rays=fewest)
     if not allowed:
         raise DataError(
-            f"max_rays is {question.max_rays}, but every invariant polyhedral cone of this matrix has at least "
-            f"{fewest} rays (and as many facets); ask for max_rays >= {fewest}."
+            f"max_rays is {question.max_rays}, but every invariant polyhedral cone has, by the computed eigenvalues, "
+            f"at least {fewest} rays (and as many facets); ask for max_rays >= {fewest}."
         )
-    shortfall = f"Any such cone needs at least {fewest} rays." if family is None else family.shortfall(fewest)
+    shortfall = question.at_least(fewest) if family is None else family.shortfall(fewest)
     return _undecided(question, f"{ended(ended_by())} {shortfall}".lstrip(), fewest)
 
 

@@ -104,6 +104,12 @@ class Question:
         """Whether so many generators are allowed."""
         return self.max_rays is None or size <= self.max_rays
 
+    def at_least(self, fewest: int) -> str:
+        """How many rays (by facets: facets) a cone has at least; only n, the dimension, is proven."""
+        kind = "facets" if self.by_facets else "rays"
+        reason = ", by the computed eigenvalues" if fewest > self.dim else ""
+        return f"Any such cone has at least {fewest} {kind}{reason}."
+
     def settle(self, **proof: Any) -> ConeCertificate:
         """The certificate of an answer with this proof, or with this witness that there is none."""
         return ConeCertificate.settle(
@@ -408,8 +414,8 @@ class FoundCone(ConeAnswer):
         if self.certificate.status is Status.PROVED:
             kind = "facets" if self.certificate.by_facets else "rays"
             parts.append(
-                f"Computed, not proven: every such cone needs at least {self.fewest_rays} {kind}, and the conditioning "
-                f"is about {self.conditioning:.3g}."
+                f"Computed, not proven: every such cone has at least {self.fewest_rays} {kind}; conditioning "
+                f"{self.conditioning:.3g}."
             )
         if self and self.certificate.matrices.shape[0] > 1:
             stable = "" if self.v is None else "; v proves stability under arbitrary switching"
@@ -427,6 +433,6 @@ class FoundCone(ConeAnswer):
             return []
         return [
             ("cone", repr(self.cone)),
-            ("fewest rays of any such cone", str(self.fewest_rays)),
-            ("conditioning", f"{self.conditioning:.3g}"),
+            ("fewest rays of any such cone, computed", str(self.fewest_rays)),
+            ("conditioning, computed", f"{self.conditioning:.3g}"),
         ]

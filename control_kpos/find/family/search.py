@@ -63,11 +63,11 @@ class FamilySearch:
         if self.best > -NEARLY:  # some start came close to a cone
             error = raised(max(-self.best, 0.0), 1)
             return (
-                f"Rays were found that all matrices keep up to {error}, but the numbers leave no "
+                f"Rays were found that all matrices keep, as computed, up to {error}, but the numbers leave no "
                 "margin for a proof. If such a cone is meant to exist, give exact data (fractions), else a smaller "
                 "family."
             )
-        return f"Any common cone needs at least {fewest_rays} rays. More restarts, another seed or more time may help."
+        return f"{self.question.at_least(fewest_rays)} More restarts, another seed or more time may help."
 
     def modes_in_user_units(self) -> list[Modes | None]:
         """Modes of every matrix as it was given."""

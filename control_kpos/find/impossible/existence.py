@@ -89,27 +89,33 @@ class SpectralObstruction:
 
     def __str__(self) -> str:
         where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
-        real = self.real + 0.0  # no minus zero
-        value = about(real, abs(self.imag), form="{} ± {}i") if self.imag else about(real)
+        value, most = computed(self.real, self.imag), raised(self.bound)
+        if self.discrete and self.kind == "ahead":
+            return f"no eigenvalue {where}of the largest modulus {value} is a nonnegative number (none beyond {most})"
         if self.discrete:
-            if self.kind == "ahead":
-                return (
-                    f"the eigenvalue {value} {where}has the largest modulus, and no nonnegative eigenvalue reaches it "
-                    f"(none beyond {raised(self.bound)})"
-                )
-            return f"the eigenvalue {value} {where}on the circle of the spectral radius is no root of unity times it"
-        if self.kind == "ahead":
             return (
-                f"the rightmost eigenvalues {value} {where}are not real, and no real eigenvalue lies to the right of "
-                f"{raised(self.bound)}"
+                f"an eigenvalue {where}of modulus {about(self.bound)} {value} is no root of unity times its modulus, "
+                "and no real one is larger"
             )
+        if self.kind == "ahead":
+            return f"the rightmost eigenvalues {where}{value} are not real, and no real one lies to the right of {most}"
         return (
-            f"the eigenvalues {value} {where}are not real and lie on the same vertical line as the rightmost real one; "
+            f"eigenvalues {where}of real part {about(self.bound)} {value} are not real, and no real one is larger; "
             "only a cone that is not polyhedral could be invariant"
         )
 
 
 register_record(SpectralObstruction)
+
+
+def computed(real: float, imag: float = 0.0) -> str:
+    """An eigenvalue from floating point, for texts that prove something about it.
+
+    >>> computed(-0.0, 1.0)
+    '(computed: 0 ± 1i)'
+    """
+    real = real + 0.0  # no minus zero
+    return f"(computed: {about(real, abs(imag), form='{} ± {}i') if imag else about(real)})"
 
 
 def spectrum_polynomial(A: Matrix) -> Polynomial:

@@ -36,6 +36,8 @@ from .port_obstruction import resolvent
 
 _LARGEST = 16
 _POWER = 24
+# Relative gap up to which eigenvalues may lie beside the dominant one.
+_BESIDE = 1e-6
 # Operations on one long integer.
 _PER_NUMBER = 1e3
 
@@ -88,8 +90,9 @@ class PerronObstruction:
     def __str__(self) -> str:
         names = ", ".join(map(str, self.cycle))
         return (
-            f"the dominant directions e and functionals l of the matrices {names} contradict each other: the product "
-            f"of l_i'e_j around this cycle is {about(self.value, digits=3)} < 0, whatever their signs"
+            f"a product of resolvents or powers of the matrices {names} would keep such a cone, but no eigenvalue of "
+            "its largest modulus is a nonnegative number: their dominant directions e and functionals l contradict "
+            f"each other (computed: the product of l_i'e_j around this cycle is {about(self.value, digits=3)})"
         )
 
 
@@ -101,7 +104,7 @@ def family_obstruction(
 ) -> SpectralObstruction | IndexObstruction | PerronObstruction | None:
     """A proven reason why the family has no common cone, or None."""
     for s, m in enumerate(modes):
-        if m is None:
+        if m is None or _gap(m, discrete) <= _BESIDE * float(np.abs([m.dominant, *m.others]).max()):
             found = matrix_obstruction(matrices[s], matrix=s, discrete=discrete)
             if found is not None:
                 return found
@@ -133,7 +136,7 @@ def _prove(
         shifts = []
         for i in cycle:
             m = known[i]
-            gap = float((m.dominant - (np.abs(m.others) if discrete else m.others.real)).min(initial=1.0))
+            gap = _gap(m, discrete)
             if discrete:
                 fading = max(1 - gap / m.dominant, 1e-3)
                 power = _POWER if fading >= 1 else min(_POWER, int(np.ceil(np.log(closeness) / np.log(fading))))
@@ -152,6 +155,11 @@ def _prove(
         if conditions is not None and all(c.verdict() for c in conditions):
             return found
     return None
+
+
+def _gap(m: Modes, discrete: bool) -> float:
+    """Distance from the dominant eigenvalue to the real part (discrete time: modulus) of the next one."""
+    return float((m.dominant - (np.abs(m.others) if discrete else m.others.real)).min(initial=1.0))
 
 
 def _product(matrices: Matrix, cycle: tuple[int, ...], shifts: tuple[Fraction, ...], discrete: bool) -> Matrix | None:

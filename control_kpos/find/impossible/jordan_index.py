@@ -24,7 +24,6 @@ from typing import Any
 
 import numpy as np
 
-from ...cards import about
 from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.linalg import identity, product
@@ -32,14 +31,12 @@ from ...exact.matrix import Matrix
 from ...exact.polynomials import Polynomial, at_matrix, characteristic_of, poles, square_free_part
 from ...exact.roots import Disc, real_roots_above, root_discs
 from ...proof.encoding import register_record
-from .existence import SpectralObstruction, fact, require_countable, spectral_obstruction, spectrum_polynomial
+from .existence import SpectralObstruction, computed, fact, require_countable, spectral_obstruction, spectrum_polynomial
 
 # States, orders of roots of unity, and lengths of Jordan chains of the spectral radius above which none is sought.
 _LARGEST, _LARGEST_ORDER, _LONGEST = 24, 60, 8
 # Digits to which the roots on the circle are told apart, and operations for each entry and digit of a power.
 _DIGITS, _PER_DIGIT = 128, 2.0
-# Relative distance up to which the numbers in the text are those of the roots.
-_ALIKE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,11 +85,10 @@ class IndexObstruction:
 
     def __str__(self) -> str:
         where = "" if self.matrix == 0 else f"of matrix {self.matrix} "
-        value = about(self.real, abs(self.imag), form="{} ± {}i") if self.imag else about(self.real)
         return (
-            f"the eigenvalue {value} {where}has the modulus of the largest real one, {about(self.radius)}, but longer "
-            f"Jordan chains: {self.index + 1} or more vectors, where those of the largest real one have at most "
-            f"{self.index}"
+            f"an eigenvalue {where}{computed(self.real, self.imag)} has the modulus of the largest real one "
+            f"{computed(self.radius)}, but longer Jordan chains: {self.index + 1} or more vectors, where those of the "
+            f"largest real one have no more than {self.index}"
         )
 
 
@@ -134,15 +130,15 @@ def _circles(p: Polynomial) -> Iterator[tuple[Fraction, int, float, complex]]:
         return
     bound = Fraction((max(rest, default=0.0) + outer) / 2).limit_denominator(1000)
     bound = bound if max(rest, default=0.0) < bound < outer else Fraction((max(rest, default=0.0) + outer) / 2)
-    for d in circle:
-        turn = Fraction(atan2(d.y, d.x) / (2 * pi)).limit_denominator(_LARGEST_ORDER)
-        if turn:
-            yield bound, turn.denominator, outer, _middle(d)
+    turns = [Fraction(atan2(d.y, d.x) / (2 * pi)).limit_denominator(_LARGEST_ORDER).denominator for d in circle]
+    for order, d in sorted(zip(turns, circle, strict=True), key=lambda pair: pair[0]):
+        if order > 1:  # the least order that fits is that of the eigenvalue
+            yield bound, order, outer, _middle(d)
 
 
-def _middle(disc: Disc, unit: Fraction = Fraction(1)) -> complex:
-    """The number in the middle, times the unit; a real part that may be 0 is 0."""
-    unit = unit * Fraction(2) ** -disc.places
+def _middle(disc: Disc) -> complex:
+    """The number in the middle; a real part that may be 0 is 0."""
+    unit = Fraction(2) ** -disc.places
     return complex(float(disc.x * unit) if abs(disc.x) > disc.radius else 0.0, float(disc.y * unit))
 
 
@@ -169,15 +165,4 @@ def _holds(A: Matrix, w: IndexObstruction) -> bool:
     around = characteristic_of(turned)
     if real_roots_above(around, level**w.order) != 1:
         return False
-    return real_roots_above(poles(around, turned, x, u), level**w.order) == 1 and _is_stated(w, p, q, Fraction(unit))
-
-
-def _is_stated(w: IndexObstruction, p: Polynomial, q: Polynomial, unit: Fraction) -> bool:
-    """Whether rho is next to a real root of p, z next to a root of q, and both have one modulus, as far as is seen."""
-    rho, z = complex(w.radius), complex(w.real, w.imag)
-    found = [(rho, p), (z, q)]
-    near = all(
-        any(abs(_middle(disc, unit) - value) <= _ALIKE * w.radius for disc in next(root_discs(square_free_part(f)), ()))
-        for value, f in found
-    )
-    return near and abs(abs(z) - w.radius) <= _ALIKE * w.radius
+    return real_roots_above(poles(around, turned, x, u), level**w.order) == 1

@@ -97,26 +97,21 @@ class PortObstruction(Between):
         """The exact sign of the product."""
         if not self.fits(matrices.shape[-1]) or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
             return None
-        return [fact("c'(s I - A)^-k b < 0", _negative(matrices[0], self))]
+        return [fact("c'(s I - A)^-k b < 0, and as stated", _is_proven(matrices[0], self))]
 
     def __str__(self) -> str:
-        value = about(self.value, digits=3)
+        value = f"{'about ' if self.value else ''}{self.value:.3g}"
         if self.shift is None:
             return f"the impulse response c'A^k b is {value} < 0 at k = {self.power}"
-        if self.zero is not None:
-            return (
-                f"the real transmission zero {about(self.zero)} is not to the left of the dominant eigenvalue: the "
-                f"transfer function is {value} at s = {about(self.shift)}, where that of a cone-positive "
-                "system is positive"
-            )
         if self.power == 1:
+            zero = "" if self.zero is None else f" (computed: the real transmission zero {self.zero:.6g} is to blame)"
             return (
-                f"the transfer function c'(sI - A)^-1 b is {value} <= 0 at s = {about(self.shift)}, "
-                "beyond the dominant eigenvalue"
+                f"the transfer function c'(sI - A)^-1 b is {value} <= 0 at s = {about(self.shift)}, beyond every real "
+                f"eigenvalue, where that of a cone-positive system is positive{zero}"
             )
         return (
-            f"the impulse response c'e^(At) b is negative near t = {self.time:.3g}: c'(sI - A)^-{self.power} b = "
-            f"{value} at s = {about(self.shift)}"
+            f"the impulse response c'e^(At) b is negative at some time (computed: near t = {self.time:.3g}), as "
+            f"c'(sI - A)^-{self.power} b is {value} < 0 at s = {about(self.shift)}, beyond every real eigenvalue"
         )
 
 
@@ -133,8 +128,9 @@ def port_obstruction(A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: b
             b, c = vectors[[j]], normals[[i]]
             for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
                 found = PortObstruction(c, b, k, s, value, time, zero)
-                if _negative(A, found):
-                    return replace(found, value=_rounded_value(A, found))
+                found = replace(found, value=_rounded_value(A, found))
+                if _is_proven(A, found):
+                    return found
     return None
 
 
@@ -229,17 +225,23 @@ def _exact_value(A: Matrix, w: PortObstruction) -> tuple[int, Fraction] | None:
     return int(c[0] @ x), Fraction(unit) ** w.power * b_unit * c_unit
 
 
-def _negative(A: Matrix, w: PortObstruction) -> bool:
-    """The claim in exact arithmetic: negative, or zero for a transfer function that is not zero."""
+def _is_proven(A: Matrix, w: PortObstruction) -> bool:
+    """The claim in exact arithmetic: negative, or zero for a transfer function that is not zero; and its value."""
     found = _exact_value(A, w)
-    if found is None or found[0] or w.shift is None or w.power != 1:
-        return found is not None and found[0] < 0
+    if found is None or _rounded(*found) != w.value:
+        return False
+    if found[0] or w.shift is None or w.power != 1:
+        return found[0] < 0
     return _is_not_identically_zero(A, w.vector.as_integers()[0][0], w.normal.as_integers()[0][0])
 
 
 def _rounded_value(A: Matrix, w: PortObstruction) -> float:
     found = _exact_value(A, w)
-    return np.nan if found is None else float(as_doubles(np.array(found[:1], dtype=object), found[1])[0])
+    return np.nan if found is None else _rounded(*found)
+
+
+def _rounded(product: int, unit: Fraction) -> float:
+    return float(as_doubles(np.array([product], dtype=object), unit)[0])
 
 
 def _is_not_identically_zero(A: Matrix, b: NDArray[np.object_], c: NDArray[np.object_]) -> bool:
