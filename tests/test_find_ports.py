@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from planted import generators, metzler_hurwitz
 from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
 
 import control_kpos as kp
 from control_kpos import checker
@@ -314,6 +315,17 @@ def test_redundant_generators_are_found_where_facets_are_many():
     assert dropped and len(kept) + len(dropped) == len(given)
     for x in dropped:
         assert nnls(kept.T, np.array(x))[1] < 1e-9 * np.linalg.norm(x)
+
+
+def test_redundant_generators_of_very_many_are_found_in_three_dimensions():
+    found = find_cone(narrow(5e-4))
+    X, given = found.cone, found.certificate.rays.values
+    assert 3000 < X.n_rays < len(given) and kp.PolyhedralCone(X.rays) == X
+    kept = {tuple(x) for x in X.rays.tolist()}
+    dropped = np.array([x for x in given.tolist() if tuple(x) not in kept])
+    section = [x[:, 1:] / x[:, :1] for x in (X.rays, dropped)]  # the dominant direction is the first
+    hull = ConvexHull(section[0])
+    assert (section[1] @ hull.equations[:, :2].T + hull.equations[:, 2] < 1e-12).all()
 
 
 def test_cones_of_the_same_generators_are_equal_at_any_size():

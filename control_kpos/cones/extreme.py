@@ -93,8 +93,8 @@ def extreme_generators(generators: Matrix) -> Extreme | None:
 
     Notes
     -----
-    p linear programs of about 10 n rows, a millisecond each for n = 3, ten for n = 12; and for each redundant generator
-    one in rational numbers.
+    p linear programs of about 10 n rows, ten milliseconds each for n = 12; and for each redundant generator one in
+    rational numbers.  In three dimensions the corners of a polygon: a second for 80 000 generators.
     """
     rows = divide_by_content(generators.rows_as_integers(np.arange(generators.shape[0])))
     search = _Search(rows, generators)
@@ -105,8 +105,37 @@ def extreme_generators(generators: Matrix) -> Extreme | None:
     for i, row in enumerate(rows.tolist()):
         seen.setdefault(tuple(row), i)
     first = np.array(list(seen.values()), dtype=np.intp)
-    kept = _Search(rows[first], generators[first]).extreme(pointing)
+    kept = None if pointing is None or rows.shape[1] != 3 else _corners(rows[first], pointing)
+    kept = _Search(rows[first], generators[first]).extreme(pointing) if kept is None else kept
     return Extreme(generators[first[kept]], pointing)
+
+
+def _corners(rows: Integers, pointing: NDArray[np.float64]) -> NDArray[np.intp]:
+    """The extreme ones of different generators in three dimensions: corners of a polygon, by signs of determinants.
+
+    With heights h = w'x > 0 the points (x_i / h, x_j / h) of the section are sorted, and the two chains of its border
+    turn one way (Andrew, 1979).
+    """
+    w = Matrix(pointing[None]).as_integers()[0][0]
+    i, j = np.delete(np.arange(3), np.argmax(np.abs(pointing)))
+    points = [(int(x[i]), int(x[j]), int(x @ w)) for x in rows]
+    shift = 2 * max(h.bit_length() for _, _, h in points)  # enough to tell two quotients apart
+    order = sorted(range(len(points)), key=lambda k: [(a << shift) // points[k][2] for a in points[k][:2]])
+    kept: set[int] = set()
+    for way in (order, order[::-1]):
+        chain: list[int] = []
+        for k in way:
+            while len(chain) > 1 and not _turns(points[chain[-2]], points[chain[-1]], points[k]):
+                chain.pop()
+            chain.append(k)
+        kept |= set(chain)
+    return np.array(sorted(kept), dtype=np.intp)
+
+
+def _turns(a: tuple[int, int, int], b: tuple[int, int, int], c: tuple[int, int, int]) -> bool:
+    """Whether the points of a section turn to the left: det(a, b, c) > 0."""
+    (p, q, r), (s, t, u) = b, c
+    return a[0] * (q * u - r * t) - a[1] * (p * u - r * s) + a[2] * (p * t - q * s) > 0
 
 
 def line_in(generators: Matrix) -> NDArray[np.object_] | None:

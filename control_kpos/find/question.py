@@ -173,7 +173,7 @@ class GeneratedCone(PolyhedralCone):
         if made.is_irredundant:
             return made.generators
         few = self.dim < LOW or made.generators.values.size <= _ENUMERATED or "faces" in vars(made)
-        return None if few or made.extreme is None else made.extreme.rays
+        return None if (few and self.dim != 3) or made.extreme is None else made.extreme.rays
 
     @property
     def exact_rays(self) -> Matrix:
@@ -221,13 +221,14 @@ def proper_cone(
     separators : ndarray, shape (N, n), or None
         Row i should be negative on generator i and positive on all others, which proves generator i
         extreme.  Where this fails, or without them, redundant generators are found exactly when the cone is asked
-        for its rays; of more than `_COMPARED` generators all are taken to be extreme.
+        for its rays; of more than `_COMPARED` generators in four dimensions and above all are taken to be extreme.
     right_inverse : ndarray, shape (N, n)
         Y with rays' Y close to the identity.
     """
     cone = GeneratedCone._build(vars(Cone._from_rays(rays))["_conversion"], False)  # the rays need no reading
     vars(cone)["_right_inverse"] = right_inverse  # cones refuse to be changed from outside
-    cone._conversion.is_irredundant = rays.shape[0] > _COMPARED or _are_extreme(rays, separators)
+    alike = rays.shape[0] > _COMPARED and rays.shape[1] > 3
+    cone._conversion.is_irredundant = alike or _are_extreme(rays, separators)
     return cone
 
 
@@ -248,7 +249,7 @@ def _proven_inside(rays: Matrix, right_inverse: Array) -> Array | None:
 
 def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:
     """Whether every separator is proven to single out its generator."""
-    if separators is None or rays.shape[0] != len(separators):
+    if separators is None or not rays.shape[0] == len(separators) <= _COMPARED:
         return False
     signs = BilinearForms(Matrix(separators), None, rays).signs()
     return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))
