@@ -220,3 +220,11 @@ def test_demands_that_weaker_gains_break_are_told_from_those_not_proven():
         assert (float(f), bool(fragile)) == (pytest.approx(least, abs=1e-12), broken)
     nowhere = ask(-1.0, 0.5, where=np.zeros((1, 1), dtype=bool))
     assert nowhere[0] == 0 and not nowhere[1]
+
+
+def test_constraints_of_the_user_are_about_the_gain_alone():
+    plant = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+    d = kp.state_feedback(plant, X=PAPER, constraints=lambda F: [F[0, 1] <= -6])
+    assert d and 0 < d.certified_fraction < 1 and d.F[0, 1] * d.certified_fraction > -6 * 1.05
+    assert "every other demand but your own constraints" in d.explain()
+    assert "but your own" not in kp.state_feedback(plant, X=PAPER).explain()

@@ -210,14 +210,16 @@ class DesignResult(Answer):
             return ""
         if least >= 1:
             return "Nothing is proven of actuators that lose effect: the gain must act as designed."
-        slower = (
-            f"with a decay rate of at least {floored(self.weakened_rate)}" if self.weakened_rate else "however slowly"
-        )
+        # constraints of the user's own are on F alone
+        others = "every other demand" + (" but your own constraints" if self.objective.endswith("given") else "")
+        least_rate = floored(self.weakened_rate)
+        rate = f"with a decay rate of at least {least_rate}" if self.weakened_rate else "however slowly"
+        kept = f"Invariance, stability and {others} are proven, {rate}"
         if least <= 0:
-            return f"All of this is proven, {slower}, also if actuators lose any part of their effect, even all."
+            return f"{kept}, also if actuators lose any part of their effect, even all."
         return (
-            f"All of this is proven, {slower}, for actuators at {percent(least)} % to 100 % of their effect, each on "
-            "its own; nothing is proven below."
+            f"{kept}, for actuators at {percent(least)} % to 100 % of their effect, each on its own; nothing is proven "
+            "below."
         )
 
     def facts(self) -> list[tuple[str, str]]:
