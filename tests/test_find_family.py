@@ -11,6 +11,7 @@ import control as ct
 import numpy as np
 import pytest
 from planted import generators, metzler_hurwitz, similar
+from scipy.linalg import block_diag
 
 import control_kpos as kp
 from control_kpos import checker
@@ -163,6 +164,13 @@ def test_families_of_linear_chains_in_other_coordinates(name, n, seed, tmp_path)
     assert all(kp.state_positivity(A, found.cone, discrete="discrete" in name) for A in members)
     found.save(tmp_path / "cone.json")
     assert kp.load_certificate(tmp_path / "cone.json") and checker.main(tmp_path / "cone.json") == 0
+
+
+def test_families_of_chains_with_other_modes_behind():
+    """Rays move from dominant directions, also where these are orthogonal to their functionals."""
+    behind = np.array([[-3, -1], [1, -3]])
+    found = find_cone([block_diag(shift(2, -1), behind), block_diag(shift(2, -2), behind - np.eye(2, dtype=int))])
+    assert found and found.check()
 
 
 def test_chains_that_turn_against_each_other_have_no_orthant():

@@ -9,6 +9,7 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
+import scipy.linalg as sl
 from numpy.typing import NDArray
 
 from ...cards import raised
@@ -19,8 +20,7 @@ from ...theorems.lyapunov_candidates import common_vector
 from ..certificate import ConeCertificate
 from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone
-from ..one_matrix.modes import Analysis, Modes, balancing_units, modes
-from ..one_matrix.search import spread
+from ..one_matrix.modes import Analysis, Modes, balancing_units, dominant_index, modes
 from ..question import Candidate, Proven, Question
 from .descent import moving_descent, simplicial_descent
 from .flags import flag_orthants
@@ -30,8 +30,6 @@ Array = NDArray[np.float64]
 # A search that comes that close may have found a cone without margin, whose generators are simple fractions.
 NEARLY = 1e-5
 _DENOMINATORS = (1, 12, 1000)
-# Part of the gaps by which the eigenvalues of a defective matrix are spread for a start.
-_SPREAD = 0.3
 
 
 class FamilySearch:
@@ -80,7 +78,7 @@ class FamilySearch:
         """Orthants in exact coordinates; rays moved from each start until all matrices keep their cone, or nearly."""
         question, discrete = self.question, self.question.discrete
         yield from flag_orthants(question)
-        known = [m for m in (near_modes(a) for a in self.analyses) if m is not None]
+        known = [d for d in map(_directions, self.analyses) if d is not None]
         if not known:
             return
         normal, e, w = _aligned(self.balanced, known, discrete)
@@ -118,9 +116,15 @@ class FamilySearch:
         return Matrix(P) if free.size and free.min() > 1e-9 * np.abs(P).max() else None
 
 
-def near_modes(a: Analysis) -> Modes | None:
-    """The modes of a matrix; of a neighbour, where its eigenvectors do not span the space."""
-    return a.modes or modes(spread(a.matrix, _SPREAD, discrete=a.discrete), discrete=a.discrete)
+def _directions(a: Analysis) -> tuple[Array, Array] | None:
+    """Dominant functional and direction, of length 1; None if the dominant eigenvalue is not real."""
+    if a.modes is not None:
+        return a.modes.left / np.linalg.norm(a.modes.left), a.modes.right
+    values, left, right = (np.asarray(x, dtype=np.complex128) for x in sl.eig(a.matrix, left=True, right=True))
+    first = dominant_index(values, discrete=a.discrete)
+    if values[first].imag != 0 or (a.discrete and values[first].real < 0):
+        return None
+    return left[:, first].real, right[:, first].real
 
 
 def _moved(matrices: Array, R: Array, w: Array, discrete: bool) -> tuple[Array, float]:
@@ -150,12 +154,12 @@ def completed(question: Question, found: Proven) -> Proven:
     return Proven(certificate, found.candidate) if certificate else found
 
 
-def _aligned(matrices: Array, known: list[Modes], discrete: bool) -> tuple[Array, Array, Array]:
+def _aligned(matrices: Array, known: list[tuple[Array, Array]], discrete: bool) -> tuple[Array, Array, Array]:
     """Matrices shifted and scaled to size one; mean dominant direction and functional of those known."""
-    first = known[0]
-    side = np.array([1.0 if m.left @ first.right >= 0 else -1.0 for m in known])
-    left = np.mean([s * m.left / np.linalg.norm(m.left) for s, m in zip(side, known, strict=True)], axis=0)
-    right = np.mean([s * m.right for s, m in zip(side, known, strict=True)], axis=0)
+    towards = known[0][1]
+    sides = [1.0 if functional @ towards >= 0 else -1.0 for functional, _ in known]
+    left = np.mean([side * functional for side, (functional, _) in zip(sides, known, strict=True)], axis=0)
+    right = np.mean([side * direction for side, (_, direction) in zip(sides, known, strict=True)], axis=0)
     values = np.linalg.eigvals(matrices)
     top = np.where(discrete, np.abs(values), values.real).max(axis=1)[:, None, None]
     if discrete:
