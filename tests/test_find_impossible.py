@@ -219,3 +219,14 @@ def test_a_response_below_zero_late_in_discrete_time(tmp_path):
             find_cone(A, contains=[[1, 1, 1]], within=[[c, -1, 1]], discrete=True), tmp_path / "none.json"
         )
         assert abs(witness.power * float(s) - np.log(2)) < 0.05
+
+
+@pytest.mark.parametrize("c", [0.25, "0.25000001"])
+def test_a_response_that_comes_close_to_zero_is_named_where_there_is_no_answer(c):
+    """In rounded coordinates nobody knows whether it touches; far from zero nothing is said."""
+    T = np.linalg.qr(np.random.default_rng(0).standard_normal((3, 3)))[0]
+    A = T @ np.array(THREE) @ T.T if c == 0.25 else THREE
+    b, row = (T @ np.ones(3), T @ [c, -1, 1]) if c == 0.25 else ([1, 1, 1], [c, -1, 1])
+    found = find_cone(A, contains=[b], within=[row])
+    assert found.status is kp.Status.UNDECIDED and "Computed: the impulse response" in found.message
+    assert "near t = 0.693." in found.message

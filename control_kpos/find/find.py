@@ -31,7 +31,7 @@ from .certificate import Obstruction
 from .family.search import FamilySearch, completed
 from .impossible.filters import family_obstruction
 from .impossible.jordan_index import matrix_obstruction
-from .impossible.response import obstruction_between
+from .impossible.response import near_zero, obstruction_between
 from .one_matrix import search as one_matrix
 from .one_matrix.modes import Analysis, analysis
 from .one_matrix.repeated import repeated_cones
@@ -293,6 +293,8 @@ def _find(question: Question) -> FoundCone:
             f"at least {fewest} rays (and as many facets); ask for max_rays >= {fewest}."
         )
     shortfall = question.at_least(fewest) if family is None else family.shortfall(fewest)
+    if family is None and not question.discrete:
+        shortfall += near_zero(question.matrices[0], *question.ports)
     return _undecided(question, f"{ended(ended_by())} {shortfall}".lstrip(), fewest)
 
 

@@ -48,6 +48,8 @@ Array = NDArray[np.float64]
 _TERMS, _DEGREE = 600, 80
 # Times at which the response is looked at, and responses that may be negative where floating point does not tell.
 _TIMES, _NEARLY = 400, 1e-9
+# Relative height below which a response without an answer is called close to zero.
+_LOW = 1e-3
 # Relative width of the interval around a time that is stated.
 _NARROW = Fraction(1, 10**6)
 # Operations of a product of long integers, and of a matrix exponential, divided by n^3.
@@ -140,8 +142,8 @@ def _is_proven(w: SeriesObstruction | ExponentialObstruction, matrices: Matrix) 
 def _suspects(A: Matrix, vector: Matrix, normal: Matrix) -> Iterator[SeriesObstruction | ExponentialObstruction]:
     """Reasons of both kinds, to be proven."""
     spend(_PER_LOOK * _TIMES * A.shape[0] ** 3)
-    times = list(_minima(np.asarray(A.values), np.asarray(vector.values)[0], np.asarray(normal.values)[0]))
-    for t in times:
+    times = [t for t, height in _minima(A, vector, normal) if height < _NEARLY]
+    for t in (short for time in times for short in _fractions(time)):
         terms = _enough(A, t)
         if terms is not None:
             yield SeriesObstruction(normal, vector, t, terms)
@@ -181,8 +183,22 @@ def _enough(A: Matrix, t: Fraction) -> int | None:
     return None
 
 
-def _minima(A: Array, b: Array, c: Array) -> Iterator[Fraction]:
-    """Times at which the response has a low minimum, the lowest first, as fractions."""
+def near_zero(A: Matrix, vectors: Matrix, normals: Matrix) -> str:
+    """What to know of a question without an answer: how close an impulse response comes to zero, as computed."""
+    pairs = product(range(vectors.shape[0]), range(normals.shape[0]))
+    low = [m for j, i in pairs for m in _minima(A, vectors[[j]], normals[[i]])] if A.shape[0] <= LARGEST else []
+    t, height = min(low, key=lambda m: m[1], default=(0.0, np.inf))
+    if not height < _LOW:
+        return ""
+    return (
+        f" Computed: the impulse response c'e^(At) b is {height:.1g} of |c| |e^(At) b| near t = {t:.3g}. The closer to "
+        "zero, the more rays a cone takes; if it touches zero, and is not zero always, there is no polyhedral one."
+    )
+
+
+def _minima(matrix: Matrix, vector: Matrix, normal: Matrix) -> Iterator[tuple[float, float]]:
+    """Times at which the response has a minimum, the lowest first, and its height relative to the sizes."""
+    A, b, c = np.asarray(matrix.values), np.asarray(vector.values)[0], np.asarray(normal.values)[0]
     values = np.linalg.eigvals(A)
     top, scale = float(values.real.max()), float(np.abs(values).max(initial=0.0)) or 1.0
     gaps = top - values.real
@@ -197,10 +213,15 @@ def _minima(A: Array, b: Array, c: Array) -> Iterator[Fraction]:
     for k in sorted(lowest.tolist(), key=lambda k: response[k])[:3]:
         t = _settled(moved, A, b, c, float(times[k]))
         height = float(c @ sl.expm(moved * t) @ b) / float(size[k] or 1.0)
-        if np.isfinite(height) and height < _NEARLY:
-            mantissa, exponent = math.frexp(t)
-            short = [Fraction(mantissa).limit_denominator(digits) for digits in (10, 1000, 10**6)]
-            yield from (x * Fraction(2) ** exponent for x in (*short, Fraction(mantissa)))
+        if np.isfinite(height) and t > 0:
+            yield t, height
+
+
+def _fractions(t: float) -> Iterator[Fraction]:
+    """Simple fractions near t, then t itself."""
+    mantissa, exponent = math.frexp(t)
+    short = [Fraction(mantissa).limit_denominator(digits) for digits in (10, 1000, 10**6)]
+    yield from (x * Fraction(2) ** exponent for x in (*short, Fraction(mantissa)))
 
 
 def _settled(moved: Array, A: Array, b: Array, c: Array, t: float) -> float:
