@@ -11,6 +11,8 @@ from network_examples import CONE, lag
 from random_networks import fractions, is_stable, marginal_network, resolved_coupling
 
 import control_kpos as kp
+from control_kpos.exact.matrix import Matrix
+from control_kpos.exact.signs import BilinearForms
 from control_kpos.networks import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation
 from control_kpos.networks.own_links import own_links_closed, same_network
 from control_kpos.proof import independent
@@ -186,6 +188,22 @@ def test_what_is_not_the_closed_network_does_not_check(tmp_path):
         type(certificate).restore(
             {**kp.feedback_interconnect(lag(1.0), [[0]]).certificate.contents(), "own_links_closed": True}
         )
+
+
+def test_matrices_of_a_stack_may_have_denominators_of_their_own():
+    below = np.array([2**60 + 2 * k + 1 for k in range(6000)], dtype=object)[:, None, None]
+    stack = Matrix.over(np.ones((6000, 1, 1), dtype=object), below)
+    beside = Matrix.join([stack, Matrix(np.full((6000, 1, 1), 0.5))], -1)
+    assert stack.fractions()[7, 0, 0] == Fraction(1, 2**60 + 15) and beside[5].fractions()[0, 1] == Fraction(1, 2)
+    assert not stack.is_double and beside[np.array([3])].fractions()[0, 0, 0] == Fraction(1, 2**60 + 7)
+    signs = BilinearForms(
+        Matrix(np.array([[2.0**60, -1.0]])),
+        Matrix.join([stack, Matrix(np.ones((1, 1, 1)))], -2),
+        Matrix(np.ones((1, 1))),
+    )
+    assert (signs.signs() == -1).all()  # 2^60 / (2^60 + 2 k + 1) is below 1 by less than a rounding
+    with pytest.raises(kp.TooLargeError, match="denominators of their own"):
+        stack.as_integers()
 
 
 @pytest.mark.parametrize("feedthrough", [False, True])

@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from network_examples import CONE, cycle, lag, mass, random_masses, sparse_ring
 
 import control_kpos as kp
+from control_kpos.networks import closed_loop
 from control_kpos.proof.certificate import Status
 
 # -- the closed loop
@@ -163,3 +164,19 @@ def test_eigenvalues_that_do_not_converge_are_said_to_be_unknown(routine, monkey
             small.poles(1)
         with pytest.raises(kp.UndecidedError, match="the largest weight could not be computed"):
             kp.scale_free_certificate(lag(2))
+
+
+def test_some_outputs_of_loops_too_large_to_be_resolved(monkeypatch):
+    """Above `LOOP_LIMIT` inputs on loops the rows of R come from a solve each."""
+    rng, n = np.random.default_rng(0), 40
+    i = np.arange(n)
+    W = sp.csr_array((rng.uniform(0.1, 0.5, 2 * n), (np.r_[i, i], np.r_[(i + 1) % n, (i + 7) % n])), shape=(n, n))
+    one = np.ones((n, 1, 1))
+    nodes = kp.stack(-rng.uniform(1, 2, (n, 1, 1)), one, one, rng.uniform(0, 0.5, (n, 1, 1)))
+    expected = kp.feedback_interconnect(nodes, W).initial_response(1.0, 1.0, outputs=[3, 5]).outputs
+    monkeypatch.setattr(closed_loop, "LOOP_LIMIT", 10)
+    monkeypatch.setattr(closed_loop, "EXACT_STATES", 1)
+    net = kp.feedback_interconnect(nodes, W)
+    assert np.allclose(net.initial_response(1.0, 1.0, outputs=[3, 5]).outputs, expected, atol=1e-12)
+    with pytest.raises(kp.TooLargeError):
+        net.sparse_C  # noqa: B018

@@ -204,12 +204,14 @@ class Matrix:
             return ints * Fraction(factor).numerator, Fraction(factor).denominator
         if each or isinstance(self.denominator, int):
             return self.numerators, self.denominator
-        common = lcm(*self.denominator.ravel().tolist())
-        if common.bit_length() * self.numerators.size > _LONGEST:
-            raise TooLargeError(
-                f"{len(self.numerators)} matrices with denominators of their own have one in common of "
-                f"{common.bit_length()} binary digits."
-            )
+        common = 1
+        for below in set(self.denominator.ravel().tolist()):
+            common = lcm(common, below)
+            if common.bit_length() * self.numerators.size > _LONGEST:
+                raise TooLargeError(
+                    f"{len(self.numerators)} matrices with denominators of their own have one in common of more than "
+                    f"{common.bit_length()} binary digits."
+                )
         return self.numerators * (common // self.denominator), common
 
     def rounded(self, *, up: bool) -> NDArray[np.float64]:

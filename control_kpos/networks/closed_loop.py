@@ -29,6 +29,8 @@ from .well_posed import require_well_posed
 
 # Inputs above which (I - W D)^{-1} is not formed if the feedthrough terms close loops.
 LOOP_LIMIT = 5_000
+# Entries of rows of R up to which some outputs of larger networks are computed all the same.
+_MOST_SOLVED = 10**8
 # States up to which a closed loop is multiplied out exactly; above, its doubles are what there is.
 EXACT_STATES = 300
 # Products of entries up to which this is done, and inputs if feedthrough terms close a loop.
@@ -140,8 +142,15 @@ class ClosedLoop:
         return a @ x + b @ u
 
     def output_matrices(self, rows: Index) -> tuple[sp.csr_array, sp.csr_array]:
-        """The rows of C and D that give some outputs."""
-        return sp.csr_array(self.C[rows]), sp.csr_array(self.D[rows])
+        """The rows of C and D that give some outputs; where R is dense, by a solve for each of them."""
+        try:
+            return sp.csr_array(self.C[rows]), sp.csr_array(self.D[rows])
+        except TooLargeError:
+            if len(rows) * self.model.totals[1] > _MOST_SOLVED:
+                raise
+        _, _, c, d = self.model.block_matrices
+        sent = sp.csr_array(self._factors.solve(d[rows].toarray().T, "T").T)
+        return sp.csr_array(c[rows] + sent @ (self.model.W @ c)), sent
 
 
 # -- in exact arithmetic
