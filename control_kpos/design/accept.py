@@ -151,7 +151,7 @@ def slack(plant: Plant, F: Floats) -> Floats:
     return np.concatenate(out)
 
 
-def _prove(plant: Plant, F: Floats, size: float, rate: float, x: Floats | None, gamma: float | None) -> Accepted | None:
+def _prove(plant: Plant, F: Floats, size: float, rate: Any, x: Floats | None, gamma: float | None) -> Accepted | None:
     full = exact_gain(plant, F)
     closed = tuple(closed_loop(A, B, full) for A, B in plant.vertices)
     loops = _all_proven(_proven_loop(M, plant, rate) for M in closed)
@@ -168,7 +168,7 @@ def _others(
     full: Matrix,
     closed: tuple[Matrix, ...],
     loops: tuple[Any, ...],
-    rate: float,
+    rate: Any,
     x: Floats | None,
     gamma: float | None,
 ) -> Iterator[Certificate | None]:

@@ -103,7 +103,7 @@ class Demand:
         """For every node, whether the demand is proven for all s in [f, 1]."""
         return self._met(self.signs(self.forms(f))).all(axis=(-2, -1))
 
-    def _met(self, signs: Signs) -> NDArray[np.bool_]:
+    def _met(self, signs: Signs) -> Any:
         return np.isin(signs, (1,) if self.strict else (0, 1))
 
 
@@ -155,7 +155,7 @@ def _rounded_up(end: Floats, digits: int, more: int) -> Floats:
 # -- a single system
 
 
-def certified_fraction(plant: Plant, F: Matrix, certificate: Certificate, rate: float) -> float:
+def certified_fraction(plant: Plant, F: Matrix, certificate: Certificate, rate: float | Fraction) -> float:
     """The f for which all of the certificate, with this decay rate, is proven for A + B diag(s) F, all s_j in [f, 1].
 
     Parameters
@@ -165,13 +165,13 @@ def certified_fraction(plant: Plant, F: Matrix, certificate: Certificate, rate: 
         From states to inputs.
     certificate : Certificate
         Of A + B F, as `accept` proves it.  A bound on |F x| holds for all s in [0, 1], as it does for F.
-    rate : float
+    rate : float or Fraction
         Decay rate that v proves.
     """
     return float(least_fractions(_demands(plant, F, certificate, rate))[0])
 
 
-def _demands(plant: Plant, F: Matrix, certificate: Any, rate: float) -> Iterator[Demand]:
+def _demands(plant: Plant, F: Matrix, certificate: Any, rate: float | Fraction) -> Iterator[Demand]:
     facets, rays = (Matrix.from_fractions(rows) for rows in exact_geometry(plant))
     loops, others = getattr(certificate, "loops", (certificate,)), getattr(certificate, "others", ())
     coupled = [c for c in others if isinstance(c, LyapunovCertificate)]

@@ -172,7 +172,7 @@ def _design(plant: Plant, target: Any, disturbance: Any, method: str, lp: Progra
     return design_on_simplicial(plant, target, lp)
 
 
-def read_rate(rate: Any) -> float | Fraction | str:
+def read_rate(rate: Any) -> Any:
     """The number, as a fraction if it is no double; or "max"."""
     if isinstance(rate, str) and not is_number(rate):
         return choice(rate, "rate", ("max",))

@@ -129,7 +129,7 @@ class DesignResult(Answer):
         Proven: everything in `certificate` holds for A + B diag(s) F, too, for all s with every s_j between this number
         and 1 (actuators that lose effect, each on its own), with a decay rate of `weakened_rate` for its own.  Proven
         when it is first read.  1: nothing less is proven.  Of networks: for every node.  NaN without a gain.
-    weakened_rate : float
+    weakened_rate : float or Fraction
         The decay rate that was asked for; of networks at most the one in `certificate`.  0: some decay rate.
     message : str
         What stands in the way, for a design that failed.
@@ -150,7 +150,7 @@ class DesignResult(Answer):
     limit: Lazy = Lazy(float("nan"))
     decay_rate: float = float("nan")
     certified_fraction: Lazy = Lazy(float("nan"))
-    weakened_rate: float = 0.0
+    weakened_rate: float | Fraction = 0.0
     nearest: Nearest | None = None
     notes: Sequence[str] = field(default_factory=tuple)
     law: str = "u = F x"
