@@ -4,6 +4,7 @@
     python benchmarks/campaign.py descriptions 1000
     python benchmarks/campaign.py cones 10000
     python benchmarks/campaign.py files 100000
+    python benchmarks/campaign.py stated 10000
     python benchmarks/campaign.py hostile
     python benchmarks/campaign.py kills 100
     python benchmarks/campaign.py threads 500
@@ -31,6 +32,7 @@ sys.path.insert(0, str(ROOT))
 # The tests are no package: their folder, and the tree, come first.
 import campaigns  # noqa: E402
 import certified  # noqa: E402
+import statements  # noqa: E402
 import unnoticed  # noqa: E402
 
 import control_kpos as kp  # noqa: E402
@@ -154,6 +156,21 @@ def files(count, seed):
     return found
 
 
+def stated(count, seed):
+    """What methods promise: gains, fractions, refusals, rates, brackets, edits, coverage; and foreign errors."""
+    out = []
+    for falsehoods in (statements.false_coverage, statements.false_networks, statements.false_designs):
+        found = falsehoods(count, seed)
+        print(f"{falsehoods.__name__}: {len(found)} of {count} {found[:3]}", flush=True)
+        out += found
+    with tempfile.TemporaryDirectory() as folder:
+        for mode in ("warn", "raise"):
+            found = statements.foreign_errors(count, seed, mode, Path(folder) / "file.json")
+            print(f"foreign errors, np.errstate(all={mode!r}): {len(found)} of {count} {found[:3]}", flush=True)
+            out += found
+    return out
+
+
 def hostile(_, seed):
     """Time and memory of both readers on every hostile file."""
     worst, found, count = {}, [], 0
@@ -255,7 +272,20 @@ def main():
     """Run one part."""
     parts = {
         part.__name__: part
-        for part in (systems, descriptions, cones, files, hostile, kills, digest, threads, kernel, theorems, enclosures)
+        for part in (
+            systems,
+            descriptions,
+            cones,
+            files,
+            stated,
+            hostile,
+            kills,
+            digest,
+            threads,
+            kernel,
+            theorems,
+            enclosures,
+        )
     }
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("part", choices=parts)

@@ -7,7 +7,11 @@ import sys
 
 import campaigns
 import certified
+import numpy as np
 import pytest
+import statements
+
+import control_kpos as kp
 
 
 def test_near_marginal_systems_get_the_true_verdict():
@@ -33,6 +37,26 @@ def test_changed_files_are_accepted_only_where_they_are_true(part, tmp_path):
         contents.append(json.loads((tmp_path / "file.json").read_text()))
     found, accepted = campaigns.contradictions(contents, 40, 100 * part, tmp_path / "file.json")
     assert not found and accepted
+
+
+@pytest.mark.parametrize("falsehoods", [statements.false_coverage, statements.false_networks, statements.false_designs])
+def test_nothing_false_is_stated(falsehoods):
+    assert not falsehoods(60, seed=11)
+
+
+def test_the_truth_is_independent():
+    """The checks of the campaign notice what is false."""
+    nodes, W = [kp.ConeStateSpace([[-1]], [[1]], [[1]], 0)] * 2, np.array([[0, 1.5], [0.5, 0]])
+    top, radius = statements.true_abscissa(nodes, W)
+    assert abs(float(top) - (np.sqrt(0.75) - 1)) < 1e-15 and float(radius) == 0
+    s, T = kp.ConeStateSpace([[1]], [[1]], [[1]], 0), statements.fractions_of([[1]])
+    d = kp.state_feedback(s, rate=1, gain_bound=5)
+    asked = {"rate": "1", "gain_bound": 5}
+    assert not list(statements._broken_promises(d, s, T, T, asked))
+    assert "the gain bound" in list(statements._broken_promises(d, s, T, T, asked | {"gain_bound": 0.1}))
+    assert any("the loop" in what for what in statements._broken_promises(d, s, T, T, {"rate": "9"}))
+    assert not statements.impossible_by_linprog(s, T, T, asked)
+    assert statements.impossible_by_linprog(s, T, T, {"gain_bound": 0.5})
 
 
 def test_threads_do_not_change_verdicts():
