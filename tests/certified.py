@@ -130,6 +130,8 @@ CERTIFICATES = {
         np.kron(np.eye(2), [[0, 1], [-22, -13]]) + np.kron([[0, 1], [1, 0]], [[0, 0], [1, 0]]), kp.product([PAPER] * 2)
     ),
     "stable, near the margin": lambda: kp.linear_lyapunov([[-1, 1], [1 - 2.0**-50, -1]], kp.orthant(2)),
+    "stable, at a rate": lambda: kp.linear_lyapunov([["-4/3", 1], [1, "-4/3"]], kp.orthant(2), rate="1/3"),
+    "not stable, at a rate": lambda: kp.linear_lyapunov([[-2, 1], [1, -2]], kp.orthant(2), rate=1.5),
     "unstable": lambda: kp.linear_lyapunov([[1, 0], [0, 1]], kp.orthant(2)),
     "unstable, marginal": lambda: kp.linear_lyapunov([[-1, 1], [1, -1]], kp.orthant(2)),
     "unstable, four generators": lambda: kp.linear_lyapunov([[-1, 0, 0], [0, -1, 0], [0, 0, 0.5]], SQUARE),

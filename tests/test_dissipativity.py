@@ -1,6 +1,7 @@
 """Theorem 3: dissipativity with linear storage and supply, and induced gains."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import control as ct
 import numpy as np
@@ -129,6 +130,17 @@ def test_gain_is_the_threshold_of_dissipativity(M, T, N, L, D, discrete):
     if gain > 0:
         below = kp.dissipativity(*system, q=-f, r=(f @ G) * 0.999, discrete=discrete)
         assert below.status is Status.REFUTED and below.check()
+
+
+def test_gains_are_correctly_rounded():
+    assert kp.ConeStateSpace([["-1/3"]], [["1/7"]], [[1]], 0).gain() == float(Fraction(3, 7))
+    assert kp.ConeStateSpace([["-1/3"]], [["1/7"]], [[1]], 0).gain(e=["1/3"], f=["1/11"]) == float(Fraction(9, 77))
+    n, rate = 12, Fraction(1, 10**6)  # C adj(A) B is the same for every rate: a condition number of 10^7
+    S = np.array([[Fraction((i * j) % 5 + 1, 7) * (i != j) for j in range(n)] for i in range(n)], dtype=object)
+    A = S - np.diag(S.sum(axis=1)) - rate * np.eye(n, dtype=int).astype(object)
+    ones = np.ones((n, 1), dtype=int)  # A 1 = -rate 1
+    s = kp.ConeStateSpace(A.tolist(), ones, ones.T / 4, 0)
+    assert s.gain() == s.gain(norm="Linf") == float(Fraction(n, 4) / rate)
 
 
 def test_gain_agrees_with_simulation():

@@ -322,7 +322,7 @@ EXACT |= {
 EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
 
 # Numbers that end as doubles, each with the reason.
-_GAIN = "the gain is an infimum computed in floating point; `dissipativity` proves a bound"
+_GAIN = "the answer is one double, correctly rounded: see test_gains_are_correctly_rounded"
 _SIMULATED = "a simulation in floating point"
 _EFFORT = "effort and tolerance of a search, which prove nothing"
 _DRAWN = "a picture"

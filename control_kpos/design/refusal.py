@@ -220,9 +220,9 @@ class NoFeedback(Contradiction):
 
     def explain(self) -> str:
         """What is proven, in words."""
-        w = self.witness
+        w = self.refuted_by
         if not isinstance(w, Multipliers):
-            return "Undecided: no multipliers are given."
+            return "Undecided: there are no multipliers that are proven."
         labels = self.inequalities().labels
         used = [labels[i] for i, value in enumerate(w.closed) if value]
         pairs = sorted({(i, k) for kind, _, i, k in (u for u in used if u[0] == "positivity")})
@@ -316,8 +316,8 @@ class NoInvariance(Contradiction):
 
     def explain(self) -> str:
         """What is proven, in words."""
-        if not isinstance(self.witness, PairMultipliers):
-            return "Undecided: no multipliers are given."
+        if not isinstance(self.refuted_by, PairMultipliers):
+            return "Undecided: there are no multipliers that are proven."
         return (
             f"Proved impossible: no gain of this shape keeps X invariant, X being {described(self.X)}; attached is "
             f"{self.witness}, checked in exact arithmetic. Choose more actuators, a freer structure, or another cone: "

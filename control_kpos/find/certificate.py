@@ -200,7 +200,7 @@ class ConeCertificate(Certificate):
 
     def explain(self) -> str:
         """A few sentences a person can act on."""
-        if self.status is Status.REFUTED:
+        if self.refuted_by is not None:
             return f"No invariant proper polyhedral cone {self._scope()}: {self.witness}."
         if not self:
             return "Undecided: no cone was proven, and none was excluded."

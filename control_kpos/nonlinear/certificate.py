@@ -171,7 +171,7 @@ class DifferentialCertificate(Certificate):
 
     def explain(self) -> str:
         """A few sentences a person can act on."""
-        if self.witness is not None:
+        if self.refuted_by is not None:
             return f"Not differentially positive on X: {self.witness}."
         if self.source == "sampled":
             good = sum(invariance(self, s).verdict() is True for s in range(self.centres.shape[0]))

@@ -233,6 +233,11 @@ class Certificate(ABC):
     def explain(self) -> str:
         """A few sentences a person can act on."""
 
+    @property
+    def refuted_by(self) -> Any:
+        """The witness, if it is proven: what texts speak of; else None."""
+        return self.witness if self.status is Status.REFUTED else None
+
     def is_consistent(self) -> bool:
         """True if the numbers it states, such as a decay rate, are those that its data prove."""
         return True

@@ -170,7 +170,7 @@ class DissipativityCertificate(ClaimOnPositivity):
 
     def explain(self) -> str:
         """For which supply rate, at what rate, or why not."""
-        if isinstance(self.witness, PositivityViolation):
+        if isinstance(self.refuted_by, PositivityViolation):
             return f"Refuted: the system is not positive. {self.positivity.explain()}"
         supply = f"q = {shown(self.q)}" + ("" if self.r is None else f", r = {shown(self.r)}")
         if self:
@@ -178,14 +178,14 @@ class DissipativityCertificate(ClaimOnPositivity):
                 f"Proved exponentially dissipative: V(x) = v'x grows no faster than the supply r'u + q'y, less "
                 f"{floored(self.decay_rate)} V(x) per unit of time; {supply}. Scale-free margin {self.margin:.3g}."
             )
-        if self.witness is not None:
+        if self.refuted_by is not None:
             every = "any r" if self.r is None else "this supply rate"
             return f"Refuted for {every} ({supply}): there is {self.witness}. Enlarge r, or q."
         if not self.positivity:
             return f"Undecided, because positivity is: {self.positivity.explain()}"
         return (
             f"Undecided: no storage was proven for {supply}, and no counterexample either; "
-            "the supply rate is on the boundary."
+            "the supply rate may be too close to the edge."
         )
 
 

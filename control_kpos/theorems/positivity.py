@@ -173,14 +173,12 @@ class PositivityCertificate(Certificate):
             )
             way = "" if self.generator_proof is None else ", from generators alone"
             return f"Proved positive: {inclusion}{more}{way}. Scale-free margin {self.margin:.3g}.{edge}"
-        if self.witness is not None:
+        if self.refuted_by is not None:
             return (
                 f"Not positive: {self.witness}. Choose another cone, or a feedback that turns the field inwards "
                 "on this facet."
             )
-        return (
-            "Undecided: some signs are out of reach of exact arithmetic at this size. Give the data with fewer digits."
-        )
+        return "Undecided: some signs could not be proven at this size. Give the data with fewer digits."
 
 
 def state_positivity(

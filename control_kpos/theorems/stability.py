@@ -197,12 +197,12 @@ class LyapunovCertificate(ClaimOnPositivity):
 
     def explain(self) -> str:
         """What has been proven, and at what rate."""
-        if isinstance(self.witness, PositivityViolation):
+        if isinstance(self.refuted_by, PositivityViolation):
             return f"Refuted: X is not invariant. {self.positivity.explain()}"
-        if isinstance(self.witness, SlowDirection):
+        if isinstance(self.refuted_by, SlowDirection):
             rate = self._asked(raised)
             return f"Refuted: X is invariant, but no v'x, v in int X*, decreases at rate {rate} on it: {self.witness}."
-        if self.witness is not None:
+        if self.refuted_by is not None:
             ahead = "A x - x" if self.discrete else "A x"
             return (
                 f"Refuted: X is invariant, but not exponentially stable: {self.witness}; {ahead} lies in X again, "
@@ -224,8 +224,8 @@ class LyapunovCertificate(ClaimOnPositivity):
         if self.required_rate is not None:
             return "Undecided: X is invariant, but whether v'x can decrease at the given rate could not be proven."
         return (
-            "Undecided: X is invariant, but the system is so close to the stability boundary that neither a Lyapunov "
-            "vector nor a direction of growth could be proven at this size."
+            "Undecided: X is invariant, but neither a Lyapunov vector nor a direction of growth could be proven; the "
+            "system may be too close to the edge of stability for its size."
         )
 
     def _asked(self, rounded: Callable[[float], str]) -> str:
