@@ -47,7 +47,7 @@ def test_cone_is_shaded_below_everything(node):
 @pytest.mark.parametrize("X", [[[1, 0], [0, 1]], [[1, 1], [-1, 1]], [[1, -1], [1, 1]], [[-1, -3], [0, -1]]])
 def test_shaded_region_is_the_cone_in_the_window(X):
     X = kp.PolyhedralCone(X)
-    patch = kp.phase_portrait(-np.eye(2), X, pointdata=[-1, 1, -2, 1]).lines[CONE][0]
+    patch = kp.phase_portrait(-np.eye(2), X=X, pointdata=[-1, 1, -2, 1]).lines[CONE][0]
     grid = np.stack(np.meshgrid(np.linspace(-0.98, 0.98, 23), np.linspace(-1.97, 0.97, 29)), axis=-1).reshape(-1, 2)
     drawn = patch.get_path().contains_points(grid)
     boundary = np.abs(grid @ X.facets.T).min(axis=1) < 1e-6
@@ -113,6 +113,13 @@ def test_discrete_time_draws_orbits():
         np.testing.assert_allclose(path[1:], path[:-1] @ A.T)
     with pytest.raises(TypeError, match="plot_vectorfield"):
         kp.phase_portrait(sys, plot_vectorfield=True)
+
+
+def test_arguments_come_in_the_order_of_python_control(node):
+    cplt = kp.phase_portrait(node, WINDOW, 0.5)
+    assert [*cplt.axes[0, 0].get_xlim(), *cplt.axes[0, 0].get_ylim()] == WINDOW
+    plt.figure()
+    assert kp.phase_portrait(ct.ss(node), X=node.X).lines[CONE]
 
 
 def test_draws_into_given_axes(node):

@@ -133,6 +133,8 @@ class FeedbackCertificate(Demand):
 
     def explain(self) -> str:
         """What is proven, in words."""
+        if not self:
+            return "Undecided: not all that was asked of the closed loop is proven."
         if len(self.loops) == 1:
             return " ".join(part.explain() for part in self.parts())
         slowest = min(self.loops, key=lambda loop: loop.decay_rate)

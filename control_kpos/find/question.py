@@ -343,8 +343,8 @@ class FoundCone(ConeAnswer):
     cone : Cone or None
         Proper and invariant; None unless the certificate is PROVED.
     fewest_rays : int
-        Lower bound on the number of generators (`few="facets"`: of facets) of any invariant cone,
-        from the spectrum.
+        Lower bound on the number of generators (`few="facets"`: of facets) of any invariant cone, from
+        eigenvalues in floating point: computed, not proven.
     conditioning : float
         Condition number of the generators scaled to length 1, states in balanced units.
     """

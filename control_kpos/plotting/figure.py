@@ -76,10 +76,13 @@ def _suits(axes: Any, projection: str, kind: str | None) -> bool:
 
 
 def legend_beside(ax: Any) -> Any:
-    """A legend outside the data."""
+    """A legend outside the data, each name once however often a picture is drawn over another."""
+    handles, labels = ax.get_legend_handles_labels()
+    once = dict(zip(labels, handles, strict=True))
+    names: dict[str, Any] = {"handles": list(once.values()), "labels": list(once), "frameon": False}
     if ax.name == "3d":
-        return ax.legend(loc="upper left", bbox_to_anchor=(0, 1), frameon=False)
-    return ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, frameon=False, borderaxespad=0)
+        return ax.legend(loc="upper left", bbox_to_anchor=(0, 1), **names)
+    return ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, borderaxespad=0, **names)
 
 
 def finished(

@@ -39,10 +39,10 @@ _START, _START_UNSTABLE = 0.8, 0.15
 
 def phase_portrait(
     sys: Any,
-    X: Cone | ArrayLike | None = None,
-    *,
     pointdata: ArrayLike | None = None,
     timedata: float | None = None,
+    *,
+    X: Cone | ArrayLike | None = None,
     initial_states: ArrayLike | None = None,
     level_lines: bool | ArrayLike = True,
     dominant_direction: bool = False,
@@ -61,13 +61,13 @@ def phase_portrait(
     ----------
     sys : ConeStateSpace, StateSpace or array_like, shape (2, 2)
         The system, or its matrix A (continuous time).
-    X : Cone, or array_like of its generators, optional
-        Proper cone in R^2; default `sys.X`, or the orthant for a system without cones.
     pointdata : array_like, shape (4,), optional
         Limits [xmin, xmax, ymin, ymax] of the plot; default [-1, 1, -1, 1].
     timedata : float, optional
         Duration of the trajectories, in units of time; default about five times the slowest time
         constant, or twelve steps in discrete time.
+    X : Cone, or array_like of its generators, optional
+        Proper cone in R^2; default `sys.X`, or the orthant for a system without cones.
     initial_states : array_like, shape (k, 2), optional
         Where trajectories start; default a few points where the cone leaves the plot.
     level_lines : bool or array_like, shape (2,)

@@ -32,7 +32,11 @@ _SAME_RESIDUAL = 1e-11
 
 
 class Status(Enum):
-    """Outcome of a question: what is claimed, and whether it has been proven."""
+    """Outcome of a question: what is claimed, and whether it has been proven.
+
+    >>> Status.PROVED == "PROVED", Status.REFUTED in ("PROVED", "UNDECIDED")
+    (True, False)
+    """
 
     PROVED = "proved: the inequalities hold for the exact data"
     REFUTED = "refuted: the witness shows that the claim is false"
@@ -40,6 +44,11 @@ class Status(Enum):
 
     def __bool__(self) -> bool:
         return self is Status.PROVED
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (isinstance(other, str) and other == self.name)
+
+    __hash__ = Enum.__hash__  # that of the name
 
 
 def _protect(record: Any) -> None:

@@ -1,0 +1,100 @@
+"""docs/statements.md holds every sentence that a verdict can say, and texts go by what is proven."""
+
+import ast
+import inspect
+import re
+from dataclasses import replace
+
+import certified
+import control as ct
+import pytest
+from sources import ROOT, TREES
+
+import control_kpos as kp
+
+PAGE = (ROOT / "docs" / "statements.md").read_text(encoding="utf-8").replace("&#124;", "|")
+# Text of systems: what they are, no verdict.
+SYSTEMS = {"ConeStateSpace", "ConeNetwork"}
+
+
+def alternatives(node):
+    """The texts of an expression, with … for what is filled in."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return [node.value]
+    if isinstance(node, ast.BinOp):
+        return [a + b for a in alternatives(node.left) for b in alternatives(node.right)]
+    if isinstance(node, ast.IfExp):
+        return alternatives(node.body) + alternatives(node.orelse)
+    if isinstance(node, ast.JoinedStr):
+        return ["".join(v.value if isinstance(v, ast.Constant) else "…" for v in node.values)]
+    return ["…"]
+
+
+def sentences():
+    """Every text that a method `explain` or `__str__` of the package returns, with its class."""
+    for name, tree in TREES.items():
+        if not name.endswith("checker"):
+            for c in [c for c in ast.walk(tree) if isinstance(c, ast.ClassDef) and c.name not in SYSTEMS]:
+                for f in [f for f in c.body if isinstance(f, ast.FunctionDef) and f.name in ("explain", "__str__")]:
+                    for r in [r for r in ast.walk(f) if isinstance(r, ast.Return) and r.value is not None]:
+                        yield from ((c.name, text) for text in alternatives(r.value) if re.search("[a-z]", text))
+
+
+SENTENCES = sorted(set(sentences()))
+
+
+def test_every_sentence_has_a_row_and_every_row_a_sentence():
+    rows = {
+        tuple(cell.strip() for cell in line.split(" | ")[:2]) for line in PAGE.splitlines() if line.startswith("| `")
+    }
+    stated = {(f"| `{name}`", text) for name, text in SENTENCES}
+    assert len(SENTENCES) > 60
+    assert stated <= rows, f"docs/statements.md lacks {sorted(stated - rows)}"
+    table = PAGE.partition("## Sentences")[2].partition("\n## ")[0]
+    for line in table.splitlines():
+        if line.startswith("| `"):
+            name, text, proof = line.strip("| ").split(" | ")
+            assert (name.strip("`"), text) in SENTENCES, f"docs/statements.md has a row nobody says: {name} {text}"
+            assert len(proof) > 5 and "?" not in proof
+
+
+def public_names():
+    """Fields and methods of what the package returns, beyond those of python-control and of the machinery."""
+    machinery = {
+        *(
+            "claim",
+            "conditions",
+            "contents",
+            "data",
+            "evidence",
+            "explain",
+            "no_margin",
+            "parts",
+            "proof",
+            "refutation",
+        ),
+        *("refuted_by", "restore", "save", "settle", "facts", "explanation", "restated"),
+    }
+    for name in kp.__all__:
+        c = getattr(kp, name)
+        if inspect.isclass(c) and issubclass(c, (kp.Certificate, kp.Cone, kp.DesignResult)):
+            fields = set(getattr(c, "__dataclass_fields__", ()))
+            for member in {m for m in dir(c) if not m.startswith("_")} | fields:
+                if member not in machinery and member not in dir(ct.StateSpace):
+                    yield f"{name}.{member}"
+
+
+@pytest.mark.parametrize("name", sorted(public_names()))
+def test_every_public_name_is_in_the_tables(name):
+    assert f"`{name.partition('.')[2]}`" in PAGE, f"docs/statements.md says nothing about {name}"
+
+
+VERDICT = re.compile("^(Proved|Refuted|Not positive|No invariant|Not certified|Not differentially|All .* proven)")
+
+
+@pytest.mark.parametrize("name", list(certified.CERTIFICATES))
+def test_texts_go_by_the_status(name):
+    certificate = certified.CERTIFICATES[name]()
+    said, undecided = certificate.explain(), replace(certificate, status=kp.Status.UNDECIDED).explain()
+    assert VERDICT.search(said)
+    assert not VERDICT.search(undecided), undecided
