@@ -25,7 +25,7 @@ from ..exact.condition import Condition
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Certificate, Status
+from ..proof.certificate import Certificate
 from ..proof.portable_cones import encode_generators, given_generators
 from ..proof.weights import ProofOmittedError, Prover
 from .impossible.port_obstruction import Between
