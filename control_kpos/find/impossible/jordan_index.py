@@ -27,7 +27,7 @@ import numpy as np
 from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.linalg import identity, product
-from ...exact.matrix import Matrix
+from ...exact.matrix import Integers, Matrix
 from ...exact.polynomials import Polynomial, at_matrix, characteristic_of, poles, square_free_part
 from ...exact.roots import Disc, real_roots_above, root_discs
 from ...proof.encoding import register_record
@@ -112,11 +112,13 @@ def _by_index(A: Matrix, matrix: int) -> IndexObstruction | None:
         return None
     rng = np.random.default_rng(0)
     x, u = (Matrix(rng.integers(1, 100, (1, n)).astype(float)) for _ in range(2))
-    for bound, order, radius, z in _circles(square_free_part(p)):
-        for index in range(1, min(n, _LONGEST)):
-            found = IndexObstruction(matrix, bound, index, order, x, u, radius, z.real, z.imag)
-            if _holds(A, found):
-                return found
+    circle = list(_circles(square_free_part(p)))
+    for index in range(1, min(n, _LONGEST) if circle else 0):
+        suspects = [IndexObstruction(matrix, b, index, N, x, u, radius, z.real, z.imag) for b, N, radius, z in circle]
+        longer = _longer(A, suspects[0])
+        if longer is not None:  # the least index for which the spectral radius has no longer chains
+            has_some = len(longer[2]) > 1
+            return next((w for w in suspects if has_some and _is_on_circle(A, w, *longer[:2])), None)
     return None
 
 
@@ -149,20 +151,29 @@ def _size(disc: Disc) -> float:
 
 def _holds(A: Matrix, w: IndexObstruction) -> bool:
     """The claim in exact arithmetic."""
+    longer = _longer(A, w)
+    return longer is not None and _is_on_circle(A, w, *longer[:2])
+
+
+def _longer(A: Matrix, w: IndexObstruction) -> tuple[Integers, Integers, Polynomial] | None:
+    """r(A)^k x, u and q in integers; None if b has not one real eigenvalue above it, or that may be a root of q."""
     M, unit = A.as_integers()
     p, level = characteristic_of(M), w.bound / Fraction(unit)
     if real_roots_above(p, level) != 1:
-        return False
+        return None
     inner, factor = identity(len(M)), at_matrix(square_free_part(p), M)
     for _ in range(w.index):
         inner = product(inner, factor)
     x, u = inner @ w.start.as_integers()[0][0], w.functional.as_integers()[0][0]
     q = poles(p, M, x, u)
-    if product(at_matrix(q, M), inner).any() or real_roots_above(q, level):
-        return False
+    return None if product(at_matrix(q, M), inner).any() or real_roots_above(q, level) else (x, u, q)
+
+
+def _is_on_circle(A: Matrix, w: IndexObstruction, x: Integers, u: Integers) -> bool:
+    """Whether A^N has one real eigenvalue above b^N, and that is a pole."""
+    M, unit = A.as_integers()
+    level = (w.bound / Fraction(unit)) ** w.order
     spend(_PER_DIGIT * M.size * w.order * max(abs(int(a)).bit_length() for a in M.ravel()))
     turned = np.linalg.matrix_power(M, w.order)
     around = characteristic_of(turned)
-    if real_roots_above(around, level**w.order) != 1:
-        return False
-    return real_roots_above(poles(around, turned, x, u), level**w.order) == 1
+    return real_roots_above(around, level) == 1 == real_roots_above(poles(around, turned, x, u), level)
