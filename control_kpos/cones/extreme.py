@@ -5,7 +5,8 @@
     extreme:  some f has f'x_i < 0 <= f'x_j for all j != i, or else x_i is a nonnegative combination of the others.
 
 Each is one linear program for a cone that may have millions of facets.  Floating point proposes w and f,
-the kernel proves them, and rational arithmetic settles what is left.
+the kernel proves them, and rational arithmetic settles what is left.  In three dimensions the extreme generators are
+the corners of a polygon, which the signs of determinants tell.
 """
 
 from __future__ import annotations
