@@ -323,13 +323,12 @@ def lyapunov_on(
 
 def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, fastest: bool) -> LyapunovCertificate | None:
     """A proof from one solve, or from shifts if the cone is not simplicial; None where doubles do not suffice."""
-    try:
-        v = problem.left_vector(0.0)
-    except SingularMatrixError:
-        v = None
-    proved = None if v is None else _proved(positivity, Matrix(v))
-    if proved:
-        return (_fastest(positivity, problem) if fastest else None) or proved
+    with suppress(SingularMatrixError):
+        v = Matrix(problem.left_vector(0.0))
+        found = _fastest(positivity, problem) if fastest and _is_lyapunov(v[None], positivity) else None
+        found = found or _proved(positivity, v)
+        if found:
+            return found
     for x in problem.growing_directions():
         witness = _growing(positivity, x)
         if witness is not None:
@@ -364,7 +363,7 @@ def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> Lyapu
     slow: tuple[float, Matrix] | None = None
     for v in problem.left_perron_vectors():
         row = Matrix(v[None])
-        if _is_lyapunov(row, A, X, discrete):
+        if _is_lyapunov(row, positivity):
             rate = proven_rate(row, A, X.exact_rays, discrete)
             if best is None or rate > best[0]:
                 best = rate, v
@@ -420,11 +419,11 @@ def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:
     return 0.0
 
 
-def _is_lyapunov(v: Matrix, A: Matrix, X: Cone, discrete: bool) -> bool:
+def _is_lyapunov(v: Matrix, p: PositivityCertificate) -> bool:
     return all_hold(
         [
-            Condition(_POSITIVE, BilinearForms(v, None, X.exact_rays), ">"),
-            Condition(_DECREASING, drift_forms(v, A, X.exact_rays, discrete), "<"),
+            Condition(_POSITIVE, BilinearForms(v, None, p.X.exact_rays), ">"),
+            Condition(_DECREASING, drift_forms(v, p.A, p.X.exact_rays, p.discrete), "<"),
         ]
     )
 
