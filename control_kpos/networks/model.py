@@ -331,7 +331,8 @@ def _merge_equal_cones(groups: dict[Any, list[tuple[int, ConeStateSpace]]]) -> l
 
 def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     first = systems[0]
-    exact = [s.exact for s in systems]
+    read = {key: s.exact for key, s in {id(s): s for s in systems}.items()}  # often many times the same object
+    exact = [read[id(s)] for s in systems]
     data = {name: Matrix.stack([getattr(s, name) for s in exact]) for name in "ABCD"}
     named = not first._generic_name_check()
     names = tuple(s.name for s in systems) if named else ()

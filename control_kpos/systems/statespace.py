@@ -300,7 +300,7 @@ class ConeStateSpace(ConeOperations):
     def _matrix(self, name: str) -> Matrix:
         array = getattr(self, name)
         given, exact = self._given.get(name, (None, None))
-        if exact is None or array is not given or not np.array_equal(array, exact.values):
+        if exact is None or array is not given or array.shape != exact.shape or (array != exact.values).any():
             exact = exact_matrix(array, name)
             self._given[name] = array, exact
         return exact
