@@ -822,9 +822,9 @@ def touching_response(A: Matrix, b: list[Fraction], c: list[Fraction], w: Json) 
     whole = [int(step * below) for step in steps]
     powers = [step // (gcd(*whole) or 1) for step in whole]
     expect(max(powers) < 100, "the exponents are too far apart")
-    q = [Fraction(0)] * (max(powers) + 1)
+    q, scale = [0] * (max(powers) + 1), lcm(*(y.denominator for y in r))
     for k, y in zip(powers, r, strict=True):
-        q[-1 - k] += y
+        q[-1 - k] += int(y * scale)
     need(any(q) and low >= 0 and high <= 1 and at(q, high) != 0, "the response is not always zero")
     need(real_roots_beyond(q, low) > real_roots_beyond(q, high), "the response is zero at some time")
 

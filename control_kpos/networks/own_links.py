@@ -85,7 +85,10 @@ def _same(a: Matrix, b: Matrix) -> bool:
         return a.shape == b.shape and not (sp.csr_array(a.values) != sp.csr_array(b.values)).nnz
     if a.is_double or b.is_double:
         return a.is_double and b.is_double and np.array_equal(a.values, b.values)
-    return a.shape == b.shape and bool((a.numerators * b.denominator == b.numerators * a.denominator).all())
+    p, q = a.numerators, b.numerators
+    if p is None or q is None:
+        return a.shape == b.shape and bool((a.fractions() == b.fractions()).all())
+    return a.shape == b.shape and bool((p * b.denominator == q * a.denominator).all())
 
 
 def _with_own_links(s: NodeStack, W: Matrix) -> NodeStack | None:

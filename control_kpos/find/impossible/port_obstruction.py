@@ -58,6 +58,10 @@ class Between:
         """Whether the sizes are those of the matrix."""
         return self.normal.shape == self.vector.shape == (1, n)
 
+    def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
+        """The signs that prove it; those of each kind are its own."""
+        raise NotImplementedError
+
     def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
         """Nothing: what the witness holds is all that is needed."""
         require_countable(matrices)
