@@ -107,3 +107,12 @@ def test_the_text_goes_by_the_status_and_says_what_is_computed():
     proved, none = find_cone(pair(1.0, 5.0)), find_cone(pair(2.0**-40, 1.0))
     assert "Computed, not proven: every such cone has at least 16 rays" in proved.explain()
     assert "by the computed eigenvalues" in none.explain() and "Refuted" not in none.explain()
+
+
+def test_a_transfer_function_is_realized_first():
+    G = ct.tf([1], [1, 3, 2])
+    found = kp.find_cone(G)
+    assert found and kp.ConeStateSpace(G, X=found.cone).is_cone_positive()
+    assert kp.find_cone(ct.tf([1, -3], [1, 3, 2])).status is kp.Status.REFUTED  # a zero at 3
+    with pytest.raises(kp.KposError, match=r"A: control\.ss finds no realization"):
+        kp.find_cone(ct.tf([1, 0, 0], [1, 1]))

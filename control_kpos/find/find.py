@@ -26,6 +26,7 @@ from ..exact.signs import BilinearForms
 from ..progress import Reporter, Target
 from ..proof.answer import first_proven
 from ..proof.certificate import Status
+from ..systems.reading import realized
 from ..systems.system import System
 from .certificate import Obstruction
 from .family.search import FamilySearch, completed
@@ -63,9 +64,9 @@ def find_cone(
 
     Parameters
     ----------
-    A : array_like, shape (n, n), StateSpace, or sequence of matrices or systems
-        One matrix; a system, whose cone holds B U and lies in {x : C x in Y}; or a family, for a common
-        cone.
+    A : array_like, shape (n, n), StateSpace, TransferFunction, or sequence of matrices or systems
+        One matrix; a system, whose cone holds B U and lies in {x : C x in Y}; a transfer function, of which the
+        realization by `control.ss` is taken; or a family, for a common cone.
     contains : array_like, shape (k, n), or Cone, optional
         Vectors that X must hold, one a row (for the columns of B: ``B.T``).  For a system it replaces B.
     within : array_like, shape (r, n), or Cone, optional
@@ -119,7 +120,7 @@ def find_cone(
     more: dict[str, Any] = {"seed": whole_number(seed, "seed"), "restarts": whole_number(restarts, "restarts")}
     limit = seconds(time_limit)
     if isinstance(A, TransferFunction):
-        raise DataError("A is a transfer function, which has no state; convert it with control.ss first.")
+        A = realized(A, "A")
     if _is_family(A):
         if contains is not None or within is not None or by_facets:
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")

@@ -96,14 +96,14 @@ def read_matrix(data: Any, name: str) -> tuple[Any, Matrix | None]:
     return (values if values.ndim else float(values)), (None if exact.is_double else exact)
 
 
-def realized(source: TransferFunction) -> StateSpace:
+def realized(source: TransferFunction, name: str) -> StateSpace:
     """The realization of a transfer function that `control.ss` finds, under the same names."""
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             return ss(source, name=source.name, inputs=source.input_labels, outputs=source.output_labels)
     except (ValueError, TypeError, ArithmeticError, LookupError, NotImplementedError) as error:
-        raise KindError(f"sys: control.ss finds no realization of the transfer function: {error}.") from None
+        raise KindError(f"{name}: control.ss finds no realization of the transfer function: {error}.") from None
 
 
 def require_timebase(dt: Any) -> None:

@@ -125,7 +125,7 @@ class ConeStateSpace(ConeOperations):
         **names: Any,
     ) -> None:
         if len(args) == 1 and isinstance(args[0], TransferFunction):
-            args = (realized(args[0]),)
+            args = (realized(args[0], "sys"),)
         source = args[0] if len(args) == 1 else None
         exact: Mapping[str, Matrix] = {}
         if len(args) in (4, 5):
