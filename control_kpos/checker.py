@@ -212,7 +212,7 @@ def system(d: Json, A: Json, radius: Json, cones: list[Cone]) -> System:
     bounds = given(radius and {"matrix": radius["array"]}, X.dim, X.dim)
     need(all(a >= 0 for column in bounds for a in column.values()), "a radius is not negative")
     out = System(matrix(A, X.dim, X.dim), X=X, U=U, Y=Y, discrete=d["discrete"], radius=bounds, **rest)
-    expect(d.get("own_links_closed") in (None, True), "own_links_closed is true where it stands")
+    expect(d.get("own_links_closed", True) is True, "own_links_closed is true where it stands")
     return own_links_closed(out, numbers(d["sizes"])) if "own_links_closed" in d else out
 
 
@@ -1031,6 +1031,9 @@ def verify(c: Json, limit: int) -> str:
         return ""
     expect(claim in PROOFS or claim in {name for name, _ in ALONE}, f"the claim {str(claim)[:40]} is unknown")
     need(claim in (PROOFS if status == "PROVED" else REFUTATIONS), "this is not shown in such a way")
+    source = d.get("source", "vertices")
+    expect(source in ("vertices", "enclosed", "sampled"), f"the source {str(source)[:40]} is unknown")
+    need((source, status) != ("sampled", "PROVED"), "what is known at points proves nothing between them")
     cones = [cone(d.get(name), limit) for name in "XUY"]
     if claim == "differentially-positive" and status == "REFUTED" and "member" not in e:
         at = d["witness"]["fields"]

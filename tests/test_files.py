@@ -274,3 +274,32 @@ def test_saving_keeps_links_and_modes_and_names_the_path_given(tmp_path):
 def test_numbers_that_nothing_proves_are_refused(change, tmp_path):
     certified.CERTIFICATES["stable"]().save(tmp_path / "file.json")
     refused(tmp_path / "file.json", with_data(json.loads((tmp_path / "file.json").read_text()), **change))
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "value"),
+    [
+        *(
+            ("network, own links closed", "own_links_closed", value)
+            for value in (False, "false", 0, 1, "true", [0], None)
+        ),
+        *(("Jacobians", "source", value) for value in ("given", "0", "sampled", None, 1)),
+    ],
+)
+def test_marks_of_another_kind_are_refused_by_both_readers(name, key, value, tmp_path):
+    path = tmp_path / "c.json"
+    certified.CERTIFICATES[name]().save(path)
+    content = json.loads(path.read_text())
+    assert key in content["data"]
+    content["data"][key] = value
+    path.write_text(json.dumps(tampering.redigested(content)))
+    with pytest.raises(CertificateFileError):
+        load_certificate(path)
+    assert checker.main(path) != 0
+
+
+@pytest.mark.parametrize("X", [kp.PolyhedralCone([[1]]), kp.product([kp.orthant(1), kp.PolyhedralCone([["1/3"]])])])
+def test_cones_that_are_read_as_others_give_equal_certificates(X, tmp_path):
+    certificate = kp.linear_lyapunov(-np.eye(X.dim), X)
+    certificate.save(tmp_path / "c.json")
+    assert load_certificate(tmp_path / "c.json") == certificate

@@ -65,8 +65,10 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
     DataError
         The parts do not fit together.
     """
-    if contents.get("own_links_closed", False) is not False:
-        closed = own_links_closed(rebuild({**contents, "own_links_closed": False}))
+    if "own_links_closed" in contents:
+        if contents["own_links_closed"] is not True:
+            raise DataError("own_links_closed is true where it stands.")
+        closed = own_links_closed(rebuild({k: x for k, x in contents.items() if k != "own_links_closed"}))
         if closed is None:
             raise DataError("no node has a link to itself that could be closed.")
         return closed

@@ -22,6 +22,8 @@ from ..proof.certificate import Certificate
 from ..proof.encoding import register_record
 from ..proof.weights import ProofOmittedError, Prover, violation
 
+_SOURCES = ("vertices", "enclosed", "sampled")
+
 Array = NDArray[np.float64]
 
 
@@ -143,6 +145,8 @@ class DifferentialCertificate(Certificate):
             By the names in files.
         """
         rest = dict(contents)
+        if rest.get("source", "vertices") not in _SOURCES:
+            raise DataError(f"source is {rest['source']!r}; it must be one of {', '.join(_SOURCES)}.")
         if "A" in rest:
             rest["centres"] = Matrix.stack(rest.pop("A"))
             rest["radii"] = np.array(rest["radii"]) if "radii" in rest else np.zeros(rest["centres"].shape)
