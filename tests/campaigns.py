@@ -148,7 +148,8 @@ def truth(content, path):
     if claim == "positive":
         return kp.cone_positivity(**read).status.name
     if claim == "stable":
-        return kp.linear_lyapunov(read["A"], read["X"], discrete=read["discrete"]).status.name
+        rate = decoder.value(data["required_rate"]) if "required_rate" in data else None
+        return kp.linear_lyapunov(read["A"], read["X"], discrete=read["discrete"], rate=rate).status.name
     if claim in ("dissipative", "disturbance gain") and None not in (data["q"], data["r"]):
         q, r = (list(map(number, data[key]["array"])) for key in "qr")
         return kp.dissipativity(**read, q=q, r=r).status.name

@@ -68,6 +68,8 @@ PROMISES = {
     rf"is at most \[{NUMBER}\] at every": ("bound", 1),
     rf"a decay rate above {NUMBER}": ("rate", 1),
     rf"growth rate at least {NUMBER}\)": ("witness.rate", -1),
+    rf"at a rate of at most {NUMBER}": ("witness.rate", 1),
+    rf"decreases at rate {NUMBER} on": ("required_rate", 1),
     rf"lies to the right of {NUMBER}\b": ("witness.bound", 1),
     rf"none beyond {NUMBER}\)": ("witness.bound", 1),
     rf"stable with decay rate at least {NUMBER}\.": ("decay_rate", -1),
@@ -110,6 +112,7 @@ def long_numbers():
     yield kp.linear_lyapunov([[1 - slow]], LINE, discrete=True)
     yield kp.linear_lyapunov([[-1 - 2.0**-30]], LINE, rate="max")
     yield kp.linear_lyapunov([["-1/3", "1/7"], ["2/9", "-1/3"]], kp.orthant(2), rate="max")
+    yield kp.linear_lyapunov([["-1/3", "1/7"], ["2/9", "-1/3"]], kp.orthant(2), rate="0.2000000001")
     yield kp.dissipativity([[-slow]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[0], r=[2])
     yield from (ring.certificate, ring.abscissa_certificate())
     yield kp.feedback_interconnect([node] * 2, [[0, 1.0003333], [1.0003333, 0]]).certificate
