@@ -1,5 +1,6 @@
 """Couplings and nodes in all their forms, and the messages for those that do not fit."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import control as ct
@@ -191,8 +192,11 @@ def test_links_out_of_the_cones_are_a_verdict_with_the_pair():
             certificate = kp.feedback_interconnect([node] * 3, form, supply_rates=rates).certificate
             w = certificate.witness
             assert certificate.status is Status.REFUTED and (w.target, w.source) == (1, 2) and certificate.check()
-            product = U.facets[w.facet] @ (0.1 * block) @ U.rays[w.ray]
-            assert product < 0 and w.value == pytest.approx(product)
+            h, y = U.exact_facets.fractions()[w.facet], U.exact_rays.fractions()[w.ray]
+            product = h @ (Fraction(0.1) * np.diag([1, 2]).astype(object)) @ y
+            assert product < 0 and w.value == float(product)
+            for value in (np.nextafter(w.value, 0), np.nextafter(w.value, -9)):  # a unit in the last place is seen
+                assert not replace(certificate, witness=replace(w, value=value)).check()
             assert "node 2 to node 1" in certificate.explain()
     exact = kp.feedback_interconnect([lag(1)] * 2, [["0", "-1/1000000000000000000000"], ["0", "0"]]).certificate
     assert exact.status is Status.REFUTED and (exact.witness.target, exact.witness.source) == (0, 1)

@@ -115,6 +115,13 @@ def test_discrete_time_draws_orbits():
         kp.phase_portrait(sys, plot_vectorfield=True)
 
 
+def test_a_cone_over_a_portrait_keeps_its_frame(node):
+    ax = kp.phase_portrait(node, WINDOW).axes[0, 0]
+    kp.plot_cone(kp.orthant(2), ax=ax)
+    assert (ax.get_xlabel(), ax.get_ylabel(), ax.get_aspect()) == ("position", "velocity", "auto")
+    assert [*ax.get_xlim(), *ax.get_ylim()] == WINDOW
+
+
 def test_arguments_come_in_the_order_of_python_control(node):
     cplt = kp.phase_portrait(node, WINDOW, 0.5)
     assert [*cplt.axes[0, 0].get_xlim(), *cplt.axes[0, 0].get_ylim()] == WINDOW

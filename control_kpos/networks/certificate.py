@@ -44,6 +44,7 @@ from .witnesses import (
     NoWeights,
     positive_parts,
     refute,
+    restated,
 )
 
 # What a refusal is about, and what to do.
@@ -126,7 +127,8 @@ class ClaimOnNetwork(Certificate):
             By the names in files.
         """
         own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
-        return cls.settle(**{"model": own.get("model") or files.rebuild(contents), **own})
+        model = own.get("model") or files.rebuild(contents)
+        return cls.settle(**{**own, "model": model, "witness": restated(model, own.get("witness"))})
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

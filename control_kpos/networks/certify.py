@@ -47,6 +47,7 @@ from .witnesses import (
     NetworkInstability,
     NodeViolation,
     below_abscissa,
+    coupling_violation,
     positive_parts,
 )
 
@@ -223,7 +224,7 @@ def broken_link(model: NetworkModel, known: Mapping[str, Condition]) -> Coupling
     for condition, pair in on.coupling_by_pairs(model):
         place = known.get(condition.name, condition).worst_violation()
         if place is not None:
-            return _coupling_witness(model, condition, pair, place)
+            return _coupling_witness(model, pair, place)
     return None
 
 
@@ -234,17 +235,16 @@ def refuted_node(model: NetworkModel, node: int) -> NetworkCertificate:
 
 
 def _coupling_witness(
-    model: NetworkModel, condition: Condition, pair: tuple[Index, Index] | None, place: tuple[int, ...]
+    model: NetworkModel, pair: tuple[Index, Index] | None, place: tuple[int, ...]
 ) -> CouplingViolation:
-    value = float(condition.forms.values[place])
     if pair is None:  # an entry of W
         entry = place[-1]
         row = int(np.searchsorted(model.W.indptr, entry, side="right")) - 1
         column = int(model.W.indices[entry])
         j, k = int(model.owners(1)[row]), int(model.owners(2)[column])
-        return CouplingViolation(j, k, row - int(model.offsets[1][j]), column - int(model.offsets[2][k]), value)
+        return coupling_violation(model, j, k, row - int(model.offsets[1][j]), column - int(model.offsets[2][k]))
     j, k = int(pair[0][place[0]]), int(pair[1][place[0]])
-    return CouplingViolation(j, k, place[1], place[2], value)
+    return coupling_violation(model, j, k, place[1], place[2])
 
 
 def loop_weights(model: NetworkModel) -> LoopWeights:

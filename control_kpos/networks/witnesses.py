@@ -10,6 +10,7 @@ import numpy as np
 from ..cards import about, floored
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
+from ..exact.products import exact_product
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.encoding import register_record
@@ -19,9 +20,6 @@ from ..theorems.positivity import PositivityCertificate
 from . import conditions as on
 from .blocks import Floats, take_blocks
 from .model import NetworkModel
-
-# The value that a witness states may differ from ours by the rounding of another machine's matrix product.
-_SAME_VALUE = 1e-11
 
 LoopWeights: TypeAlias = "tuple[Matrix, Matrix] | None"
 
@@ -38,7 +36,7 @@ class CouplingViolation:
     facet, ray : int
         Row numbers in `U_j.facets` and `Y_k.rays`.
     value : float
-        h'W_jk y < 0, in floating point (its sign is proven).
+        h'W_jk y < 0, correctly rounded.
     """
 
     target: int
@@ -246,16 +244,36 @@ def below_abscissa(model: NetworkModel, w: NetworkInstability, loop: LoopWeights
     return out + list(on.motion(model, *w.vectors, w.rate))
 
 
+def coupling_violation(model: NetworkModel, target: int, source: int, facet: int, ray: int) -> CouplingViolation:
+    """The violation of (I) by this facet and generator, with their product."""
+    h, block, y = _pair(model, target, source, facet, ray)
+    value = exact_product(exact_product(h, block.T), y).values.item()
+    return CouplingViolation(target, source, facet, ray, value)
+
+
+def restated(model: NetworkModel, w: Any) -> Any:
+    """A witness from a file; the product at a link, which version 0.1 rounded otherwise, is computed afresh."""
+    if not isinstance(w, CouplingViolation):
+        return w
+    try:
+        return coupling_violation(model, w.target, w.source, w.facet, w.ray)
+    except (ValueError, IndexError):
+        return w
+
+
 def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition] | None:
-    (gj, _), (gk, _) = model.locate(w.target), model.locate(w.source)
-    rows = np.arange(model.offsets[1][w.target], model.offsets[1][w.target + 1])[None]
-    columns = np.arange(model.offsets[2][w.source], model.offsets[2][w.source + 1])[None]
+    if coupling_violation(model, w.target, w.source, w.facet, w.ray).value != w.value:
+        return None
+    return [Condition("h'W y < 0", BilinearForms(*_pair(model, w.target, w.source, w.facet, w.ray)), "<")]
+
+
+def _pair(model: NetworkModel, target: int, source: int, facet: int, ray: int) -> tuple[Matrix, Matrix, Matrix]:
+    """A facet of U_j, W_jk and a generator of Y_k."""
+    (gj, _), (gk, _) = model.locate(target), model.locate(source)
+    rows = np.arange(model.offsets[1][target], model.offsets[1][target + 1])[None]
+    columns = np.arange(model.offsets[2][source], model.offsets[2][source + 1])[None]
     block = take_blocks(model.coupling, rows, columns)[0]
-    h = exact_rows(on.facets(model.stacks[gj].U), w.facet)
-    y = exact_rows(model.stacks[gk].rays[2], w.ray)
-    out = Condition("h'W y < 0", BilinearForms(h, block, y), "<")
-    is_stated = abs(out.residual.item() - w.value) <= _SAME_VALUE * abs(out.residual.item())
-    return [out] if is_stated else None
+    return exact_rows(on.facets(model.stacks[gj].U), facet), block, exact_rows(model.stacks[gk].rays[2], ray)
 
 
 def exact_rows(m: Matrix, row: int) -> Matrix:

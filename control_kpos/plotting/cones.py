@@ -131,7 +131,7 @@ def _draw_cone_in_plane(
     rays[0].set_label(label or UNNAMED)
     ax.axhline(0, color="0.6", linewidth=0.6, zorder=0)
     ax.axvline(0, color="0.6", linewidth=0.6, zorder=0)
-    ax.set(xlabel="x[0]", ylabel="x[1]")
+    ax.set(xlabel=ax.get_xlabel() or "x[0]", ylabel=ax.get_ylabel() or "x[1]")
     if ax.get_autoscale_on():  # a frame that somebody chose stays
         ax.set_aspect("equal", adjustable="datalim")
     return rays, faces
