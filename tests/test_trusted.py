@@ -65,3 +65,20 @@ def test_what_is_trusted_uses_no_mathematical_library(module):
         for alias in node.names
     }
     assert not (names | imported) & LIBM, f"{module}: {(names | imported) & LIBM}"
+
+
+# Where the conditions of certificates and witnesses are stated.
+STATED = [
+    "proof.inclusion",
+    "theorems.growing_direction",
+    "networks.conditions",
+    "networks.witnesses",
+    "networks.own_links",
+]
+STATED += ["design.certificates", "find.certificate", "nonlinear.certificate"]
+
+
+@pytest.mark.parametrize("module", STATED)
+def test_conditions_have_no_tolerance(module):
+    numbers = [node.value for node in ast.walk(TREES[f"control_kpos.{module}"]) if isinstance(node, ast.Constant)]
+    assert not [x for x in numbers if isinstance(x, float) and 0 < abs(x) < 0.1]

@@ -8,7 +8,7 @@ scalar product per weight, other cones one exact feasibility problem per column.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from fractions import Fraction
 from math import lcm
 from typing import Any, NamedTuple
@@ -395,8 +395,3 @@ def columns(vectors: Any, size: int) -> dict[str, Any]:
     """Vectors of one size as the columns of a matrix, as JSON data."""
     entries = [(i, j, x[i]) for j, x in enumerate(vectors) for i in range(size) if x[i]]
     return _encoded(entries, (size, len(vectors)))
-
-
-def exact_vector(x: Any, exact: Sequence[Fraction] | None = None) -> Rationals:
-    """Doubles, or the fractions behind them, as fractions."""
-    return np.array([Fraction(float(t)) for t in x] if exact is None else [Fraction(t) for t in exact], dtype=object)
