@@ -32,6 +32,8 @@ sys.path.insert(0, str(ROOT))
 # The tests are no package: their folder, and the tree, come first.
 import campaigns  # noqa: E402
 import certified  # noqa: E402
+import stated_designs  # noqa: E402
+import stated_functions  # noqa: E402
 import statements  # noqa: E402
 import unnoticed  # noqa: E402
 
@@ -157,9 +159,14 @@ def files(count, seed):
 
 
 def stated(count, seed):
-    """What methods promise: gains, fractions, refusals, rates, brackets, edits, coverage; and foreign errors."""
+    """What methods promise: gains, limits, refusals, rates, brackets, edits, coverage, slopes; and foreign errors."""
     out = []
-    for falsehoods in (statements.false_coverage, statements.false_networks, statements.false_designs):
+    for falsehoods in (
+        statements.false_coverage,
+        statements.false_networks,
+        stated_designs.false_designs,
+        stated_functions.false_functions,
+    ):
         found = falsehoods(count, seed)
         print(f"{falsehoods.__name__}: {len(found)} of {count} {found[:3]}", flush=True)
         out += found

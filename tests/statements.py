@@ -1,14 +1,11 @@
 """What the package states, on random data, against an independent truth; tests run few, the campaign many."""
 
-import itertools
 import warnings
 from fractions import Fraction
 
-import campaigns
 import flint
 import numpy as np
 import scipy.linalg
-import scipy.optimize
 
 import control_kpos as kp
 from control_kpos.errors import ActuatorLossWarning, KposError
@@ -88,121 +85,6 @@ def foreign_errors(count, seed, mode, path):
     return found
 
 
-# -- designs: what is promised of a gain, in fractions; a refusal against a linear program of its own
-
-
-def fractions_of(M):
-    return np.vectorize(Fraction, otypes=[object])(np.asarray(M, dtype=object))
-
-
-def keeps(A, T, S):
-    """A T inside T in continuous time, for a simplicial cone: T^-1 A T is Metzler."""
-    M = S @ A @ T
-    return all(M[i, j] >= 0 for i in range(len(M)) for j in range(len(M)) if i != j)
-
-
-def decreases(A, T, v, rate):
-    """v'x > 0 and v'A x + rate v'x <= 0 on the columns of T."""
-    value = v @ T
-    return (value > 0).all() and (v @ A @ T + rate * value <= 0).all() and (rate > 0 or (v @ A @ T < 0).all())
-
-
-def leading(T):
-    """Sizes of the first entries of columns that have at least an eighth of the size of the largest."""
-    return np.array([next(abs(x) for x in column if 8 * abs(x) >= max(map(abs, column))) for column in T.T])
-
-
-def plant_on_a_cone(rng):
-    """A plant, and a simplicial cone of determinant 1 as its generators T and their inverse S."""
-    n, m = int(rng.integers(1, 4)), int(rng.integers(1, 3))
-    T, S = campaigns.unimodular(rng, n) if n > 1 else (np.eye(1), np.eye(1))
-    A = np.round(rng.uniform(-2, 1, (n, n)), 2)
-    B = rng.integers(-1, 3, (n, m)).astype(float)
-    X = kp.PolyhedralCone(T.T)
-    return kp.ConeStateSpace(A, B, np.eye(n), np.zeros((n, m)), X=X), fractions_of(T), fractions_of(S)
-
-
-def demands_on_a_gain(rng, s):
-    """Keywords of `state_feedback`, some of them given."""
-    out = {}
-    if rng.random() < 0.5:
-        out["rate"] = rng.choice(["1/3", "0.25", "1"])
-    if rng.random() < 0.5:
-        out["gain_bound"] = float(rng.choice([0.5, 2, 5]))
-    if rng.random() < 0.3:
-        out["structure"] = rng.random((s.ninputs, s.nstates)) < 0.7
-    return out
-
-
-def impossible_by_linprog(s, T, S, demands):
-    """False if a linear program finds a gain with room to spare: x = T z, F T diag(z) = Z, as the variables."""
-    n, m = s.nstates, s.ninputs
-    A, B = (S @ fractions_of(M) for M in (s.A @ np.asarray(T, float), s.B))
-    A, B, eps = A.astype(float), B.astype(float), 1e-4
-    rows, rhs = [], []
-    for i in range(n):
-        for k in range(n):
-            if i != k:  # (A_ik z_k + B_i Z_k) >= eps z_k
-                row = np.zeros(n + m * n)
-                row[k] = -(A[i, k] - eps)
-                row[n + k * m : n + (k + 1) * m] = -B[i]
-                rows.append(row)
-                rhs.append(0.0)
-        row = np.zeros(n + m * n)  # sum_k (A_ik z_k + B_i Z_k) + rate z_i <= -eps
-        row[:n] = A[i]
-        row[i] += float(Fraction(demands.get("rate", 0))) + eps
-        for k in range(n):
-            row[n + k * m : n + (k + 1) * m] = B[i]
-        rows.append(row)
-        rhs.append(-eps)
-    lengths = leading(T).astype(float)
-    bounds = [(1.0, 100.0)] * n + [(None, None)] * (m * n)
-    if "gain_bound" in demands:
-        for k in range(n):
-            for j in range(m):
-                for sign in (1, -1):
-                    row = np.zeros(n + m * n)
-                    row[k], row[n + k * m + j] = -0.99 * demands["gain_bound"] * lengths[k], sign
-                    rows.append(row)
-                    rhs.append(0.0)
-    return scipy.optimize.linprog(np.zeros(n + m * n), np.array(rows), rhs, bounds=bounds).status != 0
-
-
-def false_designs(count, seed):
-    """Gains that do not do what was asked, exactly; fractions that are not proven; refusals of what is possible."""
-    rng, found = np.random.default_rng(seed), []
-    for k in range(count):
-        s, T, S = plant_on_a_cone(rng)
-        demands = demands_on_a_gain(rng, s)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ActuatorLossWarning)
-            d = kp.state_feedback(s, **demands)
-        if d.status is kp.Status.REFUTED and "structure" not in demands and not impossible_by_linprog(s, T, S, demands):
-            found.append((seed, k, "refused what a linear program finds", demands))
-        if not d:
-            continue
-        found += [(seed, k, what, demands) for what in _broken_promises(d, s, T, S, demands)]
-    return found
-
-
-def _broken_promises(d, s, T, S, demands):
-    A, B, F = (fractions_of(M) for M in (s.A, s.B, d.F))
-    proof = d.certificate.loops[0] if hasattr(d.certificate, "loops") else d.certificate
-    v = fractions_of(proof.v_exact or proof.v)
-    asked = Fraction(demands.get("rate", 0))
-    fraction = float(np.min(d.certified_fraction))
-    for ends in itertools.product({Fraction(1), Fraction(fraction)}, repeat=s.ninputs):
-        loop = A + B @ np.diag(ends) @ F
-        rate = asked if min(ends) < 1 else max(asked, Fraction(d.decay_rate))
-        if not keeps(loop, T, S) or not decreases(loop, T, v, rate):
-            yield f"the loop at {ends}"
-    lengths = leading(T)
-    if "gain_bound" in demands and (np.abs(F @ T) > Fraction(demands["gain_bound"]) * lengths).any():
-        yield "the gain bound"
-    if "structure" in demands and d.F[~demands["structure"]].any():
-        yield "the structure"
-
-
 # -- networks: eigenvalues to 50 digits and more
 
 
@@ -218,6 +100,10 @@ def random_network(rng):
     N = len(nodes)
     W = np.round(rng.uniform(-0.2 * (rng.random() < 0.2), 1.2, (N, N)), 2) * (rng.random((N, N)) < 0.6)
     return nodes, W
+
+
+def fractions_of(M):
+    return np.vectorize(Fraction, otypes=[object])(np.asarray(M, dtype=object))
 
 
 def rational(M):
