@@ -15,8 +15,8 @@ from control_kpos.exact.rounding import (
     HALF_ULP,
     SMALLEST_NORMAL,
     error_factor,
-    room,
     rounding_radius,
+    sum_factor,
     underflow,
 )
 from control_kpos.exact.rows import _rounded_image
@@ -56,11 +56,11 @@ def test_the_factor_is_twice_the_classical_one(terms):
     gamma = terms * u / (1 - terms * u)
     assert u == HALF_ULP
     assert Fraction(error_factor(terms)) >= 2 * gamma + 15 * u
-    assert Fraction(room(terms)) * (1 - gamma) > 1 + max(Fraction(1, 2**30), gamma / 4)
+    assert Fraction(sum_factor(terms)) * (1 - gamma) > 1 + max(Fraction(1, 2**30), gamma / 4)
 
 
 def test_the_lemma_claims_nothing_for_sums_that_are_too_long():
-    assert error_factor(2**51) == room(2**51) == np.inf
+    assert error_factor(2**51) == sum_factor(2**51) == np.inf
 
 
 @pytest.mark.parametrize(("low", "high"), RANGES)

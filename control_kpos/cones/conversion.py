@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..errors import TooLargeError
 from ..exact.linalg import echelon, inverse_rows
 from ..exact.matrix import Integers, Matrix, divide_by_content
-from ..exact.rounding import room, rounding_radius
+from ..exact.rounding import rounding_radius, sum_factor
 from ..exact.rows import equilibrate, exact_rows, frozen, unit_rows
 from .hull import Facets, Lines, beneath_beyond
 from .normals import Hyperplanes
@@ -168,7 +168,7 @@ class FacetNormals:
             scale = lengths - self.shift
             top = np.where(values != 0, np.frexp(values)[1] + scale, np.iinfo(np.int64).min // 4).max(axis=1)
             move = np.clip(scale - top[:, None], -5000, 5000)
-            return np.ldexp(values, move), np.ldexp(radius, move) * room(back.shape[1]) + 2.0**-1073
+            return np.ldexp(values, move), np.ldexp(radius, move) * sum_factor(back.shape[1]) + 2.0**-1073
 
 
 def _normals(facets: FacetNormals) -> Matrix:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..exact.linalg import normals
 from ..exact.matrix import Integers, divide_by_content, integers_of_doubles
-from ..exact.rounding import error_factor, room
+from ..exact.rounding import error_factor, sum_factor
 from ..exact.rows import unit_rows
 
 # Entries of the matrices that are eliminated together, so that long integers do not fill the memory.
@@ -76,10 +76,10 @@ class Hyperplanes:
             h = N[:, :, -1]
             size_h = np.abs(h).max(axis=1)
             unit = np.eye(n)
-            norm_N = np.abs(N).sum(axis=2).max(axis=1) * room(n)
-            eta = np.abs(unit - N @ M).sum(axis=2).max(axis=1) * room(n) + small * n * norm_N
+            norm_N = np.abs(N).sum(axis=2).max(axis=1) * sum_factor(n)
+            eta = np.abs(unit - N @ M).sum(axis=2).max(axis=1) * sum_factor(n) + small * n * norm_N
             residual = np.abs(unit[-1] - (M @ h[:, :, None])[:, :, 0]).max(axis=1) + small * n * size_h
-            error = n * (norm_N * residual / (1 - eta) + small * size_h) * room(n)
+            error = n * (norm_N * residual / (1 - eta) + small * size_h) * sum_factor(n)
         return h, np.where((eta < 0.5) & np.isfinite(error), error, np.inf)
 
 

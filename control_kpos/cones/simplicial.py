@@ -22,7 +22,7 @@ from ..exact.matrix import (
     divide_by_content,
     granularity,
 )
-from ..exact.rounding import error_factor, room
+from ..exact.rounding import error_factor, sum_factor
 from ..exact.rows import equilibrate
 
 # Up to this dimension exact elimination is cheap.
@@ -73,8 +73,8 @@ def simplicial_facets(generators: Matrix) -> Matrix | None:
             return None
         size = np.abs(Z)
         small = error_factor(n + 1)
-        C = np.abs(np.eye(n) - Z @ R.T) + size @ (small * np.abs(R.T) + radius.T) * room(n) + small
-        c = C.sum(axis=1).max() * room(n)
+        C = np.abs(np.eye(n) - Z @ R.T) + size @ (small * np.abs(R.T) + radius.T) * sum_factor(n) + small
+        c = C.sum(axis=1).max() * sum_factor(n)
         if not c < 0.5:
             return None
         simple = _simple_rows(Z, R) if generators.is_double else None
@@ -82,7 +82,7 @@ def simplicial_facets(generators: Matrix) -> Matrix | None:
             values, shift = _unit_length(simple, -columns)
             if (np.ldexp(values, columns + shift) == simple).all():
                 return Matrix(values)
-        error = (C @ (size + c / (1 - c) * size.max(axis=0))) * room(n)
+        error = (C @ (size + c / (1 - c) * size.max(axis=0))) * sum_factor(n)
         values, shift = _unit_length(Z, -columns)
         error = np.ldexp(error, -columns - shift) + 2.0**-1073
     if not (np.isfinite(values).all() and np.isfinite(error).all()):

@@ -107,11 +107,11 @@ def accept(
         return None
     if plant.pattern is not None:
         F = np.where(plant.pattern, F, 0.0)
-    wanted = slack(plant, F)
+    wanted = margins_of(plant, F)
     needed = np.where(wanted > 1e-9, _KEPT * wanted, -1e-11)
 
     def prove(candidate: Floats) -> Accepted | None:
-        margins = slack(plant, candidate)
+        margins = margins_of(plant, candidate)
         size = plant.gain_of(candidate)
         if not (margins >= needed).all() or not (candidate is F or size <= gain):
             return None
@@ -140,7 +140,7 @@ def _effort(plant: Plant, margins: Floats) -> float:
     return loops * effort
 
 
-def slack(plant: Plant, F: Floats) -> Floats:
+def margins_of(plant: Plant, F: Floats) -> Floats:
     """Relative margins of invariance in floating point, for all vertices."""
     rays, facets, u, out = plant.rays.T, plant.facets, F @ plant.seen, []
     most = np.abs(F) @ np.abs(plant.seen)

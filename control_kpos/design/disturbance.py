@@ -31,7 +31,7 @@ from .simplicial.program import SimplicialProgram, scaled_rows, stacked
 
 LINF_GAIN = "L-infinity gain from w to z"
 # Relative increase of gamma that is spent on a small gain and on margins.
-_SLACK = 1e-3
+_EXTRA = 1e-3
 # Margins of invariance that are tried with a small gain, relative to its rows.
 _MARGINS = (1e-7, 1e-9, 0.0)
 # Gains this many times the size of the plant count as unbounded.
@@ -80,8 +80,8 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
 
     def points() -> Iterator[tuple[float, Floats]]:
         """Of each gamma, the point of smallest |F x_k|, then the first one."""
-        for slack in (_SLACK, 1e-2):
-            gamma = best + slack * max(abs(best), 1e-6)
+        for extra in (_EXTRA, 1e-2):
+            gamma = best + extra * max(abs(best), 1e-6)
             second = program.small(gamma, x)
             yield from ((gamma, point) for point in (second, x) if point is not None)
 

@@ -46,8 +46,8 @@ def exact_inequalities(plant: Plant, *, as_given: bool = False) -> Inequalities:
         drift = [(A + plant.coupling.fractions(), B) for A, B in pairs]
     q = feedback_inequalities(facets, rays, pairs, discrete=plant.discrete, drift_plants=drift)
     if plant.gain_bound is not None:
-        slack = 1 + Fraction(1, 10**9)
-        bound = np.array([Fraction(b) * slack for b in plant.gain_bound.tolist()], dtype=object)
+        tolerance = 1 + Fraction(1, 10**9)
+        bound = np.array([Fraction(b) * tolerance for b in plant.gain_bound.tolist()], dtype=object)
         lengths = _lengths(plant.X, rays) if as_given else leading_sizes(rays)
         q = q.with_closed(*gain_rows(q.n, q.m, lengths, bound))
     if plant.ports:

@@ -105,8 +105,8 @@ class _OwnProgram:
             return None
         self.F.value = found.F
         value = float(np.asarray(self.cost.value).item())
-        room = 1e-6 * (1 + np.abs(found.F).max())
-        return (found, value) if np.isfinite(value) and all(_violation(c) <= room for c in self.own) else None
+        tolerance = 1e-6 * (1 + np.abs(found.F).max())
+        return (found, value) if np.isfinite(value) and all(_violation(c) <= tolerance for c in self.own) else None
 
     def _gain(self, v: Floats) -> Floats | None:
         """The cheapest gain with the largest margins of invariance that some solver finds."""

@@ -107,8 +107,8 @@ def gain_rate_tradeoff(
         values, gains, largest = _curve(plant, rates, Programs(None, report))
         for place, rate in enumerate(values.tolist() if certify else []):
             report(f"design {place + 1} of {len(values)}")
-            share = None if limit is None else max(seconds_left(), 1e-3) / (len(values) - place)
-            designs.append(state_feedback(sys, X=X, rate=rate, time_limit=share, progress=False, **demands))
+            each = None if limit is None else max(seconds_left(), 1e-3) / (len(values) - place)
+            designs.append(state_feedback(sys, X=X, rate=rate, time_limit=each, progress=False, **demands))
     return Tradeoff(values, np.full(len(values), np.nan) if gains is None else gains, largest, tuple(designs))
 
 

@@ -29,9 +29,9 @@ from .rounding import (
     RADIUS_ROOM,
     SMALLEST_NORMAL,
     error_factor,
-    room,
     rounding_radius,
     sum_constants,
+    sum_factor,
     underflow,
 )
 from .signs import BilinearForms
@@ -258,7 +258,7 @@ class Generators:
             return np.full_like(Q, -np.inf)
         with np.errstate(over="ignore", invalid="ignore"):
             spread = np.abs(self.inverse[support]).sum(axis=1) / (1 - defect)
-            error = np.outer(spread, worst) * room(self.inverse.shape[1]) + underflow(1)
+            error = np.outer(spread, worst) * sum_factor(self.inverse.shape[1]) + underflow(1)
             return Q - error - np.abs(Q) * (4 * HALF_ULP)
 
     def _corrected(self, Q: Array, residual: Matrix) -> Array:
@@ -270,7 +270,7 @@ class Generators:
         with np.errstate(over="ignore", invalid="ignore"):
             worst = (np.abs(residual.values) + residual.radius).max(axis=0, initial=0.0)
             spread = np.abs(self.inverse).sum(axis=1) * defect / (1 - defect)
-            error = (error + np.outer(spread, worst)) * room(self.inverse.shape[1]) + underflow(1)
+            error = (error + np.outer(spread, worst)) * sum_factor(self.inverse.shape[1]) + underflow(1)
             return Q + step - error - (np.abs(Q) + np.abs(step)) * (8 * HALF_ULP)
 
     def _exact_residual(

@@ -176,5 +176,5 @@ def box_points(box: Array, count: int) -> Iterator[Array]:
         pick = [(k >> i) & 1 for i in range(len(box))] if corners == 2 ** len(box) else rng.integers(0, 2, len(box))
         yield box[np.arange(len(box)), pick]
     for _ in range(count - corners):
-        share = rng.random(len(box))
-        yield np.clip((1 - share) * box[:, 0] + share * box[:, 1], box[:, 0], box[:, 1])
+        weight = rng.random(len(box))
+        yield np.clip((1 - weight) * box[:, 0] + weight * box[:, 1], box[:, 0], box[:, 1])

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 HALF_ULP = 2.0**-53
 SMALLEST_NORMAL = 2.0**-1022
 # For sums in which an error bound is one of the factors.
-RADIUS_ROOM = 1.01
-# What `room` is at the least; enough for four million terms.
-ROOM = 1 + 2.0**-29
+RADIUS_FACTOR = 1.01
+# What `sum_factor` is at the least; enough for four million terms.
+SUM_FACTOR = 1 + 2.0**-29
 
 
 def error_factor(roundings: int) -> float:
@@ -65,9 +65,9 @@ def chain_constants(inner: int, outer: int) -> tuple[float, float, float]:
     return error_factor(inner + outer), underflow(inner), underflow(outer)
 
 
-def room(terms: int) -> float:
+def sum_factor(terms: int) -> float:
     """A computed sum of so many nonnegative numbers, times this, is no smaller than the exact sum."""
-    return max(ROOM, 1 + error_factor(terms))
+    return max(SUM_FACTOR, 1 + error_factor(terms))
 
 
 @np.errstate(all="ignore")

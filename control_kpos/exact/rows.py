@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import DataError
 from .matrix import Integers, Matrix, dense, divide_by_content
-from .rounding import error_factor, room, rounding_radius, underflow
+from .rounding import error_factor, rounding_radius, sum_factor, underflow
 
 # Integer rows up to this size are shown as they are; larger ones are scaled into [1/2, 1).
 _READABLE = 2**20
@@ -119,7 +119,7 @@ def _rounded_image(matrix: Matrix, T: Matrix) -> Matrix:
             radius += np.abs(left) @ right_radius
         if matrix.radius is not None:
             radius += left_radius @ (np.abs(right) + right_radius)
-        radius = radius * room(terms) + underflow(terms)
+        radius = radius * sum_factor(terms) + underflow(terms)
     if not (np.isfinite(values).all() and np.isfinite(radius).all()):
         raise DataError("the image of the cone overflows; rescale T.")
     return Matrix(values, radius, integer_rows=ImageRows(matrix, T))

@@ -30,7 +30,7 @@ from .matrix import (
     granularity,
     integers_of_doubles,
 )
-from .rounding import RADIUS_ROOM, ROOM, SMALLEST_NORMAL, chain_constants, room
+from .rounding import RADIUS_FACTOR, SMALLEST_NORMAL, SUM_FACTOR, chain_constants, sum_factor
 from .sparse_integers import SparseIntegers
 
 UNKNOWN = 2
@@ -176,7 +176,7 @@ class BilinearForms:
             g, inner, outer = self._constants  # |r|_1 <= sqrt(length) |r|_2
             bound = (g * nl * nm + inner * np.sqrt(self._lengths[1])) * nr + outer
             if any(m.radius is not None for m in self._operands):
-                bound = bound + RADIUS_ROOM * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
+                bound = bound + RADIUS_FACTOR * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
             return bound
 
     def _entry_bound(self) -> NDArray[np.float64]:
@@ -193,7 +193,7 @@ class BilinearForms:
                 if m.radius is not None:
                     rest = [abs(k.values) for k in self._operands[i + 1 :]]
                     more = self._product(*done, m.radius, *rest)
-                    bound = bound + RADIUS_ROOM * (self._on_pattern(more).data if self.is_sparse else dense(more))
+                    bound = bound + RADIUS_FACTOR * (self._on_pattern(more).data if self.is_sparse else dense(more))
                 done.append(abs(m.values) if m.radius is None else abs(m.values) + m.radius)
             return bound
 
@@ -328,10 +328,10 @@ def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.floa
     count = prod(sizes)
     if 0 < count <= _SHORT:  # numpy reduces short axes slowly
         entries = (np.abs(values[(..., *index)]) for index in product(*map(range, sizes)))
-        return reduce(np.maximum, entries) * (np.sqrt(count) * ROOM) + SMALLEST_NORMAL
+        return reduce(np.maximum, entries) * (np.sqrt(count) * SUM_FACTOR) + SMALLEST_NORMAL
     top = np.abs(values).max(axis=axes, keepdims=True, initial=0.0)
     scaled = np.divide(values, top, out=np.zeros_like(values), where=top > 0)
-    total = np.sqrt(np.square(scaled).sum(axis=axes)) * room(count)
+    total = np.sqrt(np.square(scaled).sum(axis=axes)) * sum_factor(count)
     return total * top.reshape(total.shape) + SMALLEST_NORMAL
 
 
@@ -347,7 +347,7 @@ def _row_norms(m: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
     top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
-    return top * np.sqrt(np.diff(rows.indptr)) * ROOM + SMALLEST_NORMAL
+    return top * np.sqrt(np.diff(rows.indptr)) * SUM_FACTOR + SMALLEST_NORMAL
 
 
 def _frobenius(m: Matrix) -> tuple[Any, Any]:

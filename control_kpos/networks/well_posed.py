@@ -21,7 +21,7 @@ from scipy.sparse.csgraph import connected_components
 from ..errors import DataError
 from ..exact.linalg import LARGEST_PRIME, common_denominator, echelon, independent_modulo
 from ..exact.matrix import Index
-from ..exact.rounding import room
+from ..exact.rounding import sum_factor
 from .integers import direct_loop_of
 from .model import NetworkModel
 from .witnesses import list_nodes
@@ -72,7 +72,7 @@ def _contracts(model: NetworkModel) -> bool:
                 break
             total = total + term
         ahead = W @ model.times("D", total, absolute=True)
-        return bool((ahead * room(terms) < total).all())
+        return bool((ahead * sum_factor(terms) < total).all())
 
 
 def _is_suspicious(P: sp.csr_array) -> bool:

@@ -53,7 +53,7 @@ _DIGITS = (4, 6, 9, 12)
 # Operations of a proof, for each entry of A.
 _EFFORT_PER_ENTRY = 2e3
 # What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
-_SLACK, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
+_EXTRA, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
 # Bounds on gains are numbers of a linear program.
 _LARGEST_BOUND = 1e100
 
@@ -213,7 +213,7 @@ def _roomy(task: Task, limit: float) -> Floats | None:
     """A point with a little more gain than the smallest, and as wide margins as that allows."""
     with suppress(OutOfBudgetError):
         for margin in _WIDE if limit > 0 else ():
-            point = NetworkProgram(task, margin).start(task.rate, limit * (1 + _SLACK))
+            point = NetworkProgram(task, margin).start(task.rate, limit * (1 + _EXTRA))
             if not isinstance(point, Failure):
                 return point
     return None

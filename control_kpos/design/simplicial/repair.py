@@ -27,7 +27,7 @@ from ...exact.programs import balance
 Rationals = NDArray[np.object_]
 
 # Least weights of xi > 0 asked for, tried in turn; what counts as zero; weight of rows that are not in use.
-_ROOMS, _TINY, _FAINT = (1e-2, 1e-1, 1e-3, 1e-5), 1e-10, 1e-6
+_MARGINS, _TINY, _FAINT = (1e-2, 1e-1, 1e-3, 1e-5), 1e-10, 1e-6
 
 
 def repaired_multipliers(
@@ -49,8 +49,8 @@ def repaired_multipliers(
         values = exact.astype(float)
     except (DataError, OverflowError):  # numbers beyond the range of doubles
         return None
-    for room in _ROOMS:
-        chosen = _exact(exact, values, owner, n, strict, room)
+    for margin in _MARGINS:
+        chosen = _exact(exact, values, owner, n, strict, margin)
         if chosen is not None:
             return np.array([x * size for x, size in zip(chosen, sizes, strict=True)], dtype=object)
     return None
@@ -62,9 +62,9 @@ def _exact(
     owner: NDArray[Any],
     n: int,
     strict: NDArray[np.bool_],
-    room: float,
+    margin: float,
 ) -> Rationals | None:
-    found = _proposal(values, n, strict, room) if affords() else None
+    found = _proposal(values, n, strict, margin) if affords() else None
     if found is None:
         return None
     chosen = np.array([Fraction(x) for x in found.tolist()], dtype=object)
@@ -95,8 +95,8 @@ def _proposal(
 ) -> NDArray[np.float64] | None:
     """Weights in doubles, those of xi > 0 as large as possible, since they absorb the remainder."""
     count = len(values)
-    program = Program(multipliers=Block(count, low=0.0), room=Block(n, low=0.0, high=most, cost=-1.0))
-    program.below(0.0, multipliers=np.hstack([np.zeros((n, count - n)), -np.eye(n)]), room=np.eye(n))
+    program = Program(multipliers=Block(count, low=0.0), margin=Block(n, low=0.0, high=most, cost=-1.0))
+    program.below(0.0, multipliers=np.hstack([np.zeros((n, count - n)), -np.eye(n)]), margin=np.eye(n))
     program.equal(0.0, multipliers=values.T)
     program.equal(1.0, multipliers=strict[None, :])
     answer = program.solve()

@@ -16,7 +16,7 @@ import numpy as np
 from ...exact.budget import OutOfBudgetError, affords
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
-from ..accept import Accepted, accept, proven_rate, slack, succeed, undecided
+from ..accept import Accepted, accept, margins_of, proven_rate, succeed, undecided
 from ..controllability import controllability_notes
 from ..limits import gain_limit, rate_limit
 from ..plant import Plant
@@ -28,7 +28,7 @@ from .program import Failure, SimplicialProgram
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X (leading entries 1)"
 FIRST_GAIN = "nothing; max |F x_k| at the generators of X (leading entries 1)"
 # The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
-GAIN_SLACK = 0.05
+GAIN_EXTRA = 0.05
 # Of the decay rate that this excess allows, the part that is used; and of the largest rate, the parts asked for.
 _RATE_PART, RATE_PARTS = 0.8, (0.999, 0.99, 0.9)
 UNLIMITED = "no limit of the decay rate was found; give gain_bound, or the rate you need."
@@ -58,7 +58,7 @@ def design_on_simplicial(plant: Plant, rate: Any, lp: Programs) -> DesignResult:
 def without_feedback(plant: Plant, rate: Any) -> DesignResult | None:
     """The result with gain 0, if that does what is asked."""
     nothing = np.zeros(plant.shape)
-    if rate == "max" or len(plant.vertices) > 1 or not (slack(plant, nothing) > -1e-9).all():
+    if rate == "max" or len(plant.vertices) > 1 or not (margins_of(plant, nothing) > -1e-9).all():
         return None
     found = accept(plant, nothing, rate=rate)
     return None if found is None else succeed(plant, found, SMALLEST_GAIN, 0.0, 0.0)
@@ -90,7 +90,7 @@ def _smallest(
     if not affords():
         return exact_design(plant, rate, lp)
     x, infimum = program.smallest_gain(rate, start)
-    allowed = infimum * (1 + GAIN_SLACK)
+    allowed = infimum * (1 + GAIN_EXTRA)
     fast, reachable = program.largest_rate(x, allowed, tolerance=0.25)
     reachable = min(reachable, rate + plant.scale)
     target = rate + _RATE_PART * max(reachable - rate, 0.0)
@@ -103,7 +103,7 @@ def _smallest(
 
     def prove(point: Any) -> Accepted | None:
         F, inside = program.read(point)
-        return accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_SLACK))
+        return accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_EXTRA))
 
     found = first_proven(points(), prove)
     if found is None:

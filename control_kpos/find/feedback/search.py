@@ -22,7 +22,7 @@ from ...cards import about
 from ...cones import PolyhedralCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
-from ...design.accept import accept, slack, succeed
+from ...design.accept import accept, margins_of, succeed
 from ...design.controllability import reachable
 from ...design.plant import read_plant
 from ...errors import DataError, ShapeError
@@ -311,7 +311,7 @@ def _polished(served: list[System], R: Array, F: Array) -> CodesignResult | None
     system = ConeStateSpace(*source.matrices, source.dt or 0, X=cone, remove_useless_states=False)
     pairs = [_pair(plant) for plant in served]
     plant = read_plant(system, cone, vertices=pairs)
-    given = accept(plant, F, x=R.sum(axis=1)) if (slack(plant, F) > 0).all() else None
+    given = accept(plant, F, x=R.sum(axis=1)) if (margins_of(plant, F) > 0).all() else None
     design = state_feedback(system, X=cone, vertices=pairs, time_limit=max(seconds_left(), 1e-3))
     if not design and given is not None:
         design = succeed(plant, given, "", given.size)

@@ -31,7 +31,7 @@ from .polygons import Group, Polygon, dimensions, groupings, smallest_polygon
 Array = NDArray[np.float64]
 
 # Part of the available decay kept aside for the strictness of P.
-_SLACK = 0.02
+_RISE = 0.02
 _TIGHT = 1e-4
 # From this many generators on P is sparse, and the first cone found is taken: others would save little and cost much.
 LARGE = 1000
@@ -45,19 +45,19 @@ _PER_MODE, _PER_NUMBER = 2e5, 20.0
 
 @dataclass(frozen=True, eq=False)
 class Multipliers:
-    """P = core + weights slack', for which A R = R P.
+    """P = core + weights rise', for which A R = R P.
 
     Attributes
     ----------
     core : csr_array, shape (N, N)
-        A R = R core + e slack'.
-    weights, slack : ndarray, shape (N,)
+        A R = R core + e rise'.
+    weights, rise : ndarray, shape (N,)
         e = R weights; not negative.
     """
 
     core: sp.csr_array
     weights: Array
-    slack: Array
+    rise: Array
 
     @property
     def is_thin(self) -> bool:
@@ -67,8 +67,8 @@ class Multipliers:
     def combined(self) -> Array | sp.csr_array:
         """P, sparse if a few generators only have weights."""
         if not self.is_thin:
-            return self.core.toarray() + np.outer(self.weights, self.slack)
-        return sp.csr_array(self.core + sp.csr_array(self.weights[:, None]) @ sp.csr_array(self.slack[None, :]))
+            return self.core.toarray() + np.outer(self.weights, self.rise)
+        return sp.csr_array(self.core + sp.csr_array(self.weights[:, None]) @ sp.csr_array(self.rise[None, :]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +139,7 @@ def modal_cone(
     points, unscaled = best.built()
     eye = sp.eye_array(best.size, format="csr")
     core = unscaled.core * scale if discrete else unscaled.core + m.dominant * eye
-    multipliers = Multipliers(sp.csr_array(core), unscaled.weights, unscaled.slack * scale)
+    multipliers = Multipliers(sp.csr_array(core), unscaled.weights, unscaled.rise * scale)
     separators = best.separators(points)
     if separators is not None:
         separators = np.asarray(np.linalg.solve(V.T, separators.T).T, dtype=np.float64)
@@ -167,14 +167,14 @@ class _Step(NamedTuple):
     place: int | None
     polygon: Polygon
     rows: NDArray[np.intp]
-    slack: float
+    rise: float
     even: Array
 
 
 class _Sum:
     """A growing cone in modal coordinates (first coordinate: the dominant direction, always 1).
 
-    A X = X core + e slack' and e = X weights, up to the shift or scale that makes the dominant eigenvalue `top`.
+    A X = X core + e rise' and e = X weights, up to the shift or scale that makes the dominant eigenvalue `top`.
     While it grows it keeps what choices depend on: at which rate each generator stays, and whether it has a weight.
     """
 
@@ -190,10 +190,10 @@ class _Sum:
         """Number of generators."""
         return len(self.stay)
 
-    def add(self, polygon: Polygon, rows: NDArray[np.intp], slack: float = 0.0, place: int | None = None) -> None:
+    def add(self, polygon: Polygon, rows: NDArray[np.intp], rise: float = 0.0, place: int | None = None) -> None:
         """Free sum with a polygon around e; or generator `place` replaced by its copies displaced to the corners."""
         even = polygon.convex_weights(thin=self.thin)
-        self.steps.append(_Step(place, polygon, rows, slack, even))
+        self.steps.append(_Step(place, polygon, rows, rise, even))
         kept = np.arange(self.size) != (-1 if place is None else place)
         self.stay = np.concatenate([self.stay[kept], np.full(len(even), polygon.rates[0])])
         self.weighted = np.concatenate([self.weighted[kept], even > 0])
@@ -212,27 +212,27 @@ class _Sum:
                 best, found = int(k), fit
                 if len(fit.rates) <= dimensions(group) + 1:
                     break
-        free, slack = self._free(group, gap)
+        free, rise = self._free(group, gap)
         if found is not None and (free is None or len(found.rates) - 1 <= len(free.rates)):
             self.add(found, rows, place=best)
             return True
         if free is None:
             return False
-        self.add(free, rows, slack)
+        self.add(free, rows, rise)
         return True
 
     def _free(self, group: NDArray[np.complex128], gap: float) -> tuple[Polygon | None, float]:
         """The smallest polygon around e, and the decay kept aside."""
         tight = smallest_polygon(group, self.top - _TIGHT * gap, discrete=self.discrete)
-        free = smallest_polygon(group, self.top - _SLACK * gap, discrete=self.discrete)
+        free = smallest_polygon(group, self.top - _RISE * gap, discrete=self.discrete)
         if free is None or (tight is not None and len(tight.rates) < len(free.rates)):
             return tight, _TIGHT * gap
-        return free, _SLACK * gap
+        return free, _RISE * gap
 
     def built(self) -> tuple[Array, Multipliers]:
         """Generators, one a column, and multipliers up to shift and scale."""
         points, core = np.zeros((self.dims, 0)), sp.csr_array((0, 0))
-        weights, slack = np.zeros(0), np.zeros(0)
+        weights, rise = np.zeros(0), np.zeros(0)
         placed = 0
         for step in self.steps:
             N, m, k, even = len(weights), len(step.even), step.place, step.even
@@ -245,16 +245,16 @@ class _Sum:
                 core = sp.csr_array(sp.block_diag([core, ring])) if N else ring
                 part = len(step.rows) / (len(step.rows) + placed) if N else 1.0
                 weights = np.concatenate([weights * (1 - part), even * part])
-                slack = np.concatenate([slack, np.full(m, step.slack)])
+                rise = np.concatenate([rise, np.full(m, step.rise)])
             else:
                 rest = np.delete(np.arange(N), k)
                 kept = np.concatenate([rest, np.full(m, k)])
-                points, slack = points[:, kept], slack[kept]
+                points, rise = points[:, kept], rise[kept]
                 weights = np.concatenate([weights[rest], weights[k] * even])
                 core = _attached(core, k, rest, ring, even)
             points[np.ix_(step.rows, np.arange(len(weights) - m, len(weights)))] = step.polygon.corners
             placed += len(step.rows)
-        return points, Multipliers(core, weights, slack)
+        return points, Multipliers(core, weights, rise)
 
     def separators(self, points: Array) -> Array | None:
         """Functionals that single out each generator, or None for too many of them.

@@ -61,8 +61,8 @@ def dominant_index(values: NDArray[np.complex128], *, discrete: bool) -> int:
     """Index of the dominant eigenvalue; among near ties a real (discrete: nonnegative) one."""
     size = np.abs(values) if discrete else values.real
     top = size.max()
-    slack = 1e-13 * (np.abs(values).max() + np.finfo(float).tiny)
-    near = np.flatnonzero(size >= top - slack)
+    tolerance = 1e-13 * (np.abs(values).max() + np.finfo(float).tiny)
+    near = np.flatnonzero(size >= top - tolerance)
     good = near[(np.abs(values[near].imag) == 0) & ((values[near].real >= 0) | (not discrete))]
     return int(good[0] if good.size else near[0])
 

@@ -90,15 +90,15 @@ def assemble(f: Flow, paths: list[Path], core: Core) -> Assembly:
         exact[head] = True
         diagonal[head], below[head] = path.first.stays, path.first.moves
         if f.discrete:
-            below[tail] = f.dominant - f.slack
+            below[tail] = f.dominant - f.reduction
         else:
             below[tail] = 1 / path.orbit.steps
-            diagonal[tail] = f.dominant - f.slack - below[tail]
+            diagonal[tail] = f.dominant - f.reduction - below[tail]
         if steps:
             inflow[:, at[-1]] += below[at[-1]] * core.combination(path.points[-1])
             below[at[-1]] = 0.0
         row += steps
-    spread = np.where(exact[:count], 0.0, f.slack * points[:count, 0])
+    spread = np.where(exact[:count], 0.0, f.reduction * points[:count, 0])
     support = np.flatnonzero(weights)
     if large:
         inflow += np.outer(core.weights, spread)

@@ -4,9 +4,9 @@
 
 The cone of all g_k and of a core that the orbit ends in is invariant, since A g_k is a combination of
 g_k and g_(k+1) (Ohta, Maeda and Kodama, 1984, for h_k of any size).  All of it happens in the coordinates
-(1, y) of a split, with the gaps between lam and the other eigenvalues reduced by `slack`: then
+(1, y) of a split, with the gaps between lam and the other eigenvalues reduced by `reduction`: then
 
-    A g_k = (combination of g_k and g_(k+1)) + slack (l'g_k) e,
+    A g_k = (combination of g_k and g_(k+1)) + reduction (l'g_k) e,
 
 and e, which is inside the cone, makes multipliers positive.
 
@@ -57,18 +57,18 @@ _WELL_CONDITIONED = 1e6
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """(A - lam I) in the coordinates of a split (discrete time: A / (lam - slack) on the others), gaps reduced.
+    """(A - lam I) in the coordinates of a split (discrete time: A / (lam - reduction) on the others), gaps reduced.
 
     Attributes
     ----------
     S : ndarray, shape (n, n)
-    dominant, slack : float
+    dominant, reduction : float
     discrete : bool
     """
 
     S: Array
     dominant: float
-    slack: float
+    reduction: float
     discrete: bool
 
 
@@ -93,13 +93,13 @@ def flow(s: Split, part: float, *, discrete: bool) -> Flow:
     n = len(s.right)
     S = np.zeros((n, n))
     S[1:, 1:] = s.S
-    slack = part * s.gap
+    reduction = part * s.gap
     if discrete:
-        S[1:, 1:] /= s.dominant - slack
+        S[1:, 1:] /= s.dominant - reduction
         S[0, 0] = 1.0
     else:
-        S[1:, 1:] += (slack - s.dominant) * np.eye(n - 1)
-    return Flow(S, s.dominant, slack, discrete)
+        S[1:, 1:] += (reduction - s.dominant) * np.eye(n - 1)
+    return Flow(S, s.dominant, reduction, discrete)
 
 
 def follow(f: Flow, start: Array, normals: Array, core: Core) -> Orbit | None:

@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 # Generators are tested for redundancy up to this number, times the dimension; each test is a linear program.
 _PRUNED = 1600
 # The dynamics are followed with gaps reduced by this part of the smallest one.
-_SLACK = (1e-4, 1e-3, 1e-5)
+_REDUCTIONS = (1e-4, 1e-3, 1e-5)
 # Lengths of steps along a boundary, as parts of the longest sensible one.
 _FIRST = (0.5, 0.1, 0.02, 0.004)
 # Exact steps in discrete time, which may touch half-spaces.
@@ -131,9 +131,9 @@ class _Search:
         core = core_inside(s, c, b, discrete=self.discrete)
         if core is None:
             return
-        for slack in _SLACK:
+        for reduction in _REDUCTIONS:
             spend(s.S.size)
-            f = flow(s, slack, discrete=self.discrete)
+            f = flow(s, reduction, discrete=self.discrete)
             paths = self._paths(f, c, core, to_split, on_boundary)
             if paths is not None:
                 yield paths, assemble(f, paths, core)
