@@ -18,7 +18,7 @@ from statements import fractions_of
 import control_kpos as kp
 from control_kpos.errors import ActuatorLossWarning
 
-SUM_FACTOR = 1e-4
+ROOM = 1e-4
 
 
 @dataclass(frozen=True)
@@ -97,12 +97,12 @@ def inequalities(task, rate, bound=None):
         for i in range(n):
             for k in range(n):
                 if i != k or task.discrete:
-                    row((SUM_FACTOR - A[i, k]) * unit[k], -np.outer(B[i], unit[k]))
-            row(A[i] + (float(rate) + SUM_FACTOR - task.discrete) * unit[i], np.outer(B[i], np.ones(n)), e[i])
+                    row((ROOM - A[i, k]) * unit[k], -np.outer(B[i], unit[k]))
+            row(A[i] + (float(rate) + ROOM - task.discrete) * unit[i], np.outer(B[i], np.ones(n)), e[i])
     lengths = leading(task.T).astype(float)
     if bound is not None:
         for k, j, sign in itertools.product(range(n), range(m), (1, -1)):
-            row(-(1 - SUM_FACTOR) * bound * lengths[k] * unit[k], sign * np.outer(np.eye(m)[j], unit[k]))
+            row(-(1 - ROOM) * bound * lengths[k] * unit[k], sign * np.outer(np.eye(m)[j], unit[k]))
     return np.array(rows), np.array(sizes)
 
 
@@ -135,8 +135,8 @@ def stabilising_gains(rng, task, tries=30):
         for i, k in itertools.product(range(n), range(n)):
             if i != k or task.discrete:
                 rows.append(-np.kron(B[i], np.eye(n)[k]))
-                rhs.append(A[i, k] - SUM_FACTOR)
-    bound = np.tile(leading(task.T).astype(float), m) * task.asked.get("gain_bound", 50.0) * (1 - SUM_FACTOR)
+                rhs.append(A[i, k] - ROOM)
+    bound = np.tile(leading(task.T).astype(float), m) * task.asked.get("gain_bound", 50.0) * (1 - ROOM)
     box, points = np.c_[-bound, bound], []
     for _ in range(tries):
         rows_and_rhs = (np.array(rows), np.array(rhs)) if rows else (None, None)
@@ -148,7 +148,7 @@ def stabilising_gains(rng, task, tries=30):
             F = g.reshape(m, n) @ S
             poles = [np.linalg.eigvals(A + B @ F) for A, B in task.pairs]
             sizes = [abs(p).max() - 1 if task.discrete else p.real.max() for p in poles]
-            if max(sizes) < -float(task.rate) - SUM_FACTOR:
+            if max(sizes) < -float(task.rate) - ROOM:
                 yield F
 
 

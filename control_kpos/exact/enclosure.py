@@ -26,7 +26,7 @@ from .matrix import Matrix
 from .products import as_doubles, summed_products
 from .rounding import (
     HALF_ULP,
-    RADIUS_ROOM,
+    RADIUS_FACTOR,
     SMALLEST_NORMAL,
     error_factor,
     rounding_radius,
@@ -107,10 +107,10 @@ def enclosed_product(left: Matrix, right: Matrix) -> tuple[Array, Array]:
         product = sum((a[:, k : k + _BLOCK] @ b[:, k : k + _BLOCK].T for k in blocks), np.zeros(size.shape))
         bound = g * size + lost
         if left.radius is not None:
-            bound = bound + RADIUS_ROOM * (left.radius @ np.abs(b).T)
+            bound = bound + RADIUS_FACTOR * (left.radius @ np.abs(b).T)
         if right.radius is not None:
             reach = np.abs(a) if left.radius is None else np.abs(a) + left.radius
-            bound = bound + RADIUS_ROOM * (reach @ right.radius.T)
+            bound = bound + RADIUS_FACTOR * (reach @ right.radius.T)
         return product, bound
 
 
@@ -123,7 +123,7 @@ def enclosed_sparse_product(left: Matrix, P: sp.csr_array) -> tuple[Array, Array
         product = np.asarray(columns @ values).T
         bound = g * np.asarray(abs(columns) @ np.abs(values)).T + lost
         if left.radius is not None:
-            bound = bound + RADIUS_ROOM * np.asarray(abs(columns) @ np.asarray(left.radius).T).T
+            bound = bound + RADIUS_FACTOR * np.asarray(abs(columns) @ np.asarray(left.radius).T).T
     return product, bound
 
 
