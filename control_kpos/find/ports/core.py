@@ -297,7 +297,7 @@ def _thinly_coupled(parts: list[Multipliers]) -> Multipliers:
     return Multipliers(
         sp.csr_array(sp.block_diag([part.core for part in parts])),
         np.concatenate([part.weights for part in parts]) / len(parts),
-        np.concatenate([part.reduction for part in parts]),
+        np.concatenate([part.rise for part in parts]),
     )
 
 
