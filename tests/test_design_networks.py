@@ -1,10 +1,12 @@
 """Local gains for whole networks, uniform gains, and gains that are good for any number of nodes."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import planted
 import pytest
+import scipy.linalg
 import scipy.sparse as sp
 
 import control_kpos as kp
@@ -97,7 +99,7 @@ def test_ring_of_paper_plants(n):
         closed[2 * j : 2 * j + 2, 2 * j : 2 * j + 2] += node().B @ d.F[j]
     np.testing.assert_allclose(d.closed_loop.A, closed, atol=1e-12)
     assert np.linalg.eigvals(closed).real.max() <= -0.5 + 1e-9
-    assert d.value == pytest.approx(5, rel=0.06)
+    assert d.value == pytest.approx(5 if n > 1 else 4, rel=0.06)  # alone, its link helps: F + W C
 
 
 def test_different_nodes_with_a_bound():
@@ -339,10 +341,46 @@ def test_links_and_ports_that_no_local_gain_can_mend_are_refuted(discrete):
     X = kp.examples.paper_cone()
     A = [[0.5, 0.1], [0, 0.5]] if discrete else [[0, 1], [-1, 0]]
     plant = kp.ConeStateSpace(A, [[0], [1]], [[1, 0]], 0, discrete, X=X)
-    wrong_sign = kp.network_feedback([plant] * 2, -np.eye(2))
+    assert kp.network_feedback([plant] * 2, -np.eye(2))  # F + W_jj C is what counts
+    wrong_sign = kp.network_feedback([plant] * 2, [[0, -1], [1, 0]])
     assert wrong_sign.status is kp.Status.REFUTED and wrong_sign.certificate.check()
-    assert "link from node 0 to node 0" in wrong_sign.explain()
+    assert "link from node 1 to node 0" in wrong_sign.explain()
     measures_velocity = kp.ConeStateSpace(A, [[0], [1]], [[0, 1]], 0, discrete, X=X)
     outside = kp.network_feedback([plant, measures_velocity], np.eye(2))
     assert outside.status is kp.Status.REFUTED and outside.certificate.check()
     assert "node 1" in outside.explain() and "C X in Y" in outside.explain()
+
+
+def test_links_of_nodes_to_themselves_are_no_reason():
+    """x_j' = x_j + F x_j + W_jj x_j + ...: gains can cancel own links, and own links can help."""
+    single = kp.ConeStateSpace([[1.0]], [[1.0]], [[1.0]], 0)
+    d = kp.network_feedback([single] * 2, [[-1, -0.5], [0.5, -1]])
+    assert d.status is kp.Status.REFUTED and d.check() and "link from node 1 to node 0" in d.explain()
+    crossed = kp.ConeStateSpace([[1.0, -1], [0, 1]], [[0], [1.0]], [[1.0, 0]], 0)
+    d = kp.network_feedback([crossed] * 2, [[-1, 0.5], [0.5, -1]])
+    assert d.status is kp.Status.REFUTED and "node 0 cannot be made positive" in d.explain()
+    # -1 + |W_01| + F: up to 1/2 + |F| is possible
+    own = [[-2, 0.5], [0.5, -2]]
+    for rate, status in (("0.59", kp.Status.PROVED), ("0.61", kp.Status.REFUTED)):
+        assert kp.network_feedback([single] * 2, own, gain_bound=0.1, rate=rate).status is status
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_fractions_of_gains_beside_links_of_nodes_to_themselves(seed):
+    """A_j + B_j F_j diag(s) + B_j W_jj C_j, at the fraction that is proven, in all nodes at once."""
+    rng = np.random.default_rng(seed)
+    W, B, C = np.round(rng.uniform(0, 0.1, (3, 3)), 2), np.array([[1], [0.5]]), np.array([[1, 0.25]])
+    W[np.diag_indices(3)] = np.round(rng.uniform(-3, 1, 3), 2)
+    gains = np.round(rng.uniform(-1, 1, (3, 1, 2)), 2)
+    loops = [planted.metzler_hurwitz(rng, 2) - np.eye(2) for _ in range(3)]
+    data = [M - B @ (F + w * C) for M, F, w in zip(loops, gains, np.diag(W), strict=True)]
+    nodes = [kp.ConeStateSpace(A, B, C, 0) for A in data]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", kp.ActuatorLossWarning)
+        d = kp.network_feedback(nodes, W)
+    assert d and d.check() and d.limit <= np.abs(gains).max() and (d.certified_fraction < 1).any()
+    parts = [scipy.linalg.block_diag(*(getattr(s, name) for s in nodes)) for name in "ABC"]
+    for s in (np.ones(3), d.certified_fraction):
+        F = scipy.linalg.block_diag(*(part * f for part, f in zip(s, d.F, strict=True)))
+        loop = parts[0] + parts[1] @ (F + W @ parts[2])
+        assert (loop[~np.eye(6, dtype=bool)] >= -1e-12).all() and np.linalg.eigvals(loop).real.max() < 1e-9

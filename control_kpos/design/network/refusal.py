@@ -40,6 +40,7 @@ Floats = NDArray[np.float64]
 _NODES_TRIED = 50
 # States up to which the whole network is refuted in rational arithmetic.
 _STATES = 60
+_ALONE = "even without links to other nodes"
 
 
 def explain_failure(task: Task, program: NetworkProgram) -> DesignResult:
@@ -88,9 +89,9 @@ def _nearest(task: Task, program: NetworkProgram) -> Nearest | None:
 
 
 def _blocking_node(task: Task) -> DesignResult | None:
-    """A node that cannot be made positive and stable, or as fast, even alone: then no network with it can.
+    """A node that cannot be made positive and stable, or as fast, without links to others: then no network with it can.
 
-    Links only add to A + B F, in the order of X, and so never speed up the decay.
+    Links between nodes only add to A + B F, in the order of X, and so never speed up the decay.
     """
     model, rate, lp = task.model, task.rate, task.lp
     within = " within its gain_bound" if task.bound is not None else ""
@@ -114,8 +115,8 @@ def _blocking_node(task: Task) -> DesignResult | None:
                 continue
             slow, name = _alone(plant, 0.0, lp) if rate > 0 else result, model.name_of(j)
             if slow is not None:
-                return replace(slow, message=f"{name} cannot be made positive and stable{within}, even alone.")
-            return replace(result, message=f"{name} cannot have a decay rate of {raised(rate)}{within}, even alone.")
+                return replace(slow, message=f"{name} cannot be made positive and stable{within}, {_ALONE}.")
+            return replace(result, message=f"{name} cannot have a decay rate of {raised(rate)}{within}, {_ALONE}.")
     return None
 
 

@@ -28,6 +28,7 @@ from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, gather
 from ...networks.network import ConeNetwork
 from ...networks.nodes import NodeStack
+from ...networks.own_links import own_links_closed
 from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
@@ -134,6 +135,7 @@ def network_feedback(
         empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
+        model = own_links_closed(model) or model  # A + B F + B W_jj C is what gains act on
         return _designed(Task(model, _read_bound(gain_bound, model), uniform, float(target), lp))
 
     result = within(time_limit, design, "network", solver=solver, progress=progress)
@@ -230,7 +232,8 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
             return None
         used = [u / b for u, b in zip(used, bounds, strict=True)]
     value = max(float(u.max(initial=0.0)) for u in used)
-    closed, exact = _closed(model, gains)
+    given = model.origin or model
+    closed, exact = _closed(given, gains)
     network = ConeNetwork(closed)
     certificate = network.certificate
     if not certificate:
@@ -238,7 +241,8 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
     if certificate.decay_rate < task.rate and not -network.spectral_abscissa()[1] >= task.rate:
         return None
     kept = min(task.rate, certificate.decay_rate)
-    fraction, fragile = node_fractions(model, gains, certificate, kept)
+    proven = given if certificate.model.origin is None else model
+    fraction, fragile = node_fractions(proven, gains, certificate, kept)
     notes = [] if exact else [_rounding_note(program, gains, closed)]
     notes += _weakening(model, fraction, kept)
     return DesignResult(
