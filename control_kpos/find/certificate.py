@@ -43,6 +43,10 @@ class Obstruction(Protocol):
         """What a checker without this package needs besides."""
         ...
 
+    def restated(self, matrices: Matrix, *, discrete: bool) -> Obstruction:
+        """The obstruction with what files leave out: numbers for texts, computed from the matrices."""
+        ...
+
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ConeCertificate(Certificate):
@@ -158,12 +162,7 @@ class ConeCertificate(Certificate):
             By the names in files.
         """
         if "X" not in contents:
-            restored = cls.settle(**contents)
-            if isinstance(restored.witness, Between) and not restored.witness.concerns(
-                restored.contains, restored.within
-            ):
-                raise DataError("the obstruction is about ports that the question does not have.")
-            return restored
+            return cls._refuted(**contents)
         rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
         matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")
         inner = None if inner is None else inner.T
@@ -171,6 +170,16 @@ class ConeCertificate(Certificate):
             matrices, inner, outer = matrices.T, outer, inner
         rays = given_generators(contents["X"])
         return cls.settle(matrices=matrices, rays=rays, contains=inner, within=outer, **rest)
+
+    @classmethod
+    def _refuted(cls, *, witness: Any, **contents: Any) -> ConeCertificate:
+        """A certificate that there is no cone, from the contents of a file."""
+        if isinstance(witness, Obstruction):
+            question = cls(**contents)
+            if isinstance(witness, Between) and not witness.concerns(question.contains, question.within):
+                raise DataError("the obstruction is about ports that the question does not have.")
+            witness = witness.restated(question.matrices, discrete=question.discrete)
+        return cls.settle(**contents, witness=witness)
 
     def _sides(self) -> tuple[Matrix, Matrix | None, Matrix | None]:
         """The matrices, vectors in the cone and normals on it, of the cone that `rays` generates."""

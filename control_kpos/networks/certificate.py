@@ -128,7 +128,8 @@ class ClaimOnNetwork(Certificate):
         """
         own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
         model = own.get("model") or files.rebuild(contents)
-        return cls.settle(**{**own, "model": model, "witness": restated(model, own.get("witness"))})
+        own = {**own, "model": model}
+        return cls.settle(**{**own, "witness": restated(cls(**own))})
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -48,6 +48,7 @@ from .witnesses import (
     NodeViolation,
     below_abscissa,
     coupling_violation,
+    nodes_in_loop,
     positive_parts,
 )
 
@@ -275,7 +276,7 @@ def algebraic_witness(model: NetworkModel) -> AlgebraicLoop | None:
             kept = _growing_outputs(model, D, y)
             if kept is not None:
                 u = lower_received(model, kept)
-                return AlgebraicLoop(kept, u, np.unique(model.owners(2)[kept != 0]))
+                return AlgebraicLoop(kept, u, nodes_in_loop(model, Matrix(kept)))
         y = (ahead / size + shift * y) if step < 1500 else ahead / size
         y /= np.abs(y).max()
     return None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from ..exact.matrix import Matrix
 from ..exact.products import exact_product
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
-from ..proof.encoding import register_record
+from ..proof.encoding import LATER, register_record
 from ..proof.inclusion import PositivityViolation
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
 from ..theorems.positivity import PositivityCertificate
 from . import conditions as on
-from .blocks import Floats, take_blocks
+from .blocks import Floats, Index, take_blocks
 from .model import NetworkModel
 
 LoopWeights: TypeAlias = "tuple[Matrix, Matrix] | None"
@@ -39,11 +39,13 @@ class CouplingViolation:
         h'W_jk y < 0, correctly rounded.
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("value",)
+
     target: int
     source: int
     facet: int
     ray: int
-    value: float
+    value: float = LATER
 
     def __str__(self) -> str:
         product = about(self.value, digits=3)
@@ -80,16 +82,18 @@ class NodeNotDissipative:
     ----------
     node : int
     q, r : ndarray
-        The supply rate r'u + q'y.
+        The supply rate r'u + q'y, as the network has it.
     violation : SupplyViolation
         x and u that no storage v'x survives.
     q_exact, r_exact : tuple of Fraction, or None
         The supply rate where doubles do not suffice; q and r are its rounding.
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("q", "r", "q_exact", "r_exact")
+
     node: int
-    q: Vector = Vector(required=True)
-    r: Vector = Vector(required=True)
+    q: Vector = Vector()
+    r: Vector = Vector()
     violation: SupplyViolation | None = None
     q_exact: Fractions = Fractions("q")
     r_exact: Fractions = Fractions("r")
@@ -142,10 +146,12 @@ class AlgebraicLoop:
     y, u : ndarray, shapes (sum q_k,), (sum m_j,)
         u is a lower bound on W y in the order of U.
     nodes : ndarray of int
-        The nodes in the loop.
+        The nodes in the loop: those where y is not 0.
     exact : tuple of two tuples of Fraction, or None
         y and u where doubles do not suffice; those above are their rounding.
     """
+
+    computed: ClassVar[tuple[str, ...]] = ("nodes",)
 
     y: Vector = Vector(required=True)
     u: Vector = Vector(required=True)
@@ -209,7 +215,7 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         return growth(model, w, loop)
     if isinstance(w, AlgebraicLoop):
         all_y, all_u = w.vectors
-        if not np.any(w.y) or not np.array_equal(w.nodes, np.unique(model.owners(2)[all_y.values != 0])):
+        if not np.any(w.y) or not np.array_equal(w.nodes, nodes_in_loop(model, all_y)):
             return None
         out = positive_parts(model) + on.emitted(model, all_y)
         for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
@@ -251,14 +257,35 @@ def coupling_violation(model: NetworkModel, target: int, source: int, facet: int
     return CouplingViolation(target, source, facet, ray, value)
 
 
-def restated(model: NetworkModel, w: Any) -> Any:
-    """A witness from a file; the product at a link, which version 0.1 rounded otherwise, is computed afresh."""
-    if not isinstance(w, CouplingViolation):
-        return w
-    try:
+def nodes_in_loop(model: NetworkModel, y: Matrix) -> Index:
+    """The nodes with outputs that are not 0."""
+    return np.unique(model.owners(2)[y.values != 0])
+
+
+def node_supply(model: NetworkModel, certificate: Any, node: int) -> tuple[Matrix, Matrix]:
+    """q and r that a certificate has for a node."""
+    ranges = (np.arange(*model.offsets[kind][node : node + 2]) for kind in (2, 1))
+    q, r = (exactly(certificate, name)[places] for name, places in zip("qr", ranges, strict=True))
+    return q, r
+
+
+def restated(certificate: Any) -> Any:
+    """The witness of a certificate from a file, with what files leave out.
+
+    Raises
+    ------
+    KposError, IndexError
+        It names things that are not there.
+    """
+    model, w = certificate.model, certificate.witness
+    if isinstance(w, CouplingViolation):
         return coupling_violation(model, w.target, w.source, w.facet, w.ray)
-    except (ValueError, IndexError):
-        return w
+    if isinstance(w, NodeViolation):
+        part = replace(node_positivity(model, w.node), witness=w.violation)
+        return replace(w, violation=part.restated())
+    if isinstance(w, NodeNotDissipative):
+        return NodeNotDissipative(w.node, *node_supply(model, certificate, w.node), w.violation)
+    return replace(w, nodes=nodes_in_loop(model, exactly(w, "y"))) if isinstance(w, AlgebraicLoop) else w
 
 
 def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition] | None:
@@ -277,5 +304,7 @@ def _pair(model: NetworkModel, target: int, source: int, facet: int, ray: int) -
 
 
 def exact_rows(m: Matrix, row: int) -> Matrix:
-    """One row of the facets or generators of a cone."""
+    """One row of the facets or generators of a cone; IndexError if there is none."""
+    if not 0 <= row < m.shape[0]:
+        raise IndexError(row)
     return m[np.array([row])].dense()

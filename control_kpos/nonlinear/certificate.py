@@ -6,7 +6,7 @@ h'J x >= 0 holds for all J with |J - C| <= R, entry by entry, if and only if h'C
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,7 +19,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
-from ..proof.encoding import register_record
+from ..proof.encoding import LATER, register_record
 from ..proof.weights import ProofOmittedError, Prover, violation
 
 _SOURCES = ("vertices", "enclosed", "sampled")
@@ -43,12 +43,14 @@ class DifferentialViolation:
         Where; None for a Jacobian that was given as a matrix.
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("value",)
+
     centre: Array
     radius: Array
     facet: int
     ray: int
-    value: float
-    point: Array | None
+    value: float = LATER
+    point: Array | None = None
 
     def __str__(self) -> str:
         where = "" if self.point is None else f" at x = {shown(self.point)}"
@@ -114,17 +116,31 @@ class DifferentialCertificate(Certificate):
     def refutation(self) -> Sequence[Condition] | None:
         """The inequalities that prove the violation."""
         w = self.witness
-        if not isinstance(w, DifferentialViolation) or w.centre.shape != self.centres.shape[1:]:
+        forms = self._crossing(w) if isinstance(w, DifferentialViolation) else None
+        if forms is None:
             return None
-        if w.point is None and not any(
-            np.array_equal(w.centre, c) and not r.any() for c, r in zip(self.centres.values, self.radii, strict=True)
-        ):
-            return None
-        h, x = _dense_facets(self.X)[[w.facet]], _dense_rays(self.X)[[w.ray]]
-        out = [Condition("h'J x < 0", _worst(h, Matrix(w.centre), w.radius, x, 1), "<")]
+        out = [Condition("h'J x < 0", forms, "<")]
         if not self.discrete:
+            h, x = _dense_facets(self.X)[[w.facet]], _dense_rays(self.X)[[w.ray]]
             out.append(Condition("h'x = 0", BilinearForms(h, None, x), "=="))
         return out
+
+    def _crossing(self, w: DifferentialViolation) -> BilinearForms | None:
+        """The largest h'J x over the Jacobians of a violation; None if there are no such Jacobians or numbers."""
+        X, n = self.X, self.X.dim
+        if w.centre.shape != (n, n) or w.radius.shape != (n, n) or not (w.radius >= 0).all():
+            return None
+        member = self._member(w)
+        if (member is None and w.point is None) or not (0 <= w.facet < X.n_facets and 0 <= w.ray < X.n_rays):
+            return None
+        J = Matrix(w.centre) if member is None else self.centres[member]
+        return _worst(_dense_facets(X)[[w.facet]], J, w.radius, _dense_rays(X)[[w.ray]], 1)
+
+    def _member(self, w: DifferentialViolation) -> int | None:
+        """Which Jacobian was given as a matrix that rounds to the centre; None for one at a point."""
+        pairs = enumerate(zip(self.centres.values, self.radii, strict=True))
+        same = (s for s, (J, r) in pairs if np.array_equal(w.centre, J) and not r.any())
+        return next(same, None) if w.point is None and not w.radius.any() else None
 
     def contents(self) -> dict[str, Any]:
         """Jacobians are named A, one matrix each; `radii`, if there are any, are the bounds around them."""
@@ -150,6 +166,10 @@ class DifferentialCertificate(Certificate):
         if "A" in rest:
             rest["centres"] = Matrix.stack(rest.pop("A"))
             rest["radii"] = np.array(rest["radii"]) if "radii" in rest else np.zeros(rest["centres"].shape)
+        w: Any = rest.get("witness")
+        forms = cls(**rest)._crossing(w) if isinstance(w, DifferentialViolation) else None
+        if forms is not None:
+            rest["witness"] = replace(w, value=float(forms.values[0, 0]))
         return cls.settle(**rest)
 
     def evidence(self) -> dict[str, Any]:
@@ -161,8 +181,7 @@ class DifferentialCertificate(Certificate):
             layers = ((self.centres[s], self.radii[s]) for s in range(count))
             return {"P": [prover.within_bounds(self.X, A, R, invariance=not self.discrete) for A, R in layers]}
         crossed = violation("A", self.X.exact_facets, w.facet, w.ray)
-        same = (s for s in range(count) if np.array_equal(self.centres.values[s], w.centre) and not self.radii[s].any())
-        member = next(same, None) if w.point is None else None
+        member = self._member(w)
         return {"P": [None] * count, **({} if member is None else {"member": member}), **crossed}
 
     @property

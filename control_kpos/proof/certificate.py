@@ -374,6 +374,12 @@ class Certificate(ABC):
         return cls.settle(**contents)
 
 
+def is_tight(conditions: Sequence[Condition], name: str) -> bool:
+    """True if an inequality has no more to spare than the rounding of another machine: its number is the largest."""
+    found = [c for c in conditions if c.name == name]
+    return any((np.abs(c.residual) <= _SAME_RESIDUAL * c.scale).any() for c in found)
+
+
 def _stated(certificate: Any, encoder: Encoder) -> dict[str, Any]:
     """What a file says of a certificate, but for its proof."""
     data = {key: encoder.value(value) for key, value in certificate.contents().items()}

@@ -32,6 +32,9 @@ _records: dict[str, type] = {}
 
 T = TypeVar("T")
 
+# The value of a field that files leave out, until it is computed.
+LATER: Any = None
+
 
 @dataclass(frozen=True)
 class Written:
@@ -46,7 +49,11 @@ class Written:
 
 
 def register_record(cls: type[T]) -> type[T]:
-    """Class decorator: dataclasses of this kind may stand in certificate files."""
+    """Class decorator: dataclasses of this kind may stand in certificate files.
+
+    The fields that a class names in `computed` follow from the others and from the claim.  Files leave them out; files
+    of version 0.1 have them, and whoever restores the claim computes them anew.
+    """
     _records[cls.__name__] = cls
     return cls
 
@@ -101,7 +108,8 @@ class Encoder:
         if hasattr(value, "claim"):
             return {"certificate": self.encode_claim(value, self)}
         if is_dataclass(value) and type(value).__name__ in _records:
-            content = {f.name: self.value(getattr(value, f.name)) for f in fields(value)}
+            written = [f.name for f in fields(value) if f.name not in getattr(value, "computed", ())]
+            content = {name: self.value(getattr(value, name)) for name in written}
             return {"record": type(value).__name__, "fields": content}
         raise TypeError(f"a certificate cannot hold {type(value).__name__}")
 

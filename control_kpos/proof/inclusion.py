@@ -24,7 +24,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +38,7 @@ from ..exact.intake import require_shape
 from ..exact.matrix import Matrix
 from ..exact.products import exact_product
 from ..exact.signs import BilinearForms
-from .encoding import register_record
+from .encoding import LATER, register_record
 from .portable_cones import own_generators, portable
 from .weights import Prover
 
@@ -68,12 +68,14 @@ class PositivityViolation:
         normal' M generator < 0, correctly rounded (its sign is proven for the exact rows).
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("normal", "generator", "value")
+
     condition: str
     facet: int
     ray: int
-    normal: NDArray[np.float64]
-    generator: NDArray[np.float64]
-    value: float
+    normal: NDArray[np.float64] = LATER
+    generator: NDArray[np.float64] = LATER
+    value: float = LATER
 
     def __str__(self) -> str:
         return (
@@ -165,9 +167,7 @@ class Inclusion:
         return PlaneViolation(MEANING[self.name], -1, ray, h, x, self._product(h, x), exact)
 
     def restated(self, w: PositivityViolation) -> PositivityViolation:
-        """The violation with normal, generator and value computed anew from the numbers of facet and generator.
-
-        The machine that wrote a file may have rounded the last digits differently.
+        """The violation with normal, generator and value, which files leave out, that belong to its numbers.
 
         Raises
         ------

@@ -28,7 +28,7 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_number
 from ..exact.matrix import Matrix, bit_length
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Fractions, Status, Vector, exactly
+from ..proof.certificate import Fractions, Status, Vector, exactly, is_tight
 from ..proof.encoding import nested_text
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
@@ -148,7 +148,7 @@ class LyapunovCertificate(ClaimOnPositivity):
         return super()._evaluate()
 
     def is_consistent(self) -> bool:
-        """True if both rates are exactly those that v and the slow direction prove."""
+        """True if both rates are those that v and the slow direction prove, here or as another machine rounds."""
         if self.v is None:
             return True
         rate = proven_rate(exactly(self, "v")[None], self.A, self.X.exact_rays, self.discrete)
@@ -156,7 +156,8 @@ class LyapunovCertificate(ClaimOnPositivity):
         if self.slow_direction is not None:
             x = exactly(self, "slow_direction")[None]
             bound = _proven_bound(self.A, self.X, self.discrete, x)
-        return self.decay_rate == rate and self.decay_rate_bound == bound
+        found = ((self.decay_rate == rate, _RATE), (self.decay_rate_bound == bound, _SLOW))
+        return all(same or is_tight(self._own_conditions, name) for same, name in found)
 
     def refutation(self) -> Sequence[Condition] | None:
         """The inequalities on the witness."""

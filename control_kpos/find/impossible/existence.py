@@ -11,9 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ from ...exact.polynomials import (
     without_roots_of_unity,
 )
 from ...exact.roots import Disc, on_imaginary_axis, real_roots_above, root_discs, roots_beyond
-from ...proof.encoding import number_text, register_record
+from ...proof.encoding import LATER, number_text, register_record
 from ...proof.weights import ProofOmittedError
 
 # Characteristic polynomials of larger matrices take too long in exact arithmetic.
@@ -65,16 +65,23 @@ class SpectralObstruction:
     discrete : bool
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("real", "imag", "discrete")
+
     matrix: int
     kind: str
     bound: Fraction
-    real: float
-    imag: float
-    discrete: bool
+    real: float = LATER
+    imag: float = LATER
+    discrete: bool = LATER
+
+    def restated(self, matrices: Matrix, *, discrete: bool) -> SpectralObstruction:
+        """The obstruction with what files leave out."""
+        value = in_the_way(np.linalg.eigvals(matrices[self.matrix].values).astype(complex), discrete)
+        return replace(self, real=float(value.real), imag=float(value.imag), discrete=discrete)
 
     def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact root counts behind the obstruction."""
-        if discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
+        if type(self.matrix) is not int or discrete != self.discrete or not 0 <= self.matrix < matrices.shape[0]:
             return None
         holds = excludes_cones(spectrum_polynomial(matrices[self.matrix]), self)
         return [fact(f"the eigenvalue {self.kind} of {about(self.bound)} is in the way", holds)]
@@ -142,9 +149,11 @@ def spectral_obstruction(A: Matrix, *, matrix: int = 0, discrete: bool = False) 
 
 def _guesses(values: NDArray[np.complex128], p: Polynomial, discrete: bool) -> Iterator[tuple[str, Fraction, complex]]:
     """Bounds at which the obstruction may be proven, the most likely first."""
-    size = np.abs(values) if discrete else values.real
-    good = (values.imag == 0) & ((values.real >= 0) | (not discrete))
-    bad = complex(values[~good][np.argmax(size[~good])]) if (~good).any() else 0j
+    size, good, bad = (
+        np.abs(values) if discrete else values.real,
+        _is_good(values, discrete),
+        in_the_way(values, discrete),
+    )
     ahead = float(size[~good].max(initial=-np.inf))
     real = float(size[good].max(initial=0.0 if discrete else -np.inf))
     scale = float(np.abs(values).max(initial=0.0)) or 1.0
@@ -162,6 +171,17 @@ def _guesses(values: NDArray[np.complex128], p: Polynomial, discrete: bool) -> I
         bound = _between(p, discrete)
         if bound is not None:
             yield "ahead", bound, bad
+
+
+def _is_good(values: NDArray[np.complex128], discrete: bool) -> NDArray[np.bool_]:
+    """Which eigenvalues a matrix that keeps a cone may have in front."""
+    return (values.imag == 0) & ((values.real >= 0) | (not discrete))
+
+
+def in_the_way(values: NDArray[np.complex128], discrete: bool) -> complex:
+    """The foremost of the other eigenvalues; 0 if there are none."""
+    bad = values[~_is_good(values, discrete)]
+    return complex(bad[np.argmax(np.abs(bad) if discrete else bad.real)]) if bad.size else 0j
 
 
 def _between(p: Polynomial, discrete: bool) -> Fraction | None:

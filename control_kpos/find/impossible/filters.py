@@ -9,21 +9,22 @@ cone into itself, has a negative dominant eigenvalue, and that is proven exactly
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from itertools import combinations
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...cards import about
 from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.roots import real_roots_above
-from ...proof.encoding import register_record
+from ...proof.encoding import LATER, register_record
 from ...proof.weights import ProofOmittedError
-from ..one_matrix.modes import Modes
+from ..one_matrix.modes import Modes, modes
 from .existence import (
     SpectralObstruction,
     disc_ahead,
@@ -58,10 +59,20 @@ class PerronObstruction:
         The product around the cycle, in floating point.
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("value",)
+
     cycle: tuple[int, ...]
     shifts: tuple[Fraction, ...]
     bound: Fraction
-    value: float
+    value: float = LATER
+
+    def restated(self, matrices: Matrix, *, discrete: bool) -> PerronObstruction:
+        """The obstruction with what files leave out."""
+        found = [modes(np.asarray(matrices[i].values), discrete=discrete) for i in self.cycle]
+        known = [m for m in found if m is not None]
+        cross, n = _cross(known), len(known)
+        around = [cross[k, (k + 1) % n] for k in range(n)]
+        return replace(self, value=float(np.prod(around)) if n == len(found) else np.nan)
 
     def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact root count of the product."""
@@ -70,7 +81,7 @@ class PerronObstruction:
         product = _product(matrices, self.cycle, self.shifts, discrete)
         if product is None:
             return None
-        spectral = SpectralObstruction(0, "ahead", self.bound, 0.0, 0.0, True)
+        spectral = SpectralObstruction(0, "ahead", self.bound, discrete=True)
         return [
             fact(
                 "a product of resolvents has a negative dominant eigenvalue",
@@ -100,20 +111,18 @@ register_record(PerronObstruction)
 
 
 def family_obstruction(
-    matrices: Matrix, modes: list[Modes | None], *, discrete: bool
+    matrices: Matrix, each: list[Modes | None], *, discrete: bool
 ) -> SpectralObstruction | IndexObstruction | PerronObstruction | None:
     """A proven reason why the family has no common cone, or None."""
-    for s, m in enumerate(modes):
+    for s, m in enumerate(each):
         if m is None or _gap(m, discrete) <= _BESIDE * float(np.abs([m.dominant, *m.others]).max()):
             found = matrix_obstruction(matrices[s], matrix=s, discrete=discrete)
             if found is not None:
                 return found
-    if matrices.shape[-1] > _LARGEST or any(m is None for m in modes):
+    if matrices.shape[-1] > _LARGEST or any(m is None for m in each):
         return None
-    known = [m for m in modes if m is not None]
-    left = np.array([m.left / np.linalg.norm(m.left) for m in known])
-    right = np.array([m.right for m in known])
-    cross = left @ right.T
+    known = [m for m in each if m is not None]
+    cross = _cross(known)
     pairs = np.where(np.tri(len(known), dtype=bool), np.inf, cross * cross.T)
     cycles: list[tuple[float, tuple[int, ...]]] = [
         (float(pairs.flat[k]), divmod(k, len(known))) for k in np.argsort(pairs, axis=None)[:4].tolist()
@@ -127,6 +136,12 @@ def family_obstruction(
             if found is not None:
                 return found
     return None
+
+
+def _cross(known: list[Modes]) -> NDArray[np.float64]:
+    """l_i'e_j of dominant functionals and directions of length 1."""
+    left = np.array([m.left / np.linalg.norm(m.left) for m in known])
+    return left @ np.array([m.right for m in known]).T
 
 
 def _prove(

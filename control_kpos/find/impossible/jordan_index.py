@@ -17,10 +17,10 @@ u'(s I - A)^(-1) r(A)^k x has poles only at such eigenvalues; let q be its denom
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import atan2, pi
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from ...exact.linalg import identity, product
 from ...exact.matrix import Integers, Matrix
 from ...exact.polynomials import Polynomial, at_matrix, characteristic_of, poles, square_free_part
 from ...exact.roots import Disc, real_roots_above, root_discs
-from ...proof.encoding import register_record
+from ...proof.encoding import LATER, register_record
 from .existence import SpectralObstruction, computed, fact, require_countable, spectral_obstruction, spectrum_polynomial
 
 # States, orders of roots of unity, and lengths of Jordan chains of the spectral radius above which none is sought.
@@ -59,24 +59,38 @@ class IndexObstruction:
         rho and z, in floating point.
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("radius", "real", "imag")
+
     matrix: int
     bound: Fraction
     index: int
     order: int
     start: Matrix
     functional: Matrix
-    radius: float
-    real: float
-    imag: float
+    radius: float = LATER
+    real: float = LATER
+    imag: float = LATER
+
+    def restated(self, matrices: Matrix, *, discrete: bool) -> IndexObstruction:
+        """The obstruction with what files leave out: an eigenvalue z on the circle of which this order is one."""
+        if not self._makes_sense(matrices, discrete):
+            return self
+        circle = _circles(square_free_part(spectrum_polynomial(matrices[self.matrix])))
+        found = ((radius, z) for _, order, radius, z in circle if self.order % order == 0)
+        radius, z = next(found, (np.nan, complex(np.nan)))
+        return replace(self, radius=radius, real=z.real, imag=z.imag)
 
     def conditions(self, matrices: Matrix, *, discrete: bool) -> list[Condition] | None:
         """The exact root counts behind the obstruction."""
+        if not self._makes_sense(matrices, discrete):
+            return None
+        return [fact("an eigenvalue on the circle has a larger index", _holds(matrices[self.matrix], self))]
+
+    def _makes_sense(self, matrices: Matrix, discrete: bool) -> bool:
         n = matrices.shape[-1]
         sizes = self.start.shape == self.functional.shape == (1, n)
         numbers = 1 <= self.index <= n and 1 <= self.order <= _LARGEST_ORDER and self.bound >= 0
-        if not (discrete and sizes and numbers and 0 <= self.matrix < matrices.shape[0]):
-            return None
-        return [fact("an eigenvalue on the circle has a larger index", _holds(matrices[self.matrix], self))]
+        return discrete and sizes and numbers and 0 <= self.matrix < matrices.shape[0]
 
     def evidence(self, matrices: Matrix, *, discrete: bool) -> dict[str, Any]:
         """Nothing: all is counted again."""

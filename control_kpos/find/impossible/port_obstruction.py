@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg as sl
@@ -28,7 +28,7 @@ from ...exact.linalg import solve_exactly
 from ...exact.matrix import Matrix
 from ...exact.products import as_doubles
 from ...exact.roots import real_roots_above
-from ...proof.encoding import register_record
+from ...proof.encoding import LATER, register_record
 from .existence import fact, require_countable, spectrum_polynomial
 
 LARGEST = 40
@@ -53,6 +53,10 @@ class Between:
 
     normal: Matrix
     vector: Matrix
+
+    def restated(self, matrices: Matrix, *, discrete: bool) -> Between:
+        """The obstruction with what files leave out."""
+        return self
 
     def fits(self, n: int) -> bool:
         """Whether the sizes are those of the matrix."""
@@ -86,22 +90,41 @@ class PortObstruction(Between):
     value : float
         The product, correctly rounded (its sign is proven).
     time : float
-        About when the impulse response c'e^(At) b (c'A^k b) is negative; inf if s is real and k = 1.
+        About when the impulse response c'e^(At) b (c'A^k b) is negative; inf if s is real and k = 1, NaN if unknown.
     zero : float or None
         A real transmission zero beyond the dominant eigenvalue, if there is one.
     """
 
+    computed: ClassVar[tuple[str, ...]] = ("value", "time", "zero")
+
     power: int
     shift: Fraction | None
-    value: float
-    time: float
+    value: float = LATER
+    time: float = LATER
     zero: float | None = None
+
+    def restated(self, matrices: Matrix, *, discrete: bool) -> PortObstruction:
+        """The obstruction with what files leave out: its value, and a time or a zero in floating point."""
+        if not self._makes_sense(matrices, discrete):
+            return self
+        M, b, c = (np.asarray(part.values) for part in (matrices[0], self.vector[0], self.normal[0]))
+        value, k, s = _rounded_value(matrices[0], self), self.power, self.shift
+        if s is None:
+            return replace(self, value=value, time=float(k))
+        if k != 1:
+            return replace(self, value=value, time=_negative_near(M, b, c, k, float(s)))
+        zero = min(_zeros_ahead(M, b, c), key=lambda z: abs(z - s), default=None)
+        return replace(self, value=value, time=np.inf, zero=zero)
 
     def conditions(self, matrices: Matrix, *, discrete: bool) -> Sequence[Condition] | None:
         """The exact sign of the product."""
-        if not self.fits(matrices.shape[-1]) or discrete != (self.shift is None) or not 0 <= self.power <= 10 * _MOST:
+        if not self._makes_sense(matrices, discrete):
             return None
         return [fact("c'(s I - A)^-k b < 0, and as stated", _is_proven(matrices[0], self))]
+
+    def _makes_sense(self, matrices: Matrix, discrete: bool) -> bool:
+        continuous = self.shift is not None
+        return self.fits(matrices.shape[-1]) and discrete != continuous and continuous <= self.power <= 10 * _MOST
 
     def __str__(self) -> str:
         value = f"{'about ' if self.value else ''}{self.value:.3g}"
@@ -113,8 +136,9 @@ class PortObstruction(Between):
                 f"the transfer function c'(sI - A)^-1 b is {value} <= 0 at s = {about(self.shift)}, beyond every real "
                 f"eigenvalue, where that of a cone-positive system is positive{zero}"
             )
+        when = "" if np.isnan(self.time) else f" (computed: near t = {self.time:.3g})"
         return (
-            f"the impulse response c'e^(At) b is negative at some time (computed: near t = {self.time:.3g}), as "
+            f"the impulse response c'e^(At) b is negative at some time{when}, as "
             f"c'(sI - A)^-{self.power} b is {value} < 0 at s = {about(self.shift)}, beyond every real eigenvalue"
         )
 
@@ -130,9 +154,8 @@ def port_obstruction(A: Matrix, vectors: Matrix, normals: Matrix, *, discrete: b
         for i in range(normals.shape[0]):
             spend(_PER_PRODUCT * A.values.size)
             b, c = vectors[[j]], normals[[i]]
-            for k, s, value, time, zero in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
-                found = PortObstruction(c, b, k, s, value, time, zero)
-                found = replace(found, value=_rounded_value(A, found))
+            for k, s in _suspects(A, np.asarray(b.values)[0], np.asarray(c.values)[0], discrete):
+                found = PortObstruction(c, b, k, s).restated(Matrix.stack([A]), discrete=discrete)
                 if _is_proven(A, found):
                     return found
     return None
@@ -151,13 +174,34 @@ def transmission_zeros(
     return values[np.isfinite(values) & (np.abs(values) < 1e8 * (1 + np.abs(A).max()))]
 
 
+def _spectrum(M: NDArray[np.float64]) -> tuple[NDArray[np.complex128], float, float]:
+    """The eigenvalues, their size, and the largest real one or, without such, the largest real part."""
+    values: NDArray[np.complex128] = np.linalg.eigvals(M).astype(np.complex128)
+    scale = float(np.abs(values).max(initial=0.0)) or 1.0
+    reals = values[np.abs(values.imag) < 1e-9 * scale].real
+    return values, scale, float((reals if reals.size else values.real).max())
+
+
+def _zeros_ahead(M: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> list[float]:
+    """Real transmission zeros that are not behind the eigenvalues."""
+    _, scale, edge = _spectrum(M)
+    zeros = transmission_zeros(M, b, c)
+    return [float(z.real) for z in zeros if abs(z.imag) < 1e-7 * scale and z.real > edge - 1e-12 * scale]
+
+
+def _negative_near(M: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64], k: int, s: float) -> float:
+    """A time with c'e^(Mt) b < 0 near k / s, or k / (s - edge) where the response grows; NaN if it is not negative."""
+    _, _, edge = _spectrum(M)
+    with np.errstate(all="ignore"):
+        times = [k / rate for rate in (s, s - max(edge, 0.0)) if rate > 0]
+        return next((t for t in times if float(c @ sl.expm((M - edge * np.eye(len(M))) * t) @ b) < 0), np.nan)
+
+
 def _suspects(
     A: Matrix, b: NDArray[np.float64], c: NDArray[np.float64], discrete: bool
-) -> Iterator[tuple[int, Fraction | None, float, float, float | None]]:
-    """Where the product may be negative: power, shift, value, time, zero."""
+) -> Iterator[tuple[int, Fraction | None]]:
+    """Powers and shifts for which the product may be negative."""
     M = np.asarray(A.values)
-    values = np.linalg.eigvals(M)
-    scale = float(np.abs(values).max(initial=0.0)) or 1.0
     if discrete:
         x, heights = b.copy(), []
         for _ in range(10 * _MOST):
@@ -166,17 +210,10 @@ def _suspects(
             x = M @ (x / size)
         for k in np.argsort(heights)[:_LOOKED_AT].tolist():
             if heights[k] < _NEARLY * np.linalg.norm(c):
-                yield k, None, heights[k], float(k), None
+                yield k, None
         return
-    top = float(values.real.max())
-    reals = values[np.abs(values.imag) < 1e-9 * scale].real
-    edge = float(reals.max()) if reals.size else top
-    eye = np.eye(len(M))
-    zeros = [
-        float(z.real)
-        for z in transmission_zeros(M, b, c)
-        if abs(z.imag) < 1e-7 * scale and z.real > edge - 1e-12 * scale
-    ]
+    values, scale, edge = _spectrum(M)
+    top, eye, zeros = float(values.real.max()), np.eye(len(M)), _zeros_ahead(M, b, c)
     spread = scale * np.array([1e-6, 1e-4, 1e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0])
     grid = {edge + d for d in spread} | {
         z + f * (z - edge) for z in zeros for f in (-0.5, -0.1, -1e-3, 0.0, 1e-3, 0.1, 1.0)
@@ -186,8 +223,7 @@ def _suspects(
         if s > edge:
             value = float(c @ np.linalg.solve(s * eye - M, b))
             if value <= 1e-9 * np.linalg.norm(c) * np.linalg.norm(b):
-                zero = min(zeros, key=lambda z: abs(z - s)) if zeros else None
-                yield 1, Fraction(s), value, np.inf, zero
+                yield 1, Fraction(s)
     found = []
     for t in np.geomspace(
         0.01 / scale,
@@ -207,7 +243,7 @@ def _suspects(
                 for _ in range(k):
                     x = solver @ x
                 if float(c @ x) < -1e-9 * np.linalg.norm(c) * np.linalg.norm(x):
-                    yield k, Fraction(s).limit_denominator(10**6), float(c @ x), t, None
+                    yield k, Fraction(s).limit_denominator(10**6)
                     break
 
 

@@ -36,6 +36,7 @@ from ..witnesses import (
     AlgebraicLoop,
     LoopWeights,
     NetworkInstability,
+    nodes_in_loop,
 )
 
 Outcome: TypeAlias = "tuple[bool, Integers, Integers]"
@@ -239,7 +240,7 @@ def _growing(network: NetworkPencil, found: Outcome, rate: float) -> NetworkInst
 def _algebraic(network: NetworkPencil, port: Integers) -> AlgebraicLoop:
     _, u, y = network.signals(np.zeros(network.model.totals[0], dtype=object), port)
     y, u = _together(y, u)
-    return AlgebraicLoop(y, u, np.unique(network.model.owners(2)[y.values != 0]))
+    return AlgebraicLoop(y, u, nodes_in_loop(network.model, y))
 
 
 def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
