@@ -274,26 +274,27 @@ def supply(s: System, e: Json) -> tuple[Vector, Vector | None]:
     return stated(e, "q", s.Y.dim), None if e["r"] is None else stated(e, "r", s.U.dim)
 
 
-def decreases(s: System, v: Vector, q: Vector, rate: Fraction) -> None:
-    """v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + rate v'x <= 0,  rate >= 0."""
+def required_rate(e: Json) -> Fraction:
+    """The rate that was asked for, which is positive, or 0."""
+    rate = numbers(e["required_rate"])[0] if e.get("required_rate") is not None else Fraction(0)
+    need(rate > 0 or e.get("required_rate") is None, "a rate that is asked for is positive")
+    return rate
+
+
+def decreases(s: System, v: Vector, q: Vector, e: Json) -> None:
+    """v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + rate v'x <= 0  for the decay_rate >= 0 and the required_rate."""
     drift = total((1, pullback(v, s.A)), (-s.discrete, v), (-1, pullback(q, s.C)))
     need(all(dot(v, x) > 0 for x in s.X.rays), "v'x > 0")
     need(all(dot(drift, x) < 0 for x in s.X.rays), "(v'A - q'C) x < 0")
-    need(all(dot(drift, x) + rate * dot(v, x) <= 0 for x in s.X.rays), "(v'A - q'C) x + rate v'x <= 0")
-    need(rate >= 0, "a decay rate is not negative")
+    for rate in (numbers(e.get("decay_rate", 0))[0], required_rate(e)):
+        need(all(dot(drift, x) + rate * dot(v, x) <= 0 for x in s.X.rays), "(v'A - q'C) x + rate v'x <= 0")
+        need(rate >= 0, "a decay rate is not negative")
 
 
 def supplied(s: System, v: Vector, q: Vector, r: Vector) -> None:
     """v'B u <= r'u + q'D u."""
     excess = total((1, pullback(v, s.B)), (-1, r), (-1, pullback(q, s.D)))
     need(all(dot(excess, u) <= 0 for u in s.U.rays), "v'B u <= r'u + q'D u")
-
-
-def required_rate(e: Json) -> Fraction:
-    """The rate that was asked for, which is positive, or 0."""
-    rate = numbers(e["required_rate"])[0] if e.get("required_rate") is not None else Fraction(0)
-    need(rate > 0 or e.get("required_rate") is None, "a rate that is asked for is positive")
-    return rate
 
 
 def stable(s: System, e: Json) -> str:
@@ -303,8 +304,7 @@ def stable(s: System, e: Json) -> str:
     No v has a rate above decay_rate_bound = b: z != 0, the slow direction, and A z + b z are in X.
     """
     positive(s, e)
-    for rate in (numbers(e.get("decay_rate", 0))[0], required_rate(e)):
-        decreases(s, stated(e, "v", s.X.dim), {}, rate)
+    decreases(s, stated(e, "v", s.X.dim), {}, e)
     if e.get("slow_direction") is None:
         need(e.get("decay_rate_bound", {"double": "inf"}) == {"double": "inf"}, "a bound on rates has a slow direction")
         return ""
@@ -329,7 +329,7 @@ def dissipative(s: System, e: Json) -> None:
     positive(s, e)
     v, (q, r) = stated(e, "v", s.X.dim), supply(s, e)
     expect(r is not None, "r is there")
-    decreases(s, v, q, numbers(e.get("decay_rate", 0))[0])
+    decreases(s, v, q, e)
     supplied(s, v, q, r or {})
 
 
@@ -353,7 +353,7 @@ def common_vector(s: System, e: Json) -> None:
     """
     need(e["v"] is not None, "v is there")
     positive(s, e)
-    decreases(s, vector(e["v"], s.X.dim), {}, Fraction(0))
+    decreases(s, vector(e["v"], s.X.dim), {}, {})
 
 
 def invariant(s: System, e: Json) -> None:
@@ -366,7 +366,7 @@ def invariant(s: System, e: Json) -> None:
     positive(s, e)
     v = vector(e["v"], s.X.dim) if e.get("v") else None
     if v is not None:
-        decreases(s, v, {}, Fraction(0))
+        decreases(s, v, {}, {})
     P = matrix(e["P"], len(s.X.rays), len(s.X.rays)) if e.get("P") else None
     for i, x in enumerate(s.X.rays if any(s.radius) else ()):
         spread, w = image(s.radius, sizes(x)), image(s.A, x) if P is None else P[i]
@@ -465,13 +465,13 @@ def balanced(s: System, e: Json) -> tuple[Vector, Vector]:
 def network(s: System, e: Json) -> None:
     """A network is positive and exponentially stable: Theorem 4 (`cone_ic_s`), with (III') node by node.
 
-    positive,  V'x > 0,  (V'A - Q'C) x < 0,  (V'A - Q'C) x + decay_rate V'x <= 0,  V'B u <= R'u + Q'D u,
-    Q'y + R'W y <= 0, and the algebraic loop contracts.
+    positive,  V'x > 0,  (V'A - Q'C) x < 0,  (V'A - Q'C) x + rate V'x <= 0 for decay_rate and required_rate,
+    V'B u <= R'u + Q'D u,  Q'y + R'W y <= 0, and the algebraic loop contracts.
     """
     positive(s, e)
     loop(s, e)
     V, Q = balanced(s, e)
-    decreases(s, V, Q, numbers(e.get("decay_rate", 0))[0])
+    decreases(s, V, Q, e)
 
 
 def abscissa(s: System, e: Json) -> None:
@@ -1024,6 +1024,7 @@ def verify(c: Json, limit: int) -> str:
         rate, bound = (d.get(name, {"double": none})["double"] for name, none in (("decay_rate", 0), BOUNDLESS))
         need(rate == "nan" or number(rate) == 0, "a refutation has no decay rate")
         need(bound == BOUNDLESS[1], "a refutation has no bound on decay rates")
+    asked = required_rate(d)  # not the one of a proof, which states nothing
     expect("omitted" not in c["proof"], f"it leaves out its proof: {c['proof'].get('omitted')}")
     expect(not any(name.endswith("exact") for name in c["proof"]), "what is claimed stands in the data")
     if (claim, status) in ALONE:
@@ -1055,7 +1056,7 @@ def verify(c: Json, limit: int) -> str:
         crossed(s, e)
     else:
         positive(s, e)
-        slowest = s.discrete - (required_rate(e) if claim == "stable" else 0)
+        slowest = s.discrete - (asked if claim == "stable" else 0)
         need(number(e["rate"]) > slowest or number(e["rate"]) >= s.discrete, "the motion decays too slowly")
         REFUTATIONS[claim][e["shows"]](s, e)
     return note

@@ -147,14 +147,14 @@ def truth(content, path):
         return truth_of_family(read, content)
     if claim == "positive":
         return kp.cone_positivity(**read).status.name
+    rate = decoder.value(data["required_rate"]) if "required_rate" in data else None
     if claim == "stable":
-        rate = decoder.value(data["required_rate"]) if "required_rate" in data else None
         return kp.linear_lyapunov(read["A"], read["X"], discrete=read["discrete"], rate=rate).status.name
     if claim in ("dissipative", "disturbance gain") and None not in (data["q"], data["r"]):
         q, r = (list(map(number, data[key]["array"])) for key in "qr")
         return kp.dissipativity(**read, q=q, r=r).status.name
     if claim == "network" and not rational(read["D"]).any() and content["proof"].get("shows", "growth") == "growth":
-        return closed_loop_truth(read)
+        return closed_loop_truth(read, rate)
     return None  # its witness was changed, which the proof does not need
 
 
@@ -170,10 +170,10 @@ def rational(m):
     return np.vectorize(Fraction, otypes=[object])(m.values.toarray()) if m.is_sparse else m.fractions()
 
 
-def closed_loop_truth(read):
-    """Stability of A + B W C on X, for nodes without feedthrough."""
+def closed_loop_truth(read, rate):
+    """Stability of A + B W C on X, at a rate if one was asked for, for nodes without feedthrough."""
     A, B, W, C = (rational(read[key]) for key in "ABWC")
-    return kp.linear_lyapunov(A + B @ W @ C, read["X"], discrete=read["discrete"]).status.name
+    return kp.linear_lyapunov(A + B @ W @ C, read["X"], discrete=read["discrete"], rate=rate).status.name
 
 
 def proper_cone(rng, n):

@@ -110,6 +110,16 @@ def supplied(*rates):
     return network([kp.ConeStateSpace([[-2]], [[1]], [[1]], [[0]])] * 2, [[0, 1], [1, 0]], supply_rates=rates)
 
 
+def third(discrete=False):
+    """A plant of which one mode decays at 1/3 whatever the gain."""
+    more = (1,) if discrete else ()
+    return kp.ConeStateSpace([[1, 0], [0, "2/3" if discrete else "-1/3"]], [[1], [0]], [[1, 0]], [[0]], *more)
+
+
+def at_a_third(discrete=False):
+    return kp.network_feedback([third(discrete)] * 2, [[0, 0.25], [0.25, 0]], rate="1/3").certificate
+
+
 CERTIFICATES = {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
     "positive, decimals": lambda: kp.state_positivity([[0, 1], ["-21.3", "-12.9"]], PAPER),
@@ -165,6 +175,8 @@ CERTIFICATES = {
     "network, not to be weighted": lambda: supplied(([-1], [1.1]), ([-1.5], [2])),
     "network, unstable": lambda: network(mass_springs(), 30 * kp.examples.ring(4)),
     "network, unstable, algebraic loops": lambda: network(mixed_nodes(), [[0, 0.5, 0], [9, 0, 0.1], [0.2, 0.2, 0]]),
+    "network, at a rate": at_a_third,
+    "network, discrete, at a rate": lambda: at_a_third(True),
     "network, wrong link": lambda: network(mass_springs(), -kp.examples.ring(4)),
     "network, node not positive": lambda: network(mass_springs(extra=1.0), kp.examples.ring(4)),
     "network, loop not well posed": lambda: network(mixed_nodes(), [[0, 0.5, 4], [9, 0, 0.1], [4, 0.2, 0]]),
@@ -235,6 +247,7 @@ CERTIFICATES = {
     "any number of nodes, rounded product": lambda: kp.scale_free_certificate(node(-2), weight=0.7, link=[[0.3]]),
     "any number of nodes, exact link": lambda: kp.scale_free_certificate(node(-2), weight=1, link=[["1/3"]]),
     "any number of nodes, paper": lambda: kp.scale_free_certificate(kp.examples.mass_spring_node(), weight=21),
+    "any number of nodes, at a rate": lambda: kp.scale_free_feedback(third(), 1, rate="1/3").certificate,
     "any number of nodes, not stable": lambda: kp.scale_free_certificate(node(-2), weight=3),
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
     "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,

@@ -16,8 +16,8 @@ def scalar(claim, status="PROVED", *, A=-2, B=1, C=1, D=0, v=1, q=-1, r=1, decay
     return {"claim": claim, "status": status, "data": data, "proof": proof}
 
 
-def asked(required, status="PROVED", **more):
-    out = scalar("stable", status, **more)
+def asked(required, status="PROVED", claim="stable", **more):
+    out = scalar(claim, status, **more)
     out["data"]["required_rate"] = {"fraction": required}
     return out
 
@@ -148,6 +148,11 @@ BY_HAND = {
     "only at the rate that was asked for": (asked(2, "REFUTED", **direction(1, 0, -2)), "WRONG"),
     "a motion that is too fast": (asked("2.1", "REFUTED", **direction(1, 0, "-2.1")), "WRONG"),
     "not even stable, at any rate": (asked(1, "REFUTED", A=1, **direction(1, 0)), "REFUTED"),
+    "only at a rate that nobody states": (
+        scalar("stable", "REFUTED", required_rate={"fraction": "2.1"}, **direction(1, 0, -2)),
+        "WRONG",
+    ),
+    "unstable, at a rate that nobody asks for": (asked(-1, "REFUTED", A=1, **direction(1, 0)), "WRONG"),
     "constant": (scalar("stable", A=0), "WRONG"),
     "constant in discrete time": (scalar("stable", A=1, discrete=True), "WRONG"),
     "stable in discrete time": (scalar("stable", A="1/2", discrete=True, decay="1/2"), "PROVED"),
@@ -202,6 +207,17 @@ BY_HAND = {
     "grows in discrete time": (scalar("stable", "REFUTED", A=1, discrete=True, **direction(1, 0, 1)), "REFUTED"),
     "shrinks in discrete time": (scalar("stable", "REFUTED", A="1/2", discrete=True, **direction(1, 0, 0)), "WRONG"),
     "balanced nodes": (scalar("network", W=1), "PROVED"),
+    "nodes at the rate that was asked for": (asked(1, claim="network", W=1), "PROVED"),
+    "nodes a little below the rate that was asked for": (asked("1.0000001", claim="network", W=1), "WRONG"),
+    "nodes at a rate that nobody asks for": (asked(-1, claim="network", W=1), "WRONG"),
+    "nodes that grow, at any rate": (
+        asked(1, "REFUTED", "network", A=-1, W=1, **flow(1, 1, 1)),
+        "REFUTED",
+    ),
+    "nodes that decay, but not at the rate that was asked for": (
+        asked("1.1", "REFUTED", "network", W=1, **{**flow(1, 1, 1), "rate": -1}),
+        "WRONG",
+    ),
     "nodes of their sizes": (sized(1, 1, 1), "PROVED"),
     "nodes without end": (sized(10**18, 1, 1), "UNREADABLE"),
     "nodes of sizes that cancel": (sized(1, 1, 2, -1, 0, -1), "UNREADABLE"),

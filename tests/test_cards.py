@@ -54,7 +54,7 @@ def test_rounded_numbers_say_about():
 
 
 # what is promised in which words, by the attribute that holds it, and the side to which it may be rounded
-NUMBER = r"(-?\d+(?:\.\d+)?(?:e[-+]\d+)?)"
+NUMBER = r"(-?\d+(?:/\d+)?(?:\.\d+)?(?:e[-+]\d+)?)"
 PROMISES = {
     rf"decreases at least as exp\(-{NUMBER} t\)": ("decay_rate", -1),
     rf"decreases at least as \(1 - {NUMBER}\)\^k": ("decay_rate", -1),
@@ -81,6 +81,8 @@ EXACT = r"every \|w_i\(t\)\| is at most 1,|the spectral radius is at least 1\."
 
 
 def held(certificate, names):
+    if names == "decay_rate" and getattr(certificate, "required_rate", None) is not None:
+        return certificate.required_rate
     for name in names.split("."):
         certificate = getattr(certificate, name)
     return Fraction(certificate.item() if isinstance(certificate, np.ndarray) else certificate)
@@ -113,6 +115,9 @@ def long_numbers():
     yield kp.linear_lyapunov([[-1 - 2.0**-30]], LINE, rate="max")
     yield kp.linear_lyapunov([["-1/3", "1/7"], ["2/9", "-1/3"]], kp.orthant(2), rate="max")
     yield kp.linear_lyapunov([["-1/3", "1/7"], ["2/9", "-1/3"]], kp.orthant(2), rate="0.2000000001")
+    yield kp.linear_lyapunov([[-1]], LINE, rate="0.99999999999999999")
+    yield kp.network_feedback([node], [[0]], rate="0.99999999999999999").certificate
+    yield kp.scale_free_feedback(node, 0, rate="0.99999999999999999").certificate
     yield kp.dissipativity([[-slow]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[0], r=[2])
     yield from (ring.certificate, ring.abscissa_certificate())
     yield kp.feedback_interconnect([node] * 2, [[0, 1.0003333], [1.0003333, 0]]).certificate

@@ -2,14 +2,18 @@
 
 import warnings
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import planted
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
+from certified import third
+from exact_plants import THIRD
 
 import control_kpos as kp
+from control_kpos import checker
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 
@@ -334,6 +338,60 @@ def test_cone_that_is_not_simplicial_is_refused():
     square = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
     with pytest.raises(kp.NotProperConeError, match="4 generators"):
         kp.network_feedback([kp.ConeStateSpace(-np.eye(3), [[0], [0], [1]], [[0, 0, 1]], 0, X=square)], [[0]])
+
+
+class TestExactRates:
+    """Rates that are reached with equality, whatever the gain or at the bound on it."""
+
+    @pytest.mark.parametrize("gain_bound", [None, 4])
+    @pytest.mark.parametrize("uniform", [False, True])
+    @pytest.mark.parametrize("discrete", [False, True])
+    @pytest.mark.parametrize("n", [1, 30])
+    def test_one_mode_that_no_gain_moves(self, n, discrete, uniform, gain_bound, tmp_path):
+        plants, links = [third(discrete)] * n, 0.25 * ring(n)
+        d = kp.network_feedback(plants, links, rate="1/3", uniform=uniform, gain_bound=gain_bound)
+        c = d.certificate
+        assert d and c.check() and c.required_rate == THIRD == d.weakened_rate and d.decay_rate == 1 / 3
+        assert not replace(c, required_rate=THIRD + Fraction(1, 10**30)).check()
+        c.save(tmp_path / "c.json")
+        assert kp.load_certificate(tmp_path / "c.json") == c and checker.main(tmp_path / "c.json") == 0
+        assert d.closed_loop.certificate is c and "decay rate at least 1/3 per" in d.explain()
+        beyond = [
+            kp.network_feedback(plants, links, rate=rate, uniform=uniform, gain_bound=gain_bound)
+            for rate in (THIRD + Fraction(1, 10**18), "0.334")
+        ]
+        assert [b.status for b in beyond] == [kp.Status.UNDECIDED, kp.Status.REFUTED]
+
+    @pytest.mark.parametrize("uniform", [False, True])
+    def test_the_bound_on_the_gain_is_reached(self, uniform):
+        plants = [kp.ConeStateSpace([["2/3"]], [[1]], [[1]], 0)] * 3
+        d = kp.network_feedback(plants, np.zeros((3, 3)), rate="1/3", gain_bound=1, uniform=uniform)
+        assert d and (d.F == -1).all() and d.certificate.required_rate == THIRD and d.value == 1
+        assert not kp.network_feedback(plants, np.zeros((3, 3)), rate="1/3", gain_bound=1 - 2.0**-53, uniform=uniform)
+
+    def test_weakened_actuators_keep_the_rate(self):
+        d = kp.network_feedback([third()] * 2, 0.25 * ring(2), rate="1/3")
+        assert (d.certified_fraction > 0).all() and (d.certified_fraction < 1).all()
+        F = [
+            [[Fraction(f) * Fraction(s) for f in row] for row in part]
+            for part, s in zip(d.F.tolist(), d.certified_fraction, strict=True)
+        ]
+        weak = [kp.ConeStateSpace([[1 + f[0][0], f[0][1]], [0, "-1/3"]], [[1], [0]], [[1, 0]], 0) for f in F]
+        model = kp.feedback_interconnect(weak, 0.25 * ring(2)).model
+        assert d.certificate.settle(**d.certificate.data() | {"model": model, "decay_rate": 0.0})
+
+    def test_any_number_of_nodes(self, tmp_path):
+        d = kp.scale_free_feedback(third(), 1, rate="1/3")
+        c = d.certificate
+        assert d and c.check() and c.required_rate == THIRD == c.local.required_rate
+        assert d.decay_rate == 1 / 3 and "decay rate at least 1/3." in c.explain()
+        local = replace(c.local, required_rate=THIRD + Fraction(1, 10**30))
+        assert not local.check() and not replace(c, local=local).check()
+        c.save(tmp_path / "c.json")
+        assert kp.load_certificate(tmp_path / "c.json") == c and checker.main(tmp_path / "c.json") == 0
+        assert c.interconnect(ring(7)).certificate.required_rate == THIRD
+        assert not kp.scale_free_feedback(third(), 1, rate=THIRD + Fraction(1, 10**18))
+        assert kp.scale_free_feedback(third(), 1, rate="0.334").status is kp.Status.REFUTED
 
 
 @pytest.mark.parametrize("discrete", [False, True])

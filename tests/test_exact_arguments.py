@@ -76,7 +76,7 @@ def design_rows(function, **more):
     return {
         "sys": lambda: loop_row(lambda: function(p, **more)),
         "X": lambda: (closed(function(plant(GAINED), X=CONE, **more)).X, SAME),
-        "rate": lambda: (Fraction(function(p, rate="1/3", **more).decay_rate) >= THIRD, True),
+        "rate": lambda: (function(p, rate="1/3", **more).weakened_rate, THIRD),
     }
 
 
@@ -200,7 +200,10 @@ EXACT = {
             kp.network_feedback([LAG] * 2, [[0, "1/3"], [0, 0]]).certificate.model.coupling,
             [[0, THIRD], [0, 0]],
         ),
-        "rate": lambda: (Fraction(kp.network_feedback([LAG], [[0]], rate="1/3").decay_rate) >= THIRD, True),
+        "rate": lambda: (
+            kp.network_feedback([plant([["-1/3"]], [[0]])], [[0]], rate="1/3").certificate.required_rate,
+            THIRD,
+        ),
         "gain_bound": lambda: (
             np.abs(kp.network_feedback([plant([["1/30"]])], [[0]], gain_bound="1/10").F).max() <= 0.1,
             True,
@@ -244,7 +247,7 @@ EXACT = {
     "observer_gain": {
         "sys": lambda: (closed(kp.observer_gain(plant([["-1", "1/3"], [1, -3]]))).A.fractions()[1, 0], THIRD),
         "X": lambda: (closed(kp.observer_gain(plant(MINUS), X=CONE)).X, SAME.dual),
-        "rate": lambda: (Fraction(kp.observer_gain(plant(GAINED), rate="1/3").decay_rate) >= THIRD, True),
+        "rate": lambda: (kp.observer_gain(plant(GAINED), rate="1/3").weakened_rate, THIRD),
         "gain_bound": lambda: (
             at_most(kp.observer_gain(plant(GAINED), gain_bound="31/10").certificate.others[0].bound, "31/10"),
             True,
@@ -263,7 +266,7 @@ EXACT = {
             .X,
             SAME,
         ),
-        "rate": lambda: (Fraction(kp.scale_free_feedback(LAG, "1/4", rate="1/3").decay_rate) >= THIRD, True),
+        "rate": lambda: (kp.scale_free_feedback(THIRDS, 0, rate="1/3").certificate.required_rate, THIRD),
         "gain_bound": lambda: (kp.scale_free_feedback(LAG, "1/4", gain_bound="1/10").status, kp.Status.PROVED),
     },
     "PolyhedralCone": {"rays": lambda: (kp.PolyhedralCone(CONE), SAME)},

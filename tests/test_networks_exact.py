@@ -9,7 +9,9 @@ import scipy.sparse as sp
 from random_networks import is_stable, marginal_network
 
 import control_kpos as kp
+from control_kpos.exact.matrix import Matrix
 from control_kpos.networks import AlgebraicLoop, NetworkInstability
+from control_kpos.networks.certify import at_rate
 from control_kpos.proof import independent
 from control_kpos.proof.certificate import Status
 
@@ -146,6 +148,82 @@ def test_one_way_chains_of_marginal_parts():
     faster[6, 7] += 2.0**-50  # one part of eight
     certificate = kp.feedback_interconnect(pairs, faster).certificate
     assert certificate.status is Status.REFUTED and certificate.check()
+
+
+class TestAskedRate:
+    """Nodes and links of M = S - diag(1'S) - rate I, which has the decay rate `rate` exactly: 1'M = -rate 1'."""
+
+    def network(self, seed, rate, discrete):
+        rng = np.random.default_rng(seed)
+        sizes = rng.integers(1, 4, int(rng.integers(2, 5)))
+        ends = np.cumsum([0, *sizes])
+        S = rng.integers(1, 4, (ends[-1], ends[-1])).astype(object) * Fraction(1, 100)
+        np.fill_diagonal(S, 0)
+        M = S - np.diag(S.sum(axis=0)) + np.diag([Fraction(int(discrete)) - rate] * ends[-1])
+        W, nodes = M.copy(), []
+        for j, n in enumerate(sizes):
+            own = slice(ends[j], ends[j + 1])
+            T = np.eye(n, dtype=int) + np.triu(rng.integers(-2, 3, (n, n)), 1)
+            back = np.round(np.linalg.inv(T)).astype(int)
+            W[own, own] = 0
+            X, A = kp.PolyhedralCone(T.T.tolist()), T.astype(object) @ M[own, own] @ back.astype(object)
+            nodes.append(kp.ConeStateSpace(A.tolist(), T, back, np.zeros((n, n)), discrete, X=X))
+        return kp.feedback_interconnect(nodes, W.tolist())
+
+    @pytest.mark.parametrize("discrete", [False, True])
+    @pytest.mark.parametrize("seed", range(6))
+    def test_just_below_at_and_above_the_rate(self, seed, discrete):
+        rate = Fraction(1, 3) if seed % 2 else Fraction("0.7")
+        c = self.network(seed, rate, discrete).certificate
+        for asked in (rate / 2, rate * (1 - Fraction(1, 10**20)), rate):
+            d = at_rate(c, asked)
+            assert d and d.check() and d.required_rate == asked and d.decay_rate <= rate
+            assert not replace(d, required_rate=2 * rate).check() and not replace(d, required_rate=Fraction(0)).check()
+        assert not replace(d, required_rate=rate * (1 + Fraction(1, 10**30))).check()
+        assert not replace(d, required_rate=float(rate)).check()
+        assert at_rate(c, rate * (1 + Fraction(1, 10**20))).status is Status.UNDECIDED
+
+    @pytest.mark.parametrize("discrete", [False, True])
+    def test_files_keep_the_rate(self, discrete, tmp_path):
+        net = self.network(1, Fraction(1, 3), discrete)
+        d = at_rate(net.certificate, Fraction(1, 3))
+        d.save(tmp_path / "c.json")
+        again = kp.load_certificate(tmp_path / "c.json")
+        assert again == d and again.required_rate == Fraction(1, 3) and again.explain() == d.explain()
+        assert (
+            "decay rate at least 1/3 per" in d.explain() and independent.verdict(tmp_path / "c.json").status == "PROVED"
+        )
+        assert again != net.certificate and "required_rate" not in net.certificate.contents()
+
+    def test_a_slow_node_at_the_end_of_a_chain(self):
+        """V may weigh what is upstream; upstream the slow node feeds a faster one, and no V decays as fast."""
+        nodes = [kp.ConeStateSpace([[a]], [[1]], [[1]], 0) for a in ("-1/3", -1, -1)]
+        down = kp.feedback_interconnect(nodes, [[0, 1, "2/7"], [0, 0, 1], [0, 0, 0]])
+        up = kp.feedback_interconnect(nodes, [[0, 0, 0], [0, 0, 1], ["2/7", 0, 0]])
+        assert at_rate(down.certificate, Fraction(1, 3)) and not at_rate(up.certificate, Fraction(1, 3))
+        assert at_rate(up.certificate, Fraction(333, 1000))
+        assert down.linear_lyapunov(rate="1/3") and not up.linear_lyapunov(rate="1/3")
+
+    def test_feedthrough_own_links_and_cones_with_more_facets(self):
+        direct = kp.ConeStateSpace([[-1]], [[1]], [[1]], [["1/4"]])
+        loops = kp.feedback_interconnect([direct] * 2, [[0, "1/2"], ["1/2", 0]])  # -1 + 4/7
+        pyramid = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
+        A = [["-2/3", 0, 0], [0, "-2/3", 0], [0, 0, "-1/2"]]
+        node = kp.ConeStateSpace(A, [[0], [0], [1]], [[0, 0, 1]], 0, X=pyramid)
+        ring = kp.feedback_interconnect([node] * 2, [[0, "1/6"], ["1/6", 0]])
+        turned = kp.ConeStateSpace([[-1, "-1/9"], ["2/3", -1]], [[1], [0]], [[0, 1]], 0)  # positive with its own link
+        own = kp.feedback_interconnect([turned] * 2, [["7/9", 0], [0, "7/9"]])
+        for net, rate in ((loops, Fraction(3, 7)), (ring, Fraction(1, 3)), (own, Fraction(1, 3))):
+            d = at_rate(net.certificate, rate)
+            assert d and d.check() and not at_rate(net.certificate, rate + Fraction(1, 10**18))
+
+    def test_edits_inherit_the_rate_while_it_holds(self):
+        net = self.network(2, Fraction(1, 3), False)
+        d = at_rate(net.certificate, Fraction(1, 3))
+        net = kp.ConeNetwork(net.model, certificate=d)
+        half = Matrix.from_fractions(net.model.coupling.fractions() / 2)
+        assert net.with_links(half).certificate.required_rate == Fraction(1, 3)
+        assert net.without_node(0).certificate.required_rate == Fraction(1, 3)
 
 
 def test_cones_whose_generators_are_not_doubles():

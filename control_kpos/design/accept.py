@@ -18,6 +18,7 @@ from ..cones import orthant
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, spend
 from ..exact.matrix import Matrix
+from ..exact.rounding import double_below
 from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
 from ..systems.statespace import ConeStateSpace
@@ -260,15 +261,13 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
         objective=objective,
         value=value,
         limit=limit,
-        decay_rate=proven_rate(found),
+        decay_rate=proven_rate(found.certificate, found.rate),
         certified_fraction=partial(certified_fraction, plant, found.full, found.certificate, found.rate),
         weakened_rate=found.rate,
         notes=controllability_notes(plant),
     )
 
 
-def proven_rate(found: Accepted) -> float:
-    """Decay rate of the slowest vertex, and that which was demanded and proven, rounded down."""
-    demanded = float(found.rate)
-    demanded = demanded if demanded <= found.rate else float(np.nextafter(demanded, 0.0))
-    return max(float(getattr(found.certificate, "decay_rate", np.nan)), demanded)
+def proven_rate(certificate: Certificate, demanded: float | Fraction) -> float:
+    """Decay rate of a certificate (of its slowest vertex), and that which was demanded and proven, rounded down."""
+    return max(float(getattr(certificate, "decay_rate", np.nan)), double_below(demanded))

@@ -7,7 +7,6 @@ gain of an observer is the state feedback of the dual system.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
@@ -178,14 +177,6 @@ def read_rate(rate: Any) -> Any:
         return choice(rate, "rate", ("max",))
     asked = exact_number(rate, "rate", nonnegative=True)
     return float(asked) if float(asked) == asked else asked
-
-
-def read_double_rate(rate: Any) -> float | str:
-    """The same, of a number that is no double the next one above: what decays that fast decays as fast as asked."""
-    asked = read_rate(rate)
-    if not isinstance(asked, Fraction):
-        return asked
-    return float(asked) if float(asked) > asked else float(np.nextafter(float(asked), np.inf))
 
 
 def output_feedback(

@@ -130,7 +130,7 @@ class DesignResult(Answer):
         and 1 (actuators that lose effect, each on its own), with a decay rate of `weakened_rate` for its own.  Proven
         when it is first read.  1: nothing less is proven.  Of networks: for every node.  NaN without a gain.
     weakened_rate : float or Fraction
-        The decay rate that was asked for; of networks at most the one in `certificate`.  0: some decay rate.
+        The decay rate that was asked for, as it was given.  0: some decay rate.
     message : str
         What stands in the way, for a design that failed.
     nearest : Nearest or None

@@ -13,6 +13,7 @@ of Numerical Algorithms, sections 2.2 and 3.1, has the classical form.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import cache
 
 import numpy as np
@@ -24,6 +25,16 @@ SMALLEST_NORMAL = 2.0**-1022
 RADIUS_FACTOR = 1.01
 # What `sum_factor` is at the least; enough for four million terms.
 SUM_FACTOR = 1 + 2.0**-29
+
+
+def double_below(x: float | Fraction) -> float:
+    """The largest double that is not above x.
+
+    >>> double_below(Fraction(1, 10)) < Fraction(1, 10) == Fraction("0.1"), double_below(0.1)
+    (True, 0.1)
+    """
+    nearest = float(x)
+    return nearest if nearest <= x else float(np.nextafter(nearest, -np.inf))
 
 
 def error_factor(roundings: int) -> float:

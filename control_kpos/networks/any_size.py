@@ -36,7 +36,7 @@ from ..systems.statespace import ConeStateSpace
 from ..theorems.stability import LyapunovCertificate
 from . import conditions as on
 from .blocks import Floats, Index, converging
-from .certificate import NetworkCertificate, node_vectors
+from .certificate import NetworkCertificate, node_vectors, rates_of
 from .certify import certify_as_given
 from .coupling import is_graph, read_coupling
 from .given_rates import certify_rates_as_given
@@ -124,6 +124,11 @@ class OutWeightCertificate(Certificate):
         return self.local.decay_rate
 
     @property
+    def required_rate(self) -> Fraction | None:
+        """The rate that was asked for, exactly as given: proven for every such network as well."""
+        return self.local.required_rate
+
+    @property
     def margin(self) -> float:  # type: ignore[override]
         """The margin of the local certificate."""
         return self.local.margin
@@ -134,7 +139,7 @@ class OutWeightCertificate(Certificate):
         if self:
             return (
                 f"Proved: any number of {what}, {self._graphs()}, is positive and stable with decay rate at least "
-                f"{floored(self.decay_rate, 4)}."
+                f"{self.local._rate_text}."
             )
         loop = f"a node with a self-loop of weight {about(self.weight)}"
         if self.status is Status.REFUTED:
@@ -250,8 +255,8 @@ class OutWeightCertificate(Certificate):
         if model.has_feedthrough and self.local.loop_weights is not None:
             p, t = exactly(self.local, "loop_weights")
             loop = p[self._places(2, kinds)], t[self._places(1, kinds)]
-        sigma, rate = np.ones(model.n_nodes), self.local.decay_rate
-        draft = NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop)
+        vectors = {"v": v, "r": r, "q": q, "sigma": np.ones(model.n_nodes), "loop_weights": loop}
+        draft = NetworkCertificate.settle(model=model, **vectors, **rates_of(self.local))
         return draft if draft.status is Status.PROVED else None
 
 
@@ -362,7 +367,7 @@ def out_weight_certificate(node: ConeStateSpace, weight: Fraction, proof: Lyapun
     v = exactly(proof, "v")
     r = v.fractions() @ stacks[0].B.fractions()[0]
     vectors = {"v": v, "r": Matrix.from_fractions(r), "q": Matrix.from_fractions(-weight * r)}
-    local = NetworkCertificate.settle(model=model, **vectors, sigma=np.ones(1), decay_rate=proof.decay_rate)
+    local = NetworkCertificate.settle(model=model, **vectors, sigma=np.ones(1), **rates_of(proof))
     return OutWeightCertificate.settle(local=local, weight=_plain(weight), link=_plain(one))
 
 

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
@@ -28,7 +29,7 @@ from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.rows import frozen
-from ..proof.certificate import Certificate, Fractions, Status, Vector, VectorPair, exactly
+from ..proof.certificate import Certificate, ClaimWithRate, Fractions, Status, Vector, VectorPair, exactly
 from . import conditions as on
 from . import files
 from .blocks import Floats
@@ -133,7 +134,7 @@ class ClaimOnNetwork(Certificate):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class NetworkCertificate(ClaimOnNetwork):
+class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
     """Proof that a network is positive and exponentially stable by Theorem 4, or why it is not.
 
     Attributes
@@ -149,6 +150,8 @@ class NetworkCertificate(ClaimOnNetwork):
     decay_rate : float
         Proven: V(x(t)) <= exp(-decay_rate * t) V(x(0)), per unit of time; in discrete time
         V(x[k]) <= (1 - decay_rate)^k V(x[0]).
+    required_rate : Fraction or None
+        A decay rate that a design was asked for, exactly as given, if `decay_rate` is below it; the claim includes it.
     loop_weights : tuple of two ndarrays, shapes (sum q_k,), (sum m_j,), or None
         With feedthrough: p and t with p'D u <= t'u and t'W y < p'y, so that the algebraic loop contracts;
         tuples of Fraction where doubles do not suffice.
@@ -171,7 +174,8 @@ class NetworkCertificate(ClaimOnNetwork):
         if not (0 <= self.decay_rate < np.inf and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
             raise DataError("decay_rate must not be negative, and sigma must hold one positive number per node.")
         v, r, q = node_vectors(self)
-        out = positive_parts(model) + dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
+        out = positive_parts(model)
+        out += dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete, required=self.required_rate)
         out.append(on.balance(model, q, r, self.sigma))
         if model.has_feedthrough:
             if self.loop is None:
@@ -240,8 +244,8 @@ class NetworkCertificate(ClaimOnNetwork):
             without = " whose sources have no feedthrough" if model.has_feedthrough else ""
             delays = f"It stays stable under any constant delays of {links}{without}"
             return (
-                f"Proved: {what} is positive and exponentially stable with decay rate at least "
-                f"{floored(self.decay_rate, 4)} per {unit}. "
+                f"Proved: {what} is positive and exponentially stable with decay rate at least {self._rate_text} per "
+                f"{unit}. "
                 f"By scale-free margins, computed and not proven, the weakest is {model.name_of(weakest)} with about "
                 f"{self.node_margins[weakest]:.3g}. {delays}, "
                 f"and when {links} are weakened, lost or switched over time, as long as what is left and what is "
@@ -256,6 +260,11 @@ class NetworkCertificate(ClaimOnNetwork):
             "Change the gains or links a little."
         )
 
+    @property
+    def _rate_text(self) -> str:
+        """The decay rate that texts name: the one that was asked for, or `decay_rate`."""
+        return floored(self.decay_rate, 4) if self.required_rate is None else self._asked(floored)
+
     def _reason(self) -> str:
         """What the witness shows, in words that its conditions prove."""
         model, w = self.model, self.witness
@@ -269,14 +278,23 @@ class NetworkCertificate(ClaimOnNetwork):
 
 
 def dissipation(
-    model: NetworkModel, v: Matrix, r: Matrix, q: Matrix, rate: float, *, discrete: bool
+    model: NetworkModel,
+    v: Matrix,
+    r: Matrix,
+    q: Matrix,
+    rate: float,
+    *,
+    discrete: bool,
+    required: Fraction | None = None,
 ) -> list[Condition]:
-    """(II): storage, decrease and supply of every node."""
+    """(II): storage, decrease (also at a rate that was asked for) and supply of every node."""
     out = []
     parts = zip(*(model.split(part, kind) for kind, part in enumerate((v, r, q))), strict=True)
     for g, (v_g, r_g, q_g) in enumerate(parts):
         out.append(on.storage(model, g, v_g))
         out.append(on.decrease(model, g, v_g, q_g, rate, discrete=discrete))
+        if required is not None:
+            out.append(on.decrease(model, g, v_g, q_g, required, discrete=discrete, name=on.REQUIRED))
         if model.stacks[g].sizes[1]:
             out.append(on.supply(model, g, v_g, q_g, r_g))
     return out
@@ -289,6 +307,11 @@ def no_weights(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> list[Con
     largest[int(np.argmax(forms.values[:, 0])), 0] = True
     somewhere = Condition("q'y + r'W y > 0 somewhere", forms, ">", largest)
     return [*on.emitted(model, Matrix(y)), Condition("q'y + r'W y >= 0", forms, ">="), somewhere]
+
+
+def rates_of(certificate: Any) -> dict[str, Any]:
+    """The rates that a certificate claims, as fields of another."""
+    return {name: getattr(certificate, name) for name in ("decay_rate", "required_rate")}
 
 
 def node_vectors(certificate: Any) -> list[Matrix]:

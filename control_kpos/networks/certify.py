@@ -10,6 +10,7 @@ A_cl x in X exists and is found at a shift just above the abscissa.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -127,11 +128,21 @@ def certify_as_given(model: NetworkModel, progress: Progress | None = None) -> N
     return found if found.status is not Status.UNDECIDED else certify_exactly(model, loop)
 
 
-def settle(model: NetworkModel, data: Data, loop: LoopWeights) -> NetworkCertificate:
-    """The certificate for v, r, q with the decay rate they prove and sigma = 1."""
+def at_rate(found: NetworkCertificate, rate: Fraction) -> NetworkCertificate:
+    """The certificate of a network that is proven, claiming this decay rate too; UNDECIDED if that is not proven."""
+    model = found.model
+    faster = candidates(model, float(model.discrete - rate))
+    drafts = (settle(model, data, found.loop, rate) for data in faster)
+    same = NetworkCertificate.settle(**found.data() | {"required_rate": rate})
+    return same or next(filter(bool, drafts), None) or certify_exactly(model, found.loop, rate)
+
+
+def settle(model: NetworkModel, data: Data, loop: LoopWeights, required: Fraction | None = None) -> NetworkCertificate:
+    """The certificate for v, r, q with the decay rate they prove, and one that is required, and sigma = 1."""
     v, r, q = map(Matrix, data)
     rate, sigma = max(provable_rate(model, v, q, discrete=model.discrete), 0.0), np.ones(model.n_nodes)
-    return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop)
+    rates = {"decay_rate": rate, "required_rate": required}
+    return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, loop_weights=loop, **rates)
 
 
 def candidates(model: NetworkModel, shift: float) -> Iterator[Data]:

@@ -20,6 +20,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
+from ..theorems.growing_direction import Rate, at_rate
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
 from .model import NetworkModel
 from .nodes import NodeStack
@@ -27,7 +28,7 @@ from .nodes import NodeStack
 STATE, INPUT, OUTPUT, DIRECT = (NAMES[name] for name in "ABCD")
 INCLUSIONS = {NAMES[name]: meaning for name, meaning in MEANING.items()}
 STORAGE, RATE, SUPPLY = "v'x > 0", "(v'A + rate v' - q'C) x <= 0", "(v'B - r' - q'D) u <= 0"
-STRICT = "(v'A - q'C) x < 0"
+STRICT, REQUIRED = "(v'A - q'C) x < 0", "(v'A + required_rate v' - q'C) x <= 0"
 COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"
 LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W - p') y < 0"
 
@@ -141,26 +142,29 @@ def storage(model: NetworkModel, g: int, v: Matrix) -> Condition:
     return Condition(titled(STORAGE, model, g), stacked(beside(v), None, s.rays[0]), ">")
 
 
-def decrease_forms(s: NodeStack, v: Matrix, q: Matrix, rate: float, discrete: bool) -> BilinearForms:
+def decrease_forms(s: NodeStack, v: Matrix, q: Matrix, rate: Rate, discrete: bool) -> BilinearForms:
     """(v'A + rate v' - q'C) x, with A - I for A in discrete time."""
-    n = s.sizes[0]
+    eye = Matrix(np.eye(s.sizes[0])[None])
     left, middle = [v], [s.A]
     if discrete:
         left.append(v)
-        middle.append(Matrix(-np.eye(n)[None]))
+        middle.append(-eye)
     if rate:
-        left.append(v)
-        middle.append(Matrix(rate * np.eye(n)[None]))
+        row, block = at_rate(v, rate, eye)
+        left.append(row)
+        middle.append(block)
     if not q.is_zero:
         left.append(-q)
         middle.append(s.C)
     return stacked(beside(*left), Matrix.join(middle, -2), s.rays[0])
 
 
-def decrease(model: NetworkModel, g: int, v: Matrix, q: Matrix, rate: float, *, discrete: bool) -> Condition:
+def decrease(
+    model: NetworkModel, g: int, v: Matrix, q: Matrix, rate: Rate, *, discrete: bool, name: str = RATE
+) -> Condition:
     """(v_j'A_j + rate v_j' - q_j'C_j) x <= 0 on the generators of X_j; strict if the rate is 0."""
     forms = decrease_forms(model.stacks[g], v, q, rate, discrete)
-    name, relation = (RATE, "<=") if rate else (STRICT, "<")
+    name, relation = (name, "<=") if rate else (STRICT, "<")
     return Condition(titled(name, model, g), forms, relation)  # type: ignore[arg-type]
 
 

@@ -26,7 +26,7 @@ from ..exact.matrix import Matrix
 from ..proof.certificate import Status, exactly
 from . import conditions as on
 from .blocks import Floats, Index, apply, inverse, take_blocks
-from .certificate import NetworkCertificate, node_vectors
+from .certificate import NetworkCertificate, node_vectors, rates_of
 from .certify import loop_weights, provable_rate, settle, supply_rates
 from .coupling import entries_of, from_entries
 from .model import NetworkModel, gather, same_timebase
@@ -156,9 +156,11 @@ def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Inde
     if certificate.model.origin is not None:
         model = own_links_closed(model) or model
     if (origin >= 0).all():
-        same = _restricted(certificate, model, origin)
-        if same.status is Status.PROVED:
-            return same
+        rates = rates_of(certificate)
+        for tried in (rates, {**rates, "required_rate": None}):
+            same = _restricted(certificate, model, origin, tried)
+            if same.status is Status.PROVED:
+                return same
     loop = loop_weights(model)
     if model.has_feedthrough and loop is None:
         return None
@@ -176,7 +178,9 @@ def inherited(certificate: NetworkCertificate, model: NetworkModel, origin: Inde
     return None
 
 
-def _restricted(certificate: NetworkCertificate, model: NetworkModel, origin: Index) -> NetworkCertificate:
+def _restricted(
+    certificate: NetworkCertificate, model: NetworkModel, origin: Index, rates: dict[str, Any]
+) -> NetworkCertificate:
     """The same vectors for those nodes that are left."""
     old = certificate.model
     left = [np.isin(old.owners(kind), origin) for kind in range(3)]
@@ -185,8 +189,8 @@ def _restricted(certificate: NetworkCertificate, model: NetworkModel, origin: In
     if certificate.loop_weights is not None:
         p, t = exactly(certificate, "loop_weights")
         loop = p[left[2]], t[left[1]]
-    sigma, rate = np.asarray(certificate.sigma)[origin], certificate.decay_rate
-    return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, decay_rate=rate, loop_weights=loop)
+    sigma = np.asarray(certificate.sigma)[origin]
+    return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, loop_weights=loop, **rates)
 
 
 def _storages(model: NetworkModel, v: Floats, new: Index) -> Any:

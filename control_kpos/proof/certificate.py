@@ -8,9 +8,10 @@ REFUTED: a witness is present and every condition on the witness holds.  UNDECID
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from enum import Enum
+from fractions import Fraction
 from functools import cached_property
 from os import PathLike
 from typing import Any, ClassVar, TypeVar
@@ -378,6 +379,27 @@ def is_tight(conditions: Sequence[Condition], name: str) -> bool:
     """True if an inequality has no more to spare than the rounding of another machine: its number is the largest."""
     found = [c for c in conditions if c.name == name]
     return any((np.abs(c.residual) <= _SAME_RESIDUAL * c.scale).any() for c in found)
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ClaimWithRate(Certificate):
+    """A claim that includes a decay rate, exactly as it was given, if one was asked for: a positive `required_rate`."""
+
+    required_rate: Fraction | None = None
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.required_rate is not None and not (isinstance(self.required_rate, Fraction) and self.required_rate > 0):
+            return Status.UNDECIDED, ()  # no rate that anybody can ask for
+        return super()._evaluate()
+
+    def data(self) -> dict[str, Any]:
+        """As of every certificate, without a rate where none was asked for."""
+        return {k: x for k, x in super().data().items() if k != "required_rate" or x is not None}
+
+    def _asked(self, rounded: Callable[[Fraction], str]) -> str:
+        """The rate that was asked for; rounded if it is long."""
+        text = str(self.required_rate)
+        return text if len(text) < 8 else rounded(self.required_rate or Fraction(0))
 
 
 def _stated(certificate: Any, encoder: Encoder) -> dict[str, Any]:

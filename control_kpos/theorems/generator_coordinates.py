@@ -140,11 +140,11 @@ class Pencil:
         mu = Fraction(shift)
         return self.N.times(mu.denominator) + SparseIntegers.diagonal(-mu.numerator * self.E)
 
-    def decide(self, shift: Any) -> Decision | None:
+    def decide(self, shift: Any, *, marginal: bool = False) -> Decision | None:
         """Whether the spectral abscissa is below the shift; None if that is infinite, or out of reach."""
         if isinstance(shift, float) and not np.isfinite(shift):
             return None
-        return decide(self.at(shift), self.cones)
+        return decide(self.at(shift), self.cones, marginal=marginal)
 
     @np.errstate(all="ignore")
     def estimate(self, relative: float) -> float:
@@ -174,11 +174,13 @@ def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
     return float(np.linalg.eigvals(scaled).real.max())
 
 
-def decide_stability(A: Matrix, X: Cone, discrete: bool, rate: Fraction = Fraction(0)) -> tuple[bool, Integers] | None:
+def decide_stability(
+    A: Matrix, X: Cone, discrete: bool, rate: Fraction = Fraction(0), *, marginal: bool = False
+) -> tuple[bool, Integers] | None:
     """Settle whether a K-positive A decays faster than at a rate, with v or x as integers times one number.
 
-    v decreases faster than at the rate, A x + rate x is in X; in discrete time A - I takes the place of A.  None if
-    this is out of reach.
+    v decreases faster than at the rate (`marginal`: or exactly at it), A x + rate x is in X; in discrete time A - I
+    takes the place of A.  None if this is out of reach.
     """
     try:
         at = Coordinates.of(pieces_of(X), X.dim)
@@ -186,7 +188,7 @@ def decide_stability(A: Matrix, X: Cone, discrete: bool, rate: Fraction = Fracti
         return None
     S, factor = sparse_integers(A)
     N = (at.into @ S @ at.out).times(factor.numerator)
-    found = Pencil(N, at.heights * factor.denominator, at.cones).decide(discrete - rate)
+    found = Pencil(N, at.heights * factor.denominator, at.cones).decide(discrete - rate, marginal=marginal)
     if found is None:
         return None
     return found.stable, (at.into.T if found.stable else at.out).apply(found.vector)

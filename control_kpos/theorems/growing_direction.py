@@ -89,13 +89,19 @@ def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: Rate =
     rows, blocks = [v], [A]
     if discrete:
         rows, blocks = [*rows, v], [*blocks, -eye]
-    if rate and rate == float(rate):
-        rows, blocks = [*rows, v], [*blocks, Matrix(eye.values * float(rate))]
-    elif rate:
-        rows, blocks = [*rows, Matrix.from_fractions(v.fractions() * rate)], [*blocks, eye]
+    if rate:
+        row, block = at_rate(v, rate, eye)
+        rows, blocks = [*rows, row], [*blocks, block]
     if len(blocks) == 1:
         return BilinearForms(v, A, rays)
     return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), rays)
+
+
+def at_rate(v: Matrix, rate: Rate, eye: Matrix) -> tuple[Matrix, Matrix]:
+    """rate v' as a product of two matrices, in doubles if the rate is one."""
+    if rate == float(rate):
+        return v, Matrix(eye.values * float(rate))
+    return Matrix.from_fractions(v.fractions() * rate), eye
 
 
 def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: Rate = 0.0) -> BilinearForms:

@@ -94,7 +94,7 @@ class Cones:
 
 
 @np.errstate(all="ignore")  # what overflows or vanishes in a proposal proves nothing
-def decide(N: SparseIntegers, cones: Cones | None = None) -> Decision | None:
+def decide(N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = False) -> Decision | None:
     """Settle whether N, cross-positive on a product of half-lines and cones, is stable.
 
     Parameters
@@ -102,6 +102,8 @@ def decide(N: SparseIntegers, cones: Cones | None = None) -> Decision | None:
     N : SparseIntegers, shape (n, n)
     cones : Cones, optional
         Default: the nonnegative orthant.
+    marginal : bool
+        True: v'N <= 0 will do, which holds with equality in parts with a root of zero that influence no others.
 
     Returns
     -------
@@ -112,6 +114,8 @@ def decide(N: SparseIntegers, cones: Cones | None = None) -> Decision | None:
     open_ = False
     for part, own in strong_parts(N, cones.group):
         decided = _decide_part(own, cones, part)
+        if marginal and decided is not None and not decided.stable:
+            decided = _balanced(own, cones, part) or decided
         if decided is None:
             open_ = True
         elif not decided.stable:
@@ -158,8 +162,17 @@ def _by_label(label: Index, which: Index) -> dict[int, Index]:
     return dict(zip(names.tolist(), np.split(order, first[1:]), strict=True))
 
 
+def _balanced(N: SparseIntegers, cones: Cones, part: Index) -> Decision | None:
+    """v with v'N = 0 for an irreducible part whose root is zero; None for others."""
+    facets = {k: rows for k, rows in cones.facets.items() if rows is not None}
+    if len(facets) < len(cones.facets) and cones.touches(part):
+        return None
+    found = _decide_part(N.T, Cones(cones.group, {**cones.rays}, facets), part)
+    return None if found is None or found.stable or N.T.apply(found.vector).any() else Decision(True, found.vector)
+
+
 def _joined(N: SparseIntegers, found: list[tuple[Index, Decision]], cones: Cones) -> Integers | None:
-    """Vectors of the parts times powers of two, so that v'N < 0 on the whole; None if they are too far apart."""
+    """Vectors of the parts times powers of two, so that v'N < 0 on the whole, or None."""
     v = np.zeros(N.height, dtype=object)
     if len(found) == 1:
         v[found[0][0]] = found[0][1].vector
@@ -170,14 +183,10 @@ def _joined(N: SparseIntegers, found: list[tuple[Index, Decision]], cones: Cones
         burden = _on_rays(cones, part, mine.apply(v))
         v[part] = decided.vector
         slack = _on_rays(cones, part, -mine.apply(_only(v, part)))
-        raised = max(
-            (
-                b.bit_length() - s.bit_length() + 2
-                for b, s in zip(burden.tolist(), slack.tolist(), strict=True)
-                if b > 0
-            ),
-            default=0,
-        )
+        loaded = [pair for pair in zip(burden.tolist(), slack.tolist(), strict=True) if pair[0] > 0]
+        if any(s <= 0 for _, s in loaded):
+            return None
+        raised = max((b.bit_length() - s.bit_length() + 2 for b, s in loaded), default=0)
         v[part] = decided.vector << max(raised, 0)
         longest = max(longest, max(abs(value).bit_length() for value in v[part]))
         if longest > _LONGEST:

@@ -12,7 +12,7 @@ In discrete time A - I takes the place of A.  A "no" has a witness too: some x i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -28,7 +28,7 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_number
 from ..exact.matrix import Matrix, bit_length
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Fractions, Status, Vector, exactly, is_tight
+from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly, is_tight
 from ..proof.encoding import nested_text
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
@@ -65,7 +65,7 @@ _BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class LyapunovCertificate(ClaimOnPositivity):
+class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
     """Proof that X is invariant and x' = A x exponentially stable, or proof that one of them fails.
 
     Attributes
@@ -101,7 +101,6 @@ class LyapunovCertificate(ClaimOnPositivity):
     slow_direction: Vector = Vector()
     decay_rate_bound: float = float("inf")
     slow_direction_exact: Fractions = Fractions("slow_direction")
-    required_rate: Fraction | None = None
 
     @property
     def A(self) -> Matrix:
@@ -143,8 +142,6 @@ class LyapunovCertificate(ClaimOnPositivity):
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.v is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
-        if self.required_rate is not None and not (isinstance(self.required_rate, Fraction) and self.required_rate > 0):
-            return Status.UNDECIDED, ()  # no rate that anybody can ask for
         return super()._evaluate()
 
     def is_consistent(self) -> bool:
@@ -169,10 +166,6 @@ class LyapunovCertificate(ClaimOnPositivity):
         if isinstance(w, SlowDirection) and not w.rate < (self.required_rate or 0):
             return None
         return _growth_conditions(self.positivity, w)
-
-    def contents(self) -> dict[str, Any]:
-        """As of every claim on positivity, without a rate where none was asked for."""
-        return {k: x for k, x in super().contents().items() if k != "required_rate" or x is not None}
 
     def evidence(self) -> dict[str, Any]:
         """Evidence of positivity, and of a witness x (the slow direction) the weights of x and A x (+ bound x) in X."""
@@ -228,11 +221,6 @@ class LyapunovCertificate(ClaimOnPositivity):
             "Undecided: X is invariant, but neither a Lyapunov vector nor a direction of growth could be proven; the "
             "system may be too close to the edge of stability for its size."
         )
-
-    def _asked(self, rounded: Callable[[float], str]) -> str:
-        """The rate that was asked for; rounded if it is long."""
-        text = str(self.required_rate)
-        return text if len(text) < 8 else rounded(float(self.required_rate or 0))
 
 
 def linear_lyapunov(
@@ -393,12 +381,9 @@ def _at_rate(positivity: PositivityCertificate, rate: Fraction) -> LyapunovCerti
     if fastest.slow_direction is not None and fastest.decay_rate_bound < rate:
         witness = SlowDirection(exactly(fastest, "slow_direction"), rate=fastest.decay_rate_bound)
         return LyapunovCertificate.settle(positivity=positivity, required_rate=rate, witness=witness)
-    # faster than at this rate, or at this rate exactly, which a dominant left eigenvector shows
-    for matrix, cone, faster in ((A, X, True), (A.T, X.dual, False)):
-        decided = decide_stability(matrix, cone, discrete, rate)
-        if decided is not None and decided[0] is faster:
-            v = Matrix.over(decided[1], 1 << bit_length(decided[1]))
-            found = _proved(positivity, v, required_rate=rate) or found
+    decided = decide_stability(A, X, discrete, rate, marginal=True)
+    if decided is not None and decided[0]:
+        found = _proved(positivity, Matrix.over(decided[1], 1 << bit_length(decided[1])), required_rate=rate)
     return found or LyapunovCertificate.settle(positivity=positivity, required_rate=rate)
 
 

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from ...exact.budget import spend
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
+from ...theorems.growing_direction import Rate
 from ..plant import coordinates
 from ..running import Programs
 from ..simplicial.program import RatioProgram, stacked
@@ -53,14 +54,14 @@ class Task:
         |F_j t_k| <= bound, input by input.
     uniform : bool
         One F and one xi for all nodes (one stack).
-    rate : float
+    rate : float or Fraction
     lp : callable
     """
 
     model: NetworkModel
     bound: Floats | None
     uniform: bool
-    rate: float
+    rate: Rate
     lp: Programs
 
 
@@ -221,7 +222,7 @@ class NetworkProgram(RatioProgram):
             return sp.csr_array((0, self.size))
         return sp.csr_array(self.slope - (1 - 1e-9) * self.level)
 
-    def decreasing(self, rate: float) -> sp.csr_array:
+    def decreasing(self, rate: Rate) -> sp.csr_array:
         """Rows that must be negative for the decay rate."""
         rows = sp.csr_array(super().decreasing(rate))
         return _distinct(rows) if self.uniform else rows

@@ -25,6 +25,7 @@ from ...networks.certify import violation
 from ...networks.model import NetworkModel
 from ...proof.certificate import Status
 from ...systems.system import System
+from ...theorems.growing_direction import Rate
 from ..accept import undecided
 from ..limits import proven_limit, refused_at
 from ..plant import Plant, read_plant
@@ -125,7 +126,7 @@ def _numbers(M: Matrix) -> Any:
     return np.asarray(M.values).tobytes() if M.is_double else str(M.fractions().tolist())
 
 
-def _alone(plant: Plant, rate: float, lp: Programs) -> DesignResult | None:
+def _alone(plant: Plant, rate: Rate, lp: Programs) -> DesignResult | None:
     """The proof that there is no gain, if it takes little effort."""
     with suppress(OutOfBudgetError), budget(EFFORT["a node of a network alone"]):
         result = design_on_simplicial(plant, rate, lp.on_highs())

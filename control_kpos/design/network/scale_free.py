@@ -24,8 +24,8 @@ from ...networks.any_size import out_weight_certificate
 from ...progress import Target
 from ...systems.statespace import ConeStateSpace
 from ...theorems.stability import LyapunovCertificate
-from ..accept import beyond_feedback, undecided
-from ..feedback import read_double_rate
+from ..accept import beyond_feedback, proven_rate, undecided
+from ..feedback import read_rate
 from ..plant import Plant, read_plant, require_simplicial
 from ..result import DesignResult, changed
 from ..running import Programs, SolverChoice, within
@@ -79,7 +79,7 @@ def scale_free_feedback(
     >>> bool(d), bool(ring.certificate)
     (True, True)
     """
-    target, value = read_double_rate(rate), exact_number(weight, "weight", nonnegative=True)
+    target, value = read_rate(rate), exact_number(weight, "weight", nonnegative=True)
 
     def design(lp: Programs) -> DesignResult:
         return _design(read_plant(sys, X, gain_bound=gain_bound, structure=structure), value, target, lp)
@@ -87,7 +87,7 @@ def scale_free_feedback(
     return within(time_limit, design, solver=solver, progress=progress)
 
 
-def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -> DesignResult:
+def _design(plant: Plant, weight: Fraction, target: Any, lp: Programs) -> DesignResult:
     system = plant.system
     _, m, q = system.sizes
     if (m, q) != (1, 1):
@@ -110,4 +110,4 @@ def _design(plant: Plant, weight: Fraction, target: float | str, lp: Programs) -
     certificate = out_weight_certificate(closed, weight, coupled)
     if not certificate:
         return undecided("a gain was found, but the scale-free claim could not be proven.")
-    return changed(result, certificate=certificate, decay_rate=certificate.decay_rate)
+    return changed(result, certificate=certificate, decay_rate=proven_rate(certificate, result.weakened_rate))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from contextlib import suppress
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,7 @@ from ...exact.intake import flag, items
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.certificate import NetworkCertificate, node_vectors
+from ...networks.certify import at_rate
 from ...networks.conditions import decrease_forms
 from ...networks.coupling import read_coupling
 from ...networks.model import NetworkModel, gather
@@ -33,9 +35,10 @@ from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
-from ..accept import undecided
+from ...theorems.growing_direction import Rate
+from ..accept import proven_rate, undecided
 from ..actuator_loss import Demand, least_fractions, lifted
-from ..feedback import read_double_rate
+from ..feedback import read_rate
 from ..plant import closed_loop, read_bound
 from ..result import DesignResult, percent
 from ..running import Programs, SolverChoice, within
@@ -81,7 +84,7 @@ def network_feedback(
         True: one F for all nodes, which must have equal sizes and one cone.  Found with one vector for all nodes,
         a sufficient condition.
     rate : float
-        Decay rate of the network.
+        Decay rate of the network.  A rate such as "1/3" is proven as it is written; equality will do.
     gain_bound : float, array_like, shape (sum m_j,), optional
         |F_j x_k| <= gain_bound at every generator of X_j, its leading entry scaled to 1 as in `state_feedback`.
         With a bound one program is solved, for gains that are small beside it; without, several, for the smallest bound
@@ -124,7 +127,7 @@ def network_feedback(
     (True, (5, 1, 2), True)
     """
     uniform = flag(uniform, "uniform")
-    target = read_double_rate(rate)
+    target = read_rate(rate)
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
 
@@ -136,7 +139,7 @@ def network_feedback(
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
         model = own_links_closed(model) or model  # A + B F + B W_jj C is what gains act on
-        return _designed(Task(model, _read_bound(gain_bound, model), uniform, float(target), lp))
+        return _designed(Task(model, _read_bound(gain_bound, model), uniform, target, lp))
 
     result = within(time_limit, design, "network", solver=solver, progress=progress)
     if result.alarm:
@@ -149,7 +152,9 @@ def _designed(task: Task) -> DesignResult:
     # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
     margins = MARGINS if task.bound is not None else MARGINS[1:]
     result = undecided(f"{reason()} was reached before gains were found.")
-    for result in (_design(task, NetworkProgram(task, margin)) for margin in margins if affords()):
+    # last, gains for a rate that no gain exceeds: without margins, from a program that asks for a little less
+    edge = (0.0,) if task.rate > 0 else ()
+    for result in (_design(task, NetworkProgram(task, margin)) for margin in (*margins, *edge) if affords()):
         if result:
             return result
     refused = beyond_gains(task.model) if affords(_effort(task.model)) else None
@@ -190,13 +195,17 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
 
 def _design(task: Task, program: NetworkProgram) -> DesignResult:
     """Gains from one program, proven; UNDECIDED with the message _NO_POINT if the program has no solution."""
-    start = program.start(task.rate)
+    edge = program.margin == 0
+    rate = max(task.rate - 2 * program.strict * program.scale, 0.0) if edge else task.rate
+    start = program.start(rate)
     if isinstance(start, Failure):
         return undecided(_NO_POINT)
-    points, limit = [start], float("nan")
+    points, limit, most = [start], float("nan"), None
     if task.bound is None:
-        slim, limit = program.smallest_gain(task.rate, start)
-        points = [p for p in (_roomy(task, limit), slim, start) if p is not None]
+        slim, limit = program.smallest_gain(rate, start)
+        points, most = [slim, start], limit * (1 + _EXTRA)
+    first = program.centred(rate, most, points[0], inside=False) if edge else _roomy(task, limit)
+    points = points if first is None else [first, *points]
 
     def prove(candidate: tuple[Floats, int]) -> DesignResult | None:
         x, digits = candidate
@@ -225,7 +234,7 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
     model, parts = task.model, program.parts
     if task.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
-    used = [np.abs(F @ g.rays.T) / g.sizes for F, g in zip(gains, parts, strict=True)]
+    used = [np.abs(F @ (g.rays / g.sizes[:, None]).T) for F, g in zip(gains, parts, strict=True)]
     if task.bound is not None:
         bounds = [b[:, :, None] for b in model.split(task.bound, 1)]
         if not all((u + _rounding(F, g) <= b).all() for u, F, g, b in zip(used, gains, parts, bounds, strict=True)):
@@ -238,13 +247,15 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
     certificate = network.certificate
     if not certificate:
         return None
-    if certificate.decay_rate < task.rate and not -network.spectral_abscissa()[1] >= task.rate:
-        return None
-    kept = min(task.rate, certificate.decay_rate)
+    if certificate.decay_rate < task.rate:
+        certificate = at_rate(certificate, Fraction(task.rate))
+        if not certificate:
+            return None
+        network = ConeNetwork(closed, certificate=certificate)
     proven = given if certificate.model.origin is None else model
-    fraction, fragile = node_fractions(proven, gains, certificate, kept)
+    fraction, fragile = node_fractions(proven, gains, certificate, task.rate)
     notes = [] if exact else [_rounding_note(program, gains, closed)]
-    notes += _weakening(model, fraction, kept)
+    notes += _weakening(model, fraction, task.rate)
     return DesignResult(
         status=Status.PROVED,
         F=_shaped(task, gains),
@@ -253,17 +264,17 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
         objective=NETWORK_GAIN if task.bound is None else BOUNDED,
         value=value,
         limit=network_limit(task, limit),
-        decay_rate=max(certificate.decay_rate, task.rate),
+        decay_rate=proven_rate(certificate, task.rate),
         certified_fraction=fraction,
-        weakened_rate=kept,
+        weakened_rate=task.rate,
         notes=tuple(notes),
         alarm=loss_of_positivity(model, fraction, fragile),
     )
 
 
 def _rounding(F: Floats, g: Geometry) -> Floats:
-    """Bound on the rounding of |F x_k|, that of the generators included."""
-    longest = np.abs(g.rays).max(axis=1) / g.sizes
+    """Bound on the rounding of |F x_k|, that of the generators included; none where x_k is a unit vector."""
+    longest = np.abs(g.rays).max(axis=1) / g.sizes * (np.count_nonzero(g.rays, axis=1) > 1)
     return 4 * (F.shape[-1] + 8) * HALF_ULP * np.abs(F).sum(axis=-1)[..., None] * longest
 
 
@@ -322,7 +333,7 @@ def _shaped(task: Task, gains: list[Floats]) -> Any:
 
 
 def node_fractions(
-    model: NetworkModel, gains: list[Floats], certificate: NetworkCertificate, rate: float
+    model: NetworkModel, gains: list[Floats], certificate: NetworkCertificate, rate: Rate
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """The fractions of the local gains that keep the network certified with this decay rate, proven for every node.
 
@@ -345,7 +356,7 @@ def node_fractions(
     return certified, fragile
 
 
-def _weakening(model: NetworkModel, fraction: Floats, rate: float) -> list[str]:
+def _weakening(model: NetworkModel, fraction: Floats, rate: Rate) -> list[str]:
     """What is proven of local actuators that lose effect."""
     weakest = int(np.argmax(fraction))
     least, name = float(fraction[weakest]), model.name_of(weakest)

@@ -23,6 +23,7 @@ from ...errors import DataError
 from ...exact.budget import affords, spend
 from ...exact.program import SMALL, Block, Program, Solver
 from ...exact.programs import Solution
+from ...theorems.growing_direction import Rate
 from ..plant import Floats, Plant
 from .inequalities import feedback_inequalities, gain_from_columns, output_rows, solved, split
 
@@ -96,11 +97,11 @@ class RatioProgram:
         """Number of the xi."""
         return int(self.owner.max()) + 1
 
-    def decreasing(self, rate: float) -> Any:
+    def decreasing(self, rate: Rate) -> Any:
         """Rows that must be negative for the decay rate."""
         return self.drift - (self.still - rate - self.strict * self.scale) * self.weights
 
-    def fixed(self, rate: float | None, gain: float | None = None) -> Any:
+    def fixed(self, rate: Rate | None, gain: float | None = None) -> Any:
         """Rows that must not be positive; `rate` None leaves stability out."""
         parts = [-self.closed, self.bounds]
         if rate is not None:
@@ -109,12 +110,12 @@ class RatioProgram:
             parts.append(self.slope - gain * self.level)
         return stacked(*parts)
 
-    def start(self, rate: float | None, gain: float | None = None) -> Floats | Failure:
+    def start(self, rate: Rate | None, gain: float | None = None) -> Floats | Failure:
         """Any solution, or why there is none.
 
         Parameters
         ----------
-        rate : float or None
+        rate : float, Fraction or None
             Decay rate; None: invariance and bounds alone.
         gain : float or None
             Bound on the gain.
@@ -140,7 +141,7 @@ class RatioProgram:
         program.below(0.0, x=rows, largest=-(np.arange(rows.shape[0]) >= fixed.shape[0]).astype(float))
         return program.solve(self.lp)
 
-    def smallest_gain(self, rate: float, start: Floats) -> tuple[Floats, float]:
+    def smallest_gain(self, rate: Rate, start: Floats) -> tuple[Floats, float]:
         """Point of smallest gain at this rate, and that gain."""
         x, gain = self._minimised(self.fixed(rate), self.slope, self.level, start)
         return x, max(gain, 0.0)
@@ -174,9 +175,13 @@ class RatioProgram:
                 x, rate = max((self.largest_rate(higher), (higher, rate + step)), key=lambda pair: pair[1])
         return x, rate
 
-    def centred(self, rate: float, gain: float | None, x: Floats) -> Floats:
-        """A point near x where every row that can be positive is so; x itself if there is none within reach."""
-        rows, scale = stacked(self.closed, -self.decreasing(rate)), x[self.owner]
+    def centred(self, rate: Rate, gain: float | None, x: Floats, *, inside: bool = True) -> Floats:
+        """A point near x where every row that can be positive is so; x itself if there is none within reach.
+
+        Rows of invariance count only if the point is to be `inside`.
+        """
+        rows, scale = -self.decreasing(rate), x[self.owner]
+        rows = stacked(self.closed, rows) if inside else rows
         size = abs(rows) @ np.abs(x)
         program = Program(x=self._over(0.5, 2.0))
         program.below(0.0, x=scaled(self.fixed(rate, gain), scale))

@@ -108,7 +108,7 @@ def _smallest(
     found = first_proven(points(), prove)
     if found is None:
         return exact_design(plant, rate, lp, infimum)
-    value = found.size if objective == SMALLEST_GAIN else proven_rate(found)
+    value = found.size if objective == SMALLEST_GAIN else proven_rate(found.certificate, found.rate)
     return succeed(plant, found, objective, value, gain_limit(plant, rate * BELOW, infimum))
 
 

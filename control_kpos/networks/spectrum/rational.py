@@ -25,6 +25,7 @@ import numpy as np
 
 from ...errors import TooLargeError
 from ...exact.matrix import Integers, Matrix, bit_length
+from ...exact.rounding import double_below
 from ...exact.sparse_integers import SparseIntegers
 from ...theorems.generator_coordinates import Coordinates, Pencil, sparse_integers
 from ...theorems.perron_pair import Cones, Decision
@@ -102,12 +103,12 @@ class NetworkPencil:
         scale = self._scales[1] // self.W[1].denominator
         return x * scale, u * scale, self._beside("CD", scale).apply(np.concatenate([x, u]))
 
-    def decide(self, shift: float) -> Outcome | None:
+    def decide(self, shift: float | Fraction, *, marginal: bool = False) -> Outcome | None:
         """Whether the algebraic loop contracts and the spectral abscissa is below the shift; None where undecided.
 
         With it come v and r if stable, else x and u, all times one number.
         """
-        found = self.pencil.decide(shift)
+        found = self.pencil.decide(shift, marginal=marginal)
         return None if found is None else self.outcome(found)
 
     def decide_loop(self) -> Outcome | None:
@@ -133,19 +134,20 @@ class NetworkPencil:
         return found.stable, vector[:n], vector[n:]
 
 
-def certify_exactly(model: NetworkModel, loop: LoopWeights) -> NetworkCertificate:
+def certify_exactly(model: NetworkModel, loop: LoopWeights, required: Fraction | None = None) -> NetworkCertificate:
     """Decide Theorem 4 for a positive network with W Y in U, also at the margin and within rounding of it.
 
-    UNDECIDED where the Perron vector cannot be refined, or cones that are not simplicial ask for programs too long.
+    A decay rate that is required is proven, also with equality, or left UNDECIDED; so is all where the Perron vector
+    cannot be refined, or cones that are not simplicial ask for programs too long.
     """
     network = NetworkPencil(model)
     try:
-        return _certified(network, loop)
+        return _certified(network, loop, required)
     except TooLargeError:  # facets of some cone
         return NetworkCertificate.settle(model=model, loop_weights=loop)
 
 
-def _certified(network: NetworkPencil, loop: LoopWeights) -> NetworkCertificate:
+def _certified(network: NetworkPencil, loop: LoopWeights, required: Fraction | None) -> NetworkCertificate:
     model = network.model
     if model.has_feedthrough and loop is None:
         direct = network.decide_loop()
@@ -154,12 +156,13 @@ def _certified(network: NetworkPencil, loop: LoopWeights) -> NetworkCertificate:
             return NetworkCertificate.settle(model=model, witness=witness)
         loop = _loop_weights(network, direct[2])
     least = 1.0 if model.discrete else 0.0
-    found = network.decide(least)
-    if found is None:
+    found = network.decide(least if required is None else model.discrete - required, marginal=required is not None)
+    if found is None or (required is not None and not found[0]):
         return NetworkCertificate.settle(model=model, loop_weights=loop)
     if found[0]:
-        sigma = np.ones(model.n_nodes)
-        return NetworkCertificate.settle(model=model, **_falling(network, found), sigma=sigma, loop_weights=loop)
+        rates = {"decay_rate": double_below(required or 0.0), "required_rate": required}
+        vectors = {**_falling(network, found), "sigma": np.ones(model.n_nodes), "loop_weights": loop}
+        return NetworkCertificate.settle(model=model, **vectors, **rates)
     return NetworkCertificate.settle(model=model, loop_weights=loop, witness=_growing(network, found, least))
 
 
