@@ -526,7 +526,8 @@ def no_storage(s: System, e: Json, q: Vector, r: Vector | None) -> None:
 def unstable(s: System, e: Json) -> None:
     """Not stable: x in X, x != 0, with A x - rate x in X, rate >= 0 (discrete time: 1).
 
-    Or no v decreases at required_rate, which is positive: then rate > -required_rate (1 - required_rate) will do.
+    Or no v decreases at required_rate, which is positive: then rate > -required_rate (1 - required_rate) will do, or
+    this rate itself if A x - rate x is not 0.
     """
     no_storage(s, e, {}, None)
     need(bool(motion(s, e)[0]), "x is not zero")
@@ -1057,7 +1058,8 @@ def verify(c: Json, limit: int) -> str:
     else:
         positive(s, e)
         slowest = s.discrete - (asked if claim == "stable" else 0)
-        need(number(e["rate"]) > slowest or number(e["rate"]) >= s.discrete, "the motion decays too slowly")
+        decays = number(e["rate"]) < s.discrete and number(e["rate"]) <= slowest
+        need(not decays or (number(e["rate"]) == slowest and bool(motion(s, e)[3])), "the motion decays too fast")
         REFUTATIONS[claim][e["shows"]](s, e)
     return note
 

@@ -146,7 +146,8 @@ BY_HAND = {
     "no rate at all": (asked(0), "WRONG"),
     "not at the rate that was asked for": (asked("2.1", "REFUTED", **direction(1, 0, -2)), "REFUTED"),
     "only at the rate that was asked for": (asked(2, "REFUTED", **direction(1, 0, -2)), "WRONG"),
-    "a motion that is too fast": (asked("2.1", "REFUTED", **direction(1, 0, "-2.1")), "WRONG"),
+    "at that rate with something left": (asked("2.1", "REFUTED", **direction(1, 0, "-2.1")), "REFUTED"),
+    "a motion that is too fast": (asked("2.1", "REFUTED", **direction(1, 0, "-2.2")), "WRONG"),
     "not even stable, at any rate": (asked(1, "REFUTED", A=1, **direction(1, 0)), "REFUTED"),
     "only at a rate that nobody states": (
         scalar("stable", "REFUTED", required_rate={"fraction": "2.1"}, **direction(1, 0, -2)),

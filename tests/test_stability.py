@@ -252,7 +252,8 @@ class TestAskedRate:
         T = T.astype(int).astype(object)
         inverse = np.round(np.linalg.inv(T.astype(float))).astype(int).astype(object)
         A, X = T @ M @ inverse, kp.PolyhedralCone(T.T.tolist())
-        for asked, proved in ((rate / 2, True), (rate, True), (rate * Fraction(101, 100), False)):
+        beside = [(rate * (1 + Fraction(1, 10**k)), False) for k in (2, 12, 18, 30)]
+        for asked, proved in ((rate / 2, True), (rate * (1 - Fraction(1, 10**30)), True), (rate, True), *beside):
             cert = kp.linear_lyapunov(A.tolist(), X, discrete=discrete, rate=asked)
             assert cert.status is (Status.PROVED if proved else Status.REFUTED), (asked, cert.explain())
             assert cert.check() and cert.required_rate == asked

@@ -38,7 +38,7 @@ from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
 from ..theorems.dissipativity import DissipativityCertificate
 from ..theorems.positivity import PositivityCertificate, state_positivity
-from ..theorems.stability import LyapunovCertificate, proven_rate
+from ..theorems.stability import LyapunovCertificate, by_vector
 from .blocks import Index
 from .certificate import NetworkCertificate
 from .certify import certify, loop_weights, positive_form
@@ -173,8 +173,7 @@ class ClosedLoopSystem(NetworkResponses):
             return super().linear_lyapunov(rate)
         positivity = self._positivity_of_states()
         v = known.sigma[self.model.owners(0)] * exactly(known, "v").values
-        proven = proven_rate(Matrix(v[None]), positivity.A, positivity.X.exact_rays, positivity.discrete)
-        draft = LyapunovCertificate.settle(positivity=positivity, v=v, decay_rate=proven)
+        draft = by_vector(positivity, Matrix(v))
         return draft if draft else super().linear_lyapunov(rate)
 
     def _positivity_of_states(self) -> PositivityCertificate:

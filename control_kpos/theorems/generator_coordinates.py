@@ -8,7 +8,7 @@ the coordinates they have.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
@@ -23,10 +23,15 @@ from ..errors import TooLargeError
 from ..exact.matrix import Index, Integers, Matrix, integers_of_doubles
 from ..exact.sparse_integers import SparseIntegers, mantissas
 from ..proof.portable_cones import opposite_facets
-from .perron_pair import Cones, Decision, decide, root, strong_parts
+from .perron_pair import Cones, Decision, decide, strong_parts
+from .perron_root import root
 
 # Rows up to which facets of a cone that are not doubles are written out.
 _EXACT_FACETS = 80
+# Part of a decay rate by which a proven one may be smaller.
+_CLOSE = 1e-9
+# Where shifts are tried beside an estimate: rounding as a part of the size of A; how far at most; how often halfway.
+_ESTIMATE, _FARTHEST, _HALVES = 2.0**-50, 64, 100
 
 
 @dataclass(frozen=True)
@@ -83,6 +88,10 @@ class Coordinates:
         for places, H, R in blocks:
             heights[places] = (H * R.T).sum(axis=1)
         return cls(into, out, heights, Cones(group, facets, rays))
+
+    def lifted(self, found: Decision) -> Integers:
+        """v or x of a decision, in the units of the cones, times a positive number."""
+        return (self.into.T if found.stable else self.out).apply(found.vector)
 
 
 def pieces_of(X: Cone) -> list[tuple[Cone, Index]]:
@@ -157,6 +166,27 @@ class Pencil:
                 top = max(top, at)
         return top
 
+    def bracket(self, about: float, width: float, size: float) -> dict[bool, tuple[float, Decision]]:
+        """Shifts below and above the spectral abscissa with what decides them, by whether they are above.
+
+        Parameters
+        ----------
+        about : float
+            An estimate of the abscissa.
+        width : float
+            How close the shifts should be.  They are as close as decisions are within reach; one may be missing.
+        size : float
+            Of A: the rounding of the estimate is small against it.
+        """
+        ends: dict[bool, tuple[float, Decision]] = {}
+        for at in _proposals(self, ends, about, width, size):
+            found = self.decide(at)
+            if found is not None:
+                ends[found.stable] = at, found
+            elif len(ends) == 2:
+                break
+        return ends
+
 
 def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
     """The rightmost finite eigenvalue of N - mu diag(e), in floating point."""
@@ -174,24 +204,84 @@ def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
     return float(np.linalg.eigvals(scaled).real.max())
 
 
-def decide_stability(
-    A: Matrix, X: Cone, discrete: bool, rate: Fraction = Fraction(0), *, marginal: bool = False
-) -> tuple[bool, Integers] | None:
-    """Settle whether a K-positive A decays faster than at a rate, with v or x as integers times one number.
+def _proposals(
+    pencil: Pencil, ends: dict[bool, tuple[float, Decision]], about: float, width: float, size: float
+) -> Iterator[float]:
+    """Shifts to decide: beside the estimate, outwards, beside the quotient of the vectors of both sides, and halves."""
+    step = max(0.4 * width, _ESTIMATE * size)
+    limit = _FARTHEST * max(abs(about) + size, step)
+    while not ends and step < limit:
+        yield about + step
+        step *= 1 if ends else 64  # undecided so close to the abscissa
+    while len(ends) < 2 and step < limit:
+        yield about - step if True in ends else about + step
+        step *= 8
+    quotient = _quotient(pencil, ends) if len(ends) == 2 else None
+    if quotient is not None and ends[True][0] - ends[False][0] > width:
+        for at in (quotient + 0.4 * width, quotient - 0.4 * width):
+            if ends[False][0] < at < ends[True][0]:
+                yield at
+    for _ in range(_HALVES if len(ends) == 2 else 0):
+        lower, upper = ends[False][0], ends[True][0]
+        at = 0.5 * (lower + upper)
+        if upper - lower <= width or at in (lower, upper):
+            return
+        yield at
 
-    v decreases faster than at the rate (`marginal`: or exactly at it), A x + rate x is in X; in discrete time A - I
-    takes the place of A.  None if this is out of reach.
-    """
-    try:
-        at = Coordinates.of(pieces_of(X), X.dim)
-    except TooLargeError:
-        return None
+
+def _quotient(pencil: Pencil, ends: dict[bool, tuple[float, Decision]]) -> float | None:
+    """v'N x / v'E x: about the abscissa, with an error of the order of the errors of v and x multiplied."""
+    v, x = ends[True][1].vector, ends[False][1].vector
+    top, below = int(v @ pencil.N.apply(x)), int(v @ (pencil.E * x))
+    return top / below if below else None
+
+
+def _pencil(A: Matrix, X: Cone) -> tuple[Coordinates, Pencil]:
+    at = Coordinates.of(pieces_of(X), X.dim)
     S, factor = sparse_integers(A)
     N = (at.into @ S @ at.out).times(factor.numerator)
-    found = Pencil(N, at.heights * factor.denominator, at.cones).decide(discrete - rate, marginal=marginal)
-    if found is None:
+    return at, Pencil(N, at.heights * factor.denominator, at.cones)
+
+
+def decide_stability(A: Matrix, X: Cone, discrete: bool) -> tuple[bool, Integers] | None:
+    """Settle whether a K-positive A is stable, with v or x as integers times one number.
+
+    v decreases, A x is in X; in discrete time A - I takes the place of A.  None if this is out of reach.
+    """
+    try:
+        at, pencil = _pencil(A, X)
+    except TooLargeError:
         return None
-    return found.stable, (at.into.T if found.stable else at.out).apply(found.vector)
+    found = pencil.decide(discrete)
+    return None if found is None else (found.stable, at.lifted(found))
+
+
+def decide_rate(A: Matrix, X: Cone, discrete: bool, rate: Fraction) -> tuple[bool, Integers | None]:
+    """Settle whether some v in int X* decreases at a rate or faster.
+
+    Either v does, or A x + rate x is in X and not 0 for some x in X; in discrete time A - I takes the place of A.
+    """
+    try:
+        at, pencil = _pencil(A, X)
+    except TooLargeError:
+        return False, None
+    found = pencil.decide(discrete - rate, marginal=True)
+    return (False, None) if found is None else (found.stable, at.lifted(found))
+
+
+def around_the_rate(A: Matrix, X: Cone, discrete: bool) -> dict[bool, Integers]:
+    """v (True) and x (False) of `decide_stability` at rates just below and just above the largest, as far as found."""
+    if not X.is_simplicial and X.dim > _EXACT_FACETS:
+        return {}
+    try:
+        at, pencil = _pencil(A, X)
+        about = pencil.estimate(_CLOSE)
+    except (TooLargeError, np.linalg.LinAlgError):
+        return {}
+    if not np.isfinite(about):
+        return {}
+    ends = pencil.bracket(about, _CLOSE * abs(discrete - about), abs(about) + discrete)
+    return {stable: at.lifted(found) for stable, (_, found) in ends.items()}
 
 
 def _rows(m: Matrix) -> Integers:

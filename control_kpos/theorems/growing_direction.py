@@ -54,14 +54,15 @@ class SlowDirection(InstabilityDirection):
 
     Attributes
     ----------
-    rate : float
-        Below the decay rate that was asked for.
+    rate : float or Fraction
+        Below the decay rate that was asked for; or that rate, if A x + rate x is not 0.
     """
 
-    rate: float = 0.0
+    rate: Rate = 0.0
 
     def __str__(self) -> str:
-        return f"a direction x = {shown(self.x)} in X along which v'x decays at a rate of at most {raised(self.rate)}"
+        rate = raised(float(self.rate))
+        return f"a direction x = {shown(self.x)} in X along which v'x decays at a rate of at most {rate}"
 
 
 @register_record
@@ -116,6 +117,13 @@ def instability_conditions(A: Matrix, X: Cone, discrete: bool, w: InstabilityDir
         Condition("h'x >= 0", BilinearForms(x, None, X.exact_facets), ">="),
         Condition("h'A x >= 0", transposed_drift(x, A, X, discrete, rate), ">="),
     ]
+
+
+def moving_condition(A: Matrix, X: Cone, discrete: bool, w: SlowDirection) -> Condition:
+    """A x + rate x is not 0: some facet is positive on it."""
+    moved = transposed_drift(exactly(w, "x")[None], A, X, discrete, w.rate)
+    positive = moved.signs() == 1
+    return Condition("h'(A x + rate x) > 0", moved, ">", positive if positive.any() else None)
 
 
 def combination_conditions(

@@ -30,6 +30,8 @@ _NODA_STEPS = 60
 _NODA_GAP = 2.0**-50
 # Growth rate, relative to the size of A, from which floating point proves growth.
 _CLEARLY = 1e-6
+# Dense matrices larger than this with so few entries in a row are factored as sparse ones.
+_SMALL, _THIN = 48, 4
 # Dimensions up to which directions are moved onto a face exactly.
 _FACE_ROWS = 80
 
@@ -66,9 +68,20 @@ class ScaledProblem:
                 S = np.asarray(A.values) - np.eye(self.n) if discrete else np.asarray(A.values)
                 S = S / units[:, None] * units
                 top = np.abs(S).max(initial=0.0)
+                if self.n > _SMALL and np.count_nonzero(S) <= _THIN * self.n:
+                    S = sp.csc_array(S)
         self.scale = float(2.0 ** np.floor(np.log2(top))) if 0 < top < np.inf else 1.0
         self.S: Any = S / self.scale
         self.units = units
+
+    @classmethod
+    def both(cls, A: Matrix, X: Cone, discrete: bool) -> Iterator[ScaledProblem]:
+        """As it is, then balanced if that is different."""
+        plain = cls(A, X, discrete)
+        yield plain
+        balanced = cls(A, X, discrete, balanced=True)
+        if (balanced.units != plain.units).any():
+            yield balanced
 
     @cached_property
     def facets(self) -> Any:

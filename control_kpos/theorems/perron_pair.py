@@ -14,7 +14,6 @@ are asked of facets and generators.  What the equations leave open there goes to
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from fractions import Fraction
 from graphlib import TopologicalSorter
@@ -26,23 +25,23 @@ from scipy.sparse.csgraph import connected_components
 
 from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
-from ..exact.matrix import Index, Integers
+from ..exact.matrix import Index, Integers, bit_length
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
 from ..exact.sparse_integers import Floats, SparseIntegers
-from .refinement import Borders, Factors, Frame, balancing_units, frames, rational_multiple, refine
+from .perron_root import approach
+from .refinement import Borders, Frame, balancing_units, frames, rational_multiple, refine
 
 # Bits at which a root that may be zero is first looked at as zero.
 _FIRST_ATTEMPT = 110
 # A t below minus this is not rounding: x is looked for first.
 _NO_ROUNDING = 2.0**-45
-# Weights of parts may differ by this many bits: doubles hold no more.
-_LONGEST = 1900
+# Weights of parts may differ by this many bits: always; on small networks, because files hold no more; all together.
+_LONGEST = 1900, 70_000, 2**28
 # Rows up to which exact solutions and programs are asked for.
 _EXACT_ROWS = 600
 _PROGRAM_ROWS = 80
 # Bits of a vector in place of an exact solution.
 _ROUNDED = 96
-_SHIFTS = 60
 # Frames tried for vectors whose entries differ by more than this many bits.
 _FRAMES, _SPREAD = 3, 200
 # Part of the largest product of Perron entries below which a coordinate is left out of a witness of growth.
@@ -107,25 +106,34 @@ def decide(N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = Fa
 
     Returns
     -------
-    Decision, or None where a part is undecided and none is unstable.
+    Decision, or None where a part is undecided and none is unstable.  N x is not 0 if such an x was found.
     """
     cones = Cones(np.arange(N.height)) if cones is None else cones
     found: list[tuple[Index, Decision]] = []
-    open_ = False
+    open_, still = False, None
     for part, own in strong_parts(N, cones.group):
         decided = _decide_part(own, cones, part)
-        if marginal and decided is not None and not decided.stable:
-            decided = _balanced(own, cones, part) or decided
+        if decided is not None and not decided.stable:
+            still = _placed(decided.vector, part, N.height)
+            if N.apply(still).any():
+                return Decision(False, still)
+            decided = _balanced(own, cones, part) if marginal else decided
         if decided is None:
             open_ = True
-        elif not decided.stable:
-            x = np.zeros(N.height, dtype=object)
-            x[part] = decided.vector
-            return Decision(False, x)
-        else:
+        elif decided.stable:
             found.append((part, decided))
+        elif marginal:
+            return Decision(False, _placed(decided.vector, part, N.height))
+    if still is not None and (open_ or not marginal):
+        return Decision(False, still)
     v = None if open_ else _joined(N, found, cones)
     return None if v is None else Decision(True, v)
+
+
+def _placed(x: Integers, part: Index, size: int) -> Integers:
+    out = np.zeros(size, dtype=object)
+    out[part] = x
+    return out
 
 
 def strong_parts(N: SparseIntegers, group: Index) -> list[tuple[Index, SparseIntegers]]:
@@ -163,7 +171,9 @@ def _by_label(label: Index, which: Index) -> dict[int, Index]:
 
 
 def _balanced(N: SparseIntegers, cones: Cones, part: Index) -> Decision | None:
-    """v with v'N = 0 for an irreducible part whose root is zero; None for others."""
+    """v with v'N = 0 for an irreducible part with N x = 0; on cones that are not simplicial v'N <= 0, or N x != 0."""
+    if cones.touches(part) and N.height <= _PROGRAM_ROWS:
+        return _by_program(N, cones.of(part)[1], moving=True)
     facets = {k: rows for k, rows in cones.facets.items() if rows is not None}
     if len(facets) < len(cones.facets) and cones.touches(part):
         return None
@@ -177,27 +187,22 @@ def _joined(N: SparseIntegers, found: list[tuple[Index, Decision]], cones: Cones
     if len(found) == 1:
         v[found[0][0]] = found[0][1].vector
         return v
-    columns, longest = N.T, 0
+    columns, longest, (least, most, all_) = N.T, 0, _LONGEST
+    most = max(least, min(most, all_ // N.height))
     for part, decided in found:
         mine = columns.take(part)
         burden = _on_rays(cones, part, mine.apply(v))
         v[part] = decided.vector
-        slack = _on_rays(cones, part, -mine.apply(_only(v, part)))
+        slack = burden - _on_rays(cones, part, mine.apply(v))
         loaded = [pair for pair in zip(burden.tolist(), slack.tolist(), strict=True) if pair[0] > 0]
         if any(s <= 0 for _, s in loaded):
             return None
         raised = max((b.bit_length() - s.bit_length() + 2 for b, s in loaded), default=0)
         v[part] = decided.vector << max(raised, 0)
         longest = max(longest, max(abs(value).bit_length() for value in v[part]))
-        if longest > _LONGEST:
+        if longest > most:
             return None
     return v
-
-
-def _only(v: Integers, part: Index) -> Integers:
-    out = np.zeros_like(v)
-    out[part] = v[part]
-    return out
 
 
 def _on_rays(cones: Cones, part: Index, values: Integers) -> Integers:
@@ -240,7 +245,7 @@ def _near_margin(N: SparseIntegers) -> Decision | None:
         sign = step.sign
         if sign:
             break
-        if goal <= step.P or step.error < 0:
+        if goal <= step.P or step.is_exact:
             exact = _marginal(frame, solver, goal)
             if exact is not None:
                 return exact
@@ -262,7 +267,7 @@ def _grown(frame: Frame, solver: Borders) -> Decision | None:
 
 def _marginal(frame: Frame, solver: Borders, bits: int) -> Decision | None:
     """x >= 0 with N x >= 0 in small integers, from an approximation of that many bits."""
-    step = next((step for step in refine(frame, solver) if bits <= step.P or step.error < 0), None)
+    step = next((step for step in refine(frame, solver) if bits <= step.P or step.is_exact), None)
     if step is None or not (step.X > 0).all():
         return None
     x = rational_multiple(step.X, max(step.error, 0) + 8)
@@ -309,9 +314,7 @@ def _grown_inside(N: SparseIntegers, weight: Floats) -> Decision | None:
     found = decide(SparseIntegers.of(rows.rows[inside], place[rows.indices[inside]], rows.data[inside], shape))
     if found is None or found.stable:
         return None
-    x = np.zeros(N.height, dtype=object)
-    x[core] = found.vector
-    return Decision(False, x)
+    return Decision(False, _placed(found.vector, core, N.height))
 
 
 def _of_doubles(m: Floats, e: NDArray[np.int64]) -> Integers:
@@ -350,13 +353,14 @@ def _bordered(S: Integers, d: Integers, c: Integers) -> tuple[Integers | None, i
     return (None, 0) if solved is None else (solved[0][:size, 0], int(solved[0][size, 0]))
 
 
-def _by_program(N: SparseIntegers, rays: Integers) -> Decision | None:
-    """x = sum q_i x_i with N x = sum p_i x_i, or the combination that excludes it."""
+def _by_program(N: SparseIntegers, rays: Integers, *, moving: bool = False) -> Decision | None:
+    """x = sum q_i x_i with N x = sum p_i x_i, q (moving: p) not 0, or the combination that excludes it."""
     n, p = N.height, len(rays)
     if n > _PROGRAM_ROWS:
         return None
-    M = np.zeros((n + 1, 2 * p), dtype=object)
-    M[:n, :p], M[:n, p:], M[n, :p] = N.toarray() @ rays.T, -rays.T, 1
+    M, moved = np.zeros((n + 1, 2 * p), dtype=object), N.toarray() @ rays.T
+    M[:n, :p], M[:n, p:] = moved * Fraction(1, 1 << bit_length(moved)), -rays.T
+    M[n, p * moving : p * (1 + moving)] = 1
     try:
         combination, farkas = exact_feasibility(M, [0] * n + [1])
     except TooLargeError:
@@ -369,76 +373,3 @@ def _by_program(N: SparseIntegers, rays: Integers) -> Decision | None:
 def _integers(x: Integers) -> Integers:
     """Fractions times the positive number that makes them integers without a common factor."""
     return np.array([value.numerator for value in primitive_fractions(x)], dtype=object)
-
-
-# -- in floating point
-
-
-def root(N: SparseIntegers, e: Integers, relative: float) -> float:
-    """The largest mu at which N - mu diag(e) is singular, for an irreducible part; NaN if it was not found."""
-    if N.height == 1:
-        return float(Fraction(int(N.data.sum())) / int(e[0]))
-    frame, found = Frame(N, balancing_units(N)), float("nan")
-    for at in approach(frame.F, frame.relative(e)):
-        found = min(max(at.theta, at.lower), at.upper)
-        if at.upper - at.lower <= 0.1 * relative * abs(found):
-            break
-    return found
-
-
-@dataclass(frozen=True)
-class Approach:
-    """Positive x and y with their quotient theta, about the root, and the bounds lower <= root <= upper they give."""
-
-    shift: float
-    x: Floats
-    y: Floats
-    theta: float
-    lower: float
-    upper: float
-
-
-def approach(F: sp.csr_array, e: Floats, start: float | None = None) -> Iterator[Approach]:
-    """Bounds of the largest mu at which F - mu diag(e) is singular, for an irreducible Metzler F and e >= 0.
-
-    Two-sided inverse iteration at shifts above the root, where solutions are positive: x_new = (mu E - F)^{-1} E x has
-    F x_new = (mu - x / x_new) E x_new, so that the extreme quotients bound the root.  A shift below the root shows in
-    a solution that is not positive.
-
-    Parameters
-    ----------
-    F : csr_array, shape (n, n)
-    e : ndarray, shape (n,)
-        Rows in which e is zero (ports) hold equations without mu.
-    start : float, optional
-        First shift.  Default: the largest sum of a row over e.
-    """
-    own = e > 0
-    x, y, low, high = np.ones(len(e)), np.ones(len(e)), -np.inf, np.inf
-    E = sp.csr_array(sp.diags_array(e))
-    size = float(np.max(abs(F).sum(axis=1)[own] / e[own]))
-    mu = float(np.max(F.sum(axis=1)[own] / e[own])) + 1e-3 * size if start is None else start
-    for _ in range(_SHIFTS):
-        factors = Factors(sp.csc_array(F - mu * E))
-        a, b = -factors.solve(e * x), -factors.solve(e * y, transposed=True)
-        if not ((a > 0).all() and (b > 0).all() and np.isfinite(a).all() and np.isfinite(b).all()):
-            low = max(low, mu)
-            mu = 0.5 * (low + high) if np.isfinite(high) else mu + size
-            size *= 4 if not np.isfinite(high) else 1
-            if not (low < mu < high):
-                return
-            continue
-        high = mu
-        upper = mu - max(float((x[own] / a[own]).min()), float((y[own] / b[own]).min()))
-        lower = mu - min(float((x[own] / a[own]).max()), float((y[own] / b[own]).max()))
-        theta = mu - float(np.divide((b * e / b.max()) @ x, (b * e / b.max()) @ a))
-        if not np.isfinite(theta):
-            return
-        x, y = a / a.max(), b / b.max()
-        yield Approach(mu, x, y, theta, lower, upper)
-        gap = high - theta
-        mu = theta + max(0.1 * gap, 4e-16 * abs(theta))
-        if mu <= low:
-            mu = 0.5 * (low + high)
-        if not (mu < high):
-            return

@@ -41,6 +41,8 @@ _BALANCING_STEPS = 1000
 _CLEAR = 10
 # Operations after which a margin that stays undecided is given up: a minute.
 _MOST = 6e10
+# The exponent of a residual of zero.
+_NOTHING = -(2**20)
 # Steps without progress after which the bordered matrix counts as singular.
 _STALLS = 3
 # Larger parts are given to a Krylov method first: on expanders, factors fill in and Krylov methods converge at once.
@@ -58,6 +60,11 @@ class Step(NamedTuple):
     T: int
     P: int
     error: int
+
+    @property
+    def is_exact(self) -> bool:
+        """True if nothing is left of the residual."""
+        return self.error == _NOTHING
 
     @property
     def sign(self) -> int:
@@ -330,7 +337,7 @@ def _residual(frame: Frame, X: Integers, T: int, missing: int) -> tuple[Floats, 
     mantissa, exponent = frame.residual(X, T)
     last, size = mantissas(np.array([missing], dtype=object))
     mantissa, exponent = np.append(mantissa, last), np.append(exponent, size)
-    top = int(exponent[mantissa != 0].max(initial=-(2**20)))
+    top = int(exponent[mantissa != 0].max(initial=_NOTHING))
     return np.ldexp(mantissa, np.maximum(exponent - top, -1100)), top
 
 

@@ -12,21 +12,23 @@ In discrete time A - I takes the place of A.  A "no" has a witness too: some x i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
+from itertools import tee
+from operator import itemgetter
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ..cards import floored, raised
 from ..cones import Cone
 from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_number
-from ..exact.matrix import Matrix, bit_length
+from ..exact.matrix import Integers, Matrix, bit_length
 from ..exact.signs import BilinearForms
 from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly, is_tight
 from ..proof.encoding import nested_text
@@ -38,7 +40,8 @@ from ..proof.weights import (
     drift,
     numbers,
 )
-from .generator_coordinates import decide_stability
+from .decay_rates import SLOW, SLOW_IN, proven_bound, proven_rate, slow_conditions
+from .generator_coordinates import around_the_rate, decide_rate, decide_stability
 from .growing_direction import (
     InstabilityCombination,
     InstabilityDirection,
@@ -47,7 +50,7 @@ from .growing_direction import (
     drift_forms,
     growing_combination,
     instability_conditions,
-    transposed_drift,
+    moving_condition,
 )
 from .lyapunov_candidates import ScaledProblem, SingularMatrixError
 from .positivity import (
@@ -58,10 +61,10 @@ from .positivity import (
 
 _POSITIVE, _DECREASING, _RATE = "v'x > 0", "v'A x < 0", "v'A x + rate v'x <= 0"
 _REQUIRED = "v'A x + required_rate v'x <= 0"
-_SLOW, _SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
-_SMALL = 64
-# Relative reductions tried until a decay rate is proven.
-_BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
+
+
+# Relative distances of a decay rate from its bound: no better bound is sought; no better vectors are.
+_TIGHT, _CLOSE_ENOUGH = 1e-9, 1e-6
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -89,11 +92,11 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
         The exact slow direction where doubles do not suffice.
     witness : PositivityViolation, InstabilityDirection or None
         Why not: a facet and a generator where invariance breaks, or some x in X, x != 0, with A x in X; for a rate
-        that was asked for a `SlowDirection`, with A x + rate x in X at a smaller rate.
+        that was asked for a `SlowDirection`, with A x + rate x in X at a smaller rate, or not 0 at this one.
     """
 
     claim: ClassVar[str] = "stable"
-    no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _REQUIRED, _SLOW, _SLOW_IN}
+    no_margin: ClassVar[frozenset[str]] = NO_MARGIN | {_RATE, _REQUIRED, SLOW, SLOW_IN}
 
     v: Vector = Vector()
     decay_rate: float = float("nan")
@@ -136,7 +139,7 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
             out.append(Condition(_REQUIRED, drift_forms(v, self.A, rays, self.discrete, self.required_rate), "<="))
         if self.slow_direction is not None:
             x = exactly(self, "slow_direction")[None]
-            out += _slow_conditions(self.A, self.X, self.discrete, x, self.decay_rate_bound)
+            out += slow_conditions(self.A, self.X, self.discrete, x, self.decay_rate_bound)
         return out
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
@@ -152,8 +155,8 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
         bound: float | None = float("inf")
         if self.slow_direction is not None:
             x = exactly(self, "slow_direction")[None]
-            bound = _proven_bound(self.A, self.X, self.discrete, x)
-        found = ((self.decay_rate == rate, _RATE), (self.decay_rate_bound == bound, _SLOW))
+            bound = proven_bound(self.A, self.X, self.discrete, x)
+        found = ((self.decay_rate == rate, _RATE), (self.decay_rate_bound == bound, SLOW))
         return all(same or is_tight(self._own_conditions, name) for same, name in found)
 
     def refutation(self) -> Sequence[Condition] | None:
@@ -163,9 +166,10 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
             return replace(self.positivity, witness=w).refutation()
         if not isinstance(w, InstabilityDirection) or self.positivity.status is not Status.PROVED or not np.any(w.x):
             return None
-        if isinstance(w, SlowDirection) and not w.rate < (self.required_rate or 0):
-            return None
-        return _growth_conditions(self.positivity, w)
+        conditions, asked = _growth_conditions(self.positivity, w), self.required_rate or 0
+        if conditions is None or not isinstance(w, SlowDirection) or w.rate < asked:
+            return conditions
+        return [*conditions, moving_condition(self.A, self.X, self.discrete, w)] if w.rate == asked else None
 
     def evidence(self) -> dict[str, Any]:
         """Evidence of positivity, and of a witness x (the slow direction) the weights of x and A x (+ bound x) in X."""
@@ -195,7 +199,11 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
             return f"Refuted: X is not invariant. {self.positivity.explain()}"
         if isinstance(self.refuted_by, SlowDirection):
             rate = self._asked(raised)
-            return f"Refuted: X is invariant, but no v'x, v in int X*, decreases at rate {rate} on it: {self.witness}."
+            short = f", but not at {rate}" if self.refuted_by.rate == self.required_rate else ""
+            return (
+                f"Refuted: X is invariant, but no v'x, v in int X*, decreases at rate {rate} on it: "
+                f"{self.witness}{short}."
+            )
         if self.refuted_by is not None:
             ahead = "A x - x" if self.discrete else "A x"
             return (
@@ -290,39 +298,41 @@ def lyapunov_on(
         return LyapunovCertificate.settle(positivity=positivity, witness=positivity.witness)
     if not positivity:
         return LyapunovCertificate.settle(positivity=positivity)
-    A, X, discrete = positivity.A, positivity.X, positivity.discrete
-    fastest = rate == "max"
-    for balanced in (False, True):
-        problem = ScaledProblem(A, X, discrete, balanced=balanced)
-        found = _by_doubles(positivity, problem, fastest)
-        if found is not None:
-            return found
-    decided = decide_stability(A, X, discrete)
+    first, again = tee(ScaledProblem.both(positivity.A, positivity.X, positivity.discrete))
+    found = _by_doubles(positivity, first)
+    found = _exactly(positivity) if found is None else found
+    return _fastest(found, again) if found and rate == "max" else found
+
+
+def _by_doubles(positivity: PositivityCertificate, problems: Iterable[ScaledProblem]) -> LyapunovCertificate | None:
+    """A proof from one solve, or from shifts if the cone is not simplicial; None where doubles do not suffice."""
+    for problem in problems:
+        with suppress(SingularMatrixError):
+            found = by_vector(positivity, Matrix(problem.left_vector(0.0)))
+            if found:
+                return found
+        for x in problem.growing_directions():
+            witness = _growing(positivity, x)
+            if witness is not None:
+                return LyapunovCertificate.settle(positivity=positivity, witness=witness)
+    return None
+
+
+def _exactly(positivity: PositivityCertificate) -> LyapunovCertificate:
+    """The decision at zero, whatever doubles resolve."""
+    decided = decide_stability(positivity.A, positivity.X, positivity.discrete)
     if decided is None:
         return LyapunovCertificate.settle(positivity=positivity)
-    stable, integers = decided
-    # over a power of two, so that the doubles neither overflow nor vanish
-    exact = Matrix.over(integers, 1 << bit_length(integers))
-    if not stable:
-        witness = _growing(positivity, Matrix(exact.values)) or _growing(positivity, exact)
-        return LyapunovCertificate.settle(positivity=positivity, witness=witness)
-    found = _fastest(positivity, ScaledProblem(A, X, discrete)) if fastest else None
-    return found or _proved(positivity, exact)
+    exact = _scaled(decided[1])
+    if decided[0]:
+        return by_vector(positivity, exact)
+    witness = _growing(positivity, Matrix(exact.values)) or _growing(positivity, exact)
+    return LyapunovCertificate.settle(positivity=positivity, witness=witness)
 
 
-def _by_doubles(positivity: PositivityCertificate, problem: ScaledProblem, fastest: bool) -> LyapunovCertificate | None:
-    """A proof from one solve, or from shifts if the cone is not simplicial; None where doubles do not suffice."""
-    with suppress(SingularMatrixError):
-        v = Matrix(problem.left_vector(0.0))
-        found = _fastest(positivity, problem) if fastest and _is_lyapunov(v[None], positivity) else None
-        found = found or _proved(positivity, v)
-        if found:
-            return found
-    for x in problem.growing_directions():
-        witness = _growing(positivity, x)
-        if witness is not None:
-            return LyapunovCertificate.settle(positivity=positivity, witness=witness)
-    return None
+def _scaled(integers: Integers) -> Matrix:
+    """Over a power of two, so that the doubles neither overflow nor vanish."""
+    return Matrix.over(integers, 1 << bit_length(integers))
 
 
 def _growing(positivity: PositivityCertificate, x: Matrix) -> InstabilityDirection | None:
@@ -340,69 +350,64 @@ def _growth_conditions(positivity: PositivityCertificate, w: InstabilityDirectio
     return None if proof is None else combination_conditions(A, X, discrete, w, proof)
 
 
-def _proved(positivity: PositivityCertificate, v: Matrix, **more: Any) -> LyapunovCertificate:
+def by_vector(positivity: PositivityCertificate, v: Matrix, **more: Any) -> LyapunovCertificate:
+    """The certificate that v makes, with the decay rate that v proves.
+
+    Parameters
+    ----------
+    positivity : PositivityCertificate
+    v : Matrix, shape (n,)
+    **more : object
+        Other fields.
+    """
     rate = proven_rate(v[None], positivity.A, positivity.X.exact_rays, positivity.discrete)
     return LyapunovCertificate.settle(positivity=positivity, v=v, decay_rate=rate, **more)
 
 
-def _fastest(positivity: PositivityCertificate, problem: ScaledProblem) -> LyapunovCertificate | None:
-    """The Perron vectors of a stable A, moved inwards just enough to be proven; None if A is not stable."""
-    A, X, discrete = positivity.A, positivity.X, positivity.discrete
-    best: tuple[float, NDArray[np.float64]] | None = None
-    slow: tuple[float, Matrix] | None = None
-    for v in problem.left_perron_vectors():
-        row = Matrix(v[None])
-        if _is_lyapunov(row, positivity):
-            rate = proven_rate(row, A, X.exact_rays, discrete)
-            if best is None or rate > best[0]:
-                best = rate, v
-    if best is None:
-        return None
-    for candidate in problem.right_perron_vectors() if positivity.generator_proof is None else ():
-        bound = _proven_bound(A, X, discrete, candidate[None])
-        if bound is not None and (slow is None or bound < slow[0]):
-            slow = bound, candidate
-        if slow is not None and slow[0] <= best[0] + 1e-9 * abs(best[0]):
+def _fastest(found: LyapunovCertificate, problems: Iterable[ScaledProblem]) -> LyapunovCertificate:
+    """The same with the v of the largest rate found, and the x of the smallest bound."""
+    p, best, slow = found.positivity, (found.decay_rate, exactly(found, "v")), (float("inf"), None)
+    for lefts, rights in _perron_vectors(p, problems):
+        proven = [(proven_rate(v[None], p.A, p.X.exact_rays, p.discrete), v) for v in lefts if _is_lyapunov(v[None], p)]
+        best = max([best, *proven], key=itemgetter(0))
+        for x in rights if proven and p.generator_proof is None else ():
+            bound = proven_bound(p.A, p.X, p.discrete, x[None])
+            slow = slow if bound is None else min(slow, (bound, x), key=itemgetter(0))
+            if slow[0] <= best[0] * (1 + _TIGHT):
+                break
+        if slow[0] <= best[0] * (1 + _CLOSE_ENOUGH) or (proven and p.generator_proof is not None):
             break
-    if slow is None:
-        return _proved(positivity, Matrix(best[1]))
-    return _proved(positivity, Matrix(best[1]), decay_rate_bound=slow[0], slow_direction=slow[1])
+    return by_vector(p, best[1], decay_rate_bound=slow[0], slow_direction=slow[1])
+
+
+def _perron_vectors(
+    p: PositivityCertificate, problems: Iterable[ScaledProblem]
+) -> Iterator[tuple[Iterable[Matrix], Iterable[Matrix]]]:
+    """Candidates for v and x, at first close to the Perron vectors: by doubles, then exact at rates beside them."""
+    for problem in problems:
+        yield map(Matrix, problem.left_perron_vectors()), problem.right_perron_vectors()
+    exact = {stable: [_scaled(found)] for stable, found in around_the_rate(p.A, p.X, p.discrete).items()}
+    yield exact.get(True, []), exact.get(False, [])
 
 
 def _at_rate(positivity: PositivityCertificate, rate: Fraction) -> LyapunovCertificate:
     """The certificate that claims a rate too."""
-    A, X, discrete = positivity.A, positivity.X, positivity.discrete
     fastest = lyapunov_on(positivity, rate="max")
     if not fastest:
         return LyapunovCertificate.settle(**fastest.data() | {"required_rate": rate})
-    found = _proved(positivity, exactly(fastest, "v"), required_rate=rate)
+    found = by_vector(positivity, exactly(fastest, "v"), required_rate=rate)
     if found:
         return found
     if fastest.slow_direction is not None and fastest.decay_rate_bound < rate:
         witness = SlowDirection(exactly(fastest, "slow_direction"), rate=fastest.decay_rate_bound)
         return LyapunovCertificate.settle(positivity=positivity, required_rate=rate, witness=witness)
-    decided = decide_stability(A, X, discrete, rate, marginal=True)
-    if decided is not None and decided[0]:
-        found = _proved(positivity, Matrix.over(decided[1], 1 << bit_length(decided[1])), required_rate=rate)
-    return found or LyapunovCertificate.settle(positivity=positivity, required_rate=rate)
-
-
-# -- inequalities
-
-
-def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:
-    """The largest decay rate in floating point that v proves, min_i -(v'A x_i) / (v'x_i) rounded down."""
-    with np.errstate(all="ignore"):
-        drift, value = drift_forms(v, A, rays, discrete).values, BilinearForms(v, None, rays).values
-        quotient = float(np.min(-drift / value))
-    if np.isfinite(quotient) and quotient > 0:
-        for step in _BACKOFF:
-            rate = quotient * (1 - step)
-            # on large problems rate is rounded down until floating point proves it
-            signs = drift_forms(v, A, rays, discrete, rate).signs(integers=A.shape[0] <= _SMALL)
-            if np.isin(signs, (-1, 0)).all():
-                return rate
-    return 0.0
+    faster, vector = decide_rate(positivity.A, positivity.X, positivity.discrete, rate)
+    if vector is None:
+        return LyapunovCertificate.settle(positivity=positivity, required_rate=rate)
+    if faster:
+        return by_vector(positivity, _scaled(vector), required_rate=rate)
+    witness = SlowDirection(_scaled(vector), rate=rate)
+    return LyapunovCertificate.settle(positivity=positivity, required_rate=rate, witness=witness)
 
 
 def _is_lyapunov(v: Matrix, p: PositivityCertificate) -> bool:
@@ -412,24 +417,3 @@ def _is_lyapunov(v: Matrix, p: PositivityCertificate) -> bool:
             Condition(_DECREASING, drift_forms(v, p.A, p.X.exact_rays, p.discrete), "<"),
         ]
     )
-
-
-def _slow_conditions(A: Matrix, X: Cone, discrete: bool, row: Matrix, bound: float) -> list[Condition]:
-    return [
-        Condition(_SLOW_IN, BilinearForms(row, None, X.exact_facets), ">="),
-        Condition(_SLOW, transposed_drift(row, A, X, discrete, bound), ">="),
-    ]
-
-
-def _proven_bound(A: Matrix, X: Cone, discrete: bool, row: Matrix) -> float | None:
-    """The smallest bound on decay rates that x proves, rounded up; None if x proves nothing."""
-    with np.errstate(all="ignore"):
-        inside = BilinearForms(row, None, X.exact_facets).values
-        drift = transposed_drift(row, A, X, discrete).values
-        quotient = float(np.max(np.where(inside > 0, -drift / inside, -np.inf)))
-    if np.isfinite(quotient):
-        for step in _BACKOFF:
-            bound = quotient + step * abs(quotient)
-            if np.any(row.values) and all_hold(_slow_conditions(A, X, discrete, row, bound)):
-                return bound
-    return None

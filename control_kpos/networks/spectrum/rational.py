@@ -14,7 +14,6 @@ From (x, u) with A x + B u in X and W(C x + D u) - u in U, the output y = C x + 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -42,8 +41,6 @@ from ..witnesses import (
 
 Outcome: TypeAlias = "tuple[bool, Integers, Integers]"
 
-# Where shifts are tried beside an estimate: rounding as a part of the size of A; how far at most; how often halfway.
-_ESTIMATE, _FARTHEST, _HALVES = 2.0**-50, 64, 100
 # Binary digits above which integers are divided, so that their doubles do not overflow.
 _LONGEST = 900
 
@@ -183,48 +180,12 @@ def bracket_exactly(
         return None
     size = max(float(np.abs(s.A.values).max()) for s in model.stacks)
     width = relative * max(abs(about), 2.0**-40 * size + 1e-300)
-    ends: dict[bool, tuple[float, Decision]] = {}
-    for at in _proposals(network.pencil, ends, about, width, size):
-        found = network.pencil.decide(at)
-        if found is not None:
-            ends[found.stable] = at, found
-        elif len(ends) == 2:
-            break
+    ends = network.pencil.bracket(about, width, size)
     if len(ends) < 2:
         return None
     (lower, below), (upper, above) = ends[False], ends[True]
     sides = {**_falling(network, network.outcome(above)), "below": _growing(network, network.outcome(below), lower)}
     return {"lower": lower, "upper": upper, **sides, "loop_weights": loop}
-
-
-def _proposals(
-    pencil: Pencil, ends: dict[bool, tuple[float, Decision]], about: float, width: float, size: float
-) -> Iterator[float]:
-    """Shifts to decide: beside the estimate, outwards, beside the quotient of the vectors of both sides, and halves."""
-    step = max(0.4 * width, _ESTIMATE * size)
-    limit = _FARTHEST * max(abs(about) + size, step)
-    yield about + step
-    while len(ends) < 2 and step < limit:
-        yield about - step if True in ends else about + step
-        step *= 8 if ends else 64  # undecided so close to the abscissa
-    quotient = _quotient(pencil, ends) if len(ends) == 2 else None
-    if quotient is not None and ends[True][0] - ends[False][0] > width:
-        for at in (quotient + 0.4 * width, quotient - 0.4 * width):
-            if ends[False][0] < at < ends[True][0]:
-                yield at
-    for _ in range(_HALVES if len(ends) == 2 else 0):
-        lower, upper = ends[False][0], ends[True][0]
-        at = 0.5 * (lower + upper)
-        if upper - lower <= width or at in (lower, upper):
-            return
-        yield at
-
-
-def _quotient(pencil: Pencil, ends: dict[bool, tuple[float, Decision]]) -> float | None:
-    """v'N x / v'E x: about the abscissa, with an error of the order of the errors of v and x multiplied."""
-    v, x = ends[True][1].vector, ends[False][1].vector
-    top, below = int(v @ pencil.N.apply(x)), int(v @ (pencil.E * x))
-    return top / below if below else None
 
 
 def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:

@@ -1,0 +1,81 @@
+"""Decay rates that a vector proves, and bounds of all decay rates that a direction proves.
+
+v in int X* proves the rate min_i -(v'A x_i) / (v'x_i) over the generators x_i.  x in X proves that no rate is above
+the least b with A x + b x in X, which is the largest -(h'A x) / (h'x) over the facets h.  Both are rounded to doubles,
+to the side that is proven.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+
+from ..cones import Cone
+from ..exact.condition import Condition, all_hold
+from ..exact.matrix import Matrix, nearest_double
+from ..exact.signs import BilinearForms
+from ..exact.sparse_integers import SparseIntegers
+from .generator_coordinates import sparse_integers
+from .growing_direction import drift_forms, transposed_drift
+
+SLOW, SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
+_SMALL = 64
+# Relative reductions tried until a decay rate is proven.
+_BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
+
+
+def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:
+    """The largest decay rate in floating point that v proves, min_i -(v'A x_i) / (v'x_i) rounded down."""
+    with np.errstate(all="ignore"):
+        drift, value = drift_forms(v, A, rays, discrete).values, BilinearForms(v, None, rays).values
+        quotient = float(np.min(-drift / value))
+    if np.isfinite(quotient) and quotient > 0:
+        for step in _BACKOFF:
+            rate = quotient * (1 - step)
+            # on large problems rate is rounded down until floating point proves it
+            signs = drift_forms(v, A, rays, discrete, rate).signs(integers=A.shape[0] <= _SMALL)
+            if np.isin(signs, (-1, 0)).all():
+                return rate
+    if v.is_double:
+        return 0.0
+    least = min(_quotients(v, A, rays, discrete), default=Fraction(0))
+    return max(0.0, _rounded(least, up=False))
+
+
+def slow_conditions(A: Matrix, X: Cone, discrete: bool, row: Matrix, bound: float) -> list[Condition]:
+    """x in X and A x + bound x in X, on the facets of X."""
+    return [
+        Condition(SLOW_IN, BilinearForms(row, None, X.exact_facets), ">="),
+        Condition(SLOW, transposed_drift(row, A, X, discrete, bound), ">="),
+    ]
+
+
+def proven_bound(A: Matrix, X: Cone, discrete: bool, row: Matrix) -> float | None:
+    """The smallest bound on decay rates that x proves, rounded up; None if x proves nothing."""
+    with np.errstate(all="ignore"):
+        inside = BilinearForms(row, None, X.exact_facets).values
+        drift = transposed_drift(row, A, X, discrete).values
+        quotient = float(np.max(np.where(inside > 0, -drift / inside, -np.inf)))
+    proposed = [quotient + step * abs(quotient) for step in _BACKOFF] if np.isfinite(quotient) else []
+    if not row.is_double:
+        largest = max(_quotients(row, A.T, X.exact_facets, discrete), default=None)
+        proposed += [] if largest is None else [_rounded(largest, up=True)]
+    for bound in proposed:
+        if np.any(row.values) and all_hold(slow_conditions(A, X, discrete, row, bound)):
+            return bound
+    return None
+
+
+def _quotients(row: Matrix, A: Matrix, points: Matrix, discrete: bool) -> list[Fraction]:
+    """-(v'A x_i) / (v'x_i) without rounding, where v'x_i > 0: also where doubles overflow or vanish."""
+    (S, factor), v = sparse_integers(A), row.rows_as_integers(np.arange(1))[0]
+    P = SparseIntegers.dense(points.plain().rows_as_integers(np.arange(points.shape[0])))
+    value, moved = P.apply(v), P.apply(S.T.apply(v))
+    return [discrete - factor * Fraction(a, b) for a, b in zip(moved.tolist(), value.tolist(), strict=True) if b > 0]
+
+
+def _rounded(x: Fraction, *, up: bool) -> float:
+    nearest = nearest_double(x)
+    beyond = nearest < x if up else nearest > x
+    return float(np.nextafter(nearest, np.inf if up else -np.inf)) if beyond else nearest
