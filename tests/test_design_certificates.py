@@ -7,6 +7,7 @@ import control as ct
 import numpy as np
 import planted
 import pytest
+from certified import third
 
 import control_kpos as kp
 from control_kpos import checker
@@ -198,6 +199,23 @@ def test_rates_are_proven_as_they_are_written(fixed, dt):
     assert double and double.decay_rate >= 1 / 3
     assert not kp.state_feedback(sys, rate="0.33333333333333333334")
     assert kp.state_feedback(sys, rate="0.34").status is kp.Status.REFUTED
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_every_search_reaches_a_rate_that_no_gain_exceeds(discrete):
+    p = third(discrete)
+    harder = (p.exact.A.fractions() + [[Fraction(1, 2), 0], [0, 0]]).tolist(), [[1], [0]]
+    for d in (
+        kp.state_feedback(p, rate="1/3", vertices=[p, harder]),
+        kp.state_feedback(p, rate="1/3", method="alternation"),
+        kp.output_feedback(p, rate="1/3"),
+        kp.observer_gain(p, rate="1/3"),
+    ):
+        loops = getattr(d.certificate, "loops", (d.certificate,))
+        assert d and d.check() and {loop.required_rate for loop in loops} == {Fraction(1, 3)}
+        assert d.value < 2.5  # a little more than the smallest gain, not any
+    beyond = "0.33333333333333333334"
+    assert not kp.state_feedback(p, rate=beyond, vertices=[p, harder]) and not kp.output_feedback(p, rate=beyond)
 
 
 def test_the_largest_rate_is_reached_with_equality():

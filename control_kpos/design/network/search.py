@@ -195,17 +195,9 @@ def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
 
 def _design(task: Task, program: NetworkProgram) -> DesignResult:
     """Gains from one program, proven; UNDECIDED with the message _NO_POINT if the program has no solution."""
-    edge = program.margin == 0
-    rate = max(task.rate - 2 * program.strict * program.scale, 0.0) if edge else task.rate
-    start = program.start(rate)
-    if isinstance(start, Failure):
+    points, limit = _points(task, program)
+    if not points:
         return undecided(_NO_POINT)
-    points, limit, most = [start], float("nan"), None
-    if task.bound is None:
-        slim, limit = program.smallest_gain(rate, start)
-        points, most = [slim, start], limit * (1 + _EXTRA)
-    first = program.centred(rate, most, points[0], inside=False) if edge else _roomy(task, limit)
-    points = points if first is None else [first, *points]
 
     def prove(candidate: tuple[Floats, int]) -> DesignResult | None:
         x, digits = candidate
@@ -218,6 +210,19 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
         if found is not None:
             return found
     return undecided("gains were found, but the network they make could not be proven.")
+
+
+def _points(task: Task, program: NetworkProgram) -> tuple[list[Floats], float]:
+    """Points to be proven, and the smallest gain if it is asked for; without margins, those for an exact rate."""
+    if not program.margin:
+        return program.at_the_edge(task.rate, _EXTRA if task.bound is None else None)
+    start = program.start(task.rate)
+    if isinstance(start, Failure):
+        return [], float("nan")
+    if task.bound is not None:
+        return [start], float("nan")
+    slim, limit = program.smallest_gain(task.rate, start)
+    return [p for p in (_roomy(task, limit), slim, start) if p is not None], limit
 
 
 def _roomy(task: Task, limit: float) -> Floats | None:

@@ -70,10 +70,11 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hi
             if found is None:
                 continue
             fastest = max(fastest, found.rate)
-            if found.rate <= goal:
+            level = goal if found.rate > goal else rate - program.strict  # for a rate that no gain exceeds
+            if found.rate <= level:
                 continue
             accepted = first_proven(
-                _candidates(program, found, rate, goal),
+                _candidates(program, found, rate, level),
                 lambda gain: accept(plant, gain, rate=rate, x=_inside(plant, lp, gain)),
             )
             if accepted is not None:

@@ -190,6 +190,27 @@ class RatioProgram:
         answer = program.solve(self.lp)
         return answer["x"] * scale if answer else x
 
+    def at_the_edge(self, rate: Rate, extra: float | None) -> tuple[list[Floats], float]:
+        """Points for a decay rate that no gain exceeds, made for one a little lower, and the smallest gain.
+
+        The first decays as fast as it can: where it can, faster than at the rate.
+
+        Parameters
+        ----------
+        rate : float or Fraction
+        extra : float or None
+            Part by which gains may exceed the smallest one; None: that is not asked for.
+        """
+        lower, smallest = max(float(rate) - 2 * _STRICT[0] * self.scale, 0.0), float("nan")
+        start = self.start(lower) if rate else Failure("any decay will do")
+        if isinstance(start, Failure):
+            return [], smallest
+        points, most = [start], None
+        if extra is not None:
+            slim, smallest = self.smallest_gain(lower, start)
+            points, most = [slim, start], smallest * (1 + extra)
+        return [self.centred(lower, most, points[0], inside=False), *points], smallest
+
     def _minimised(
         self, fixed: Any, N: Any, D: Any, x: Floats, stop: float = -np.inf, tolerance: float | None = None
     ) -> tuple[Floats, float]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from ...proof.certificate import Status
 from ..accept import Accepted, accept, margins_of, proven_rate, succeed, undecided
 from ..controllability import controllability_notes
 from ..limits import gain_limit, rate_limit
-from ..plant import Plant
+from ..plant import Floats, Plant
 from ..refusal import decide
 from ..result import LARGEST_RATE, DesignResult, Nearest, changed
 from ..running import Programs
@@ -74,11 +75,7 @@ def first_gain(plant: Plant, rate: float, lp: Programs) -> DesignResult:
             yield program.centred(rate, None, point)
             yield point
 
-    def prove(x: Any) -> Accepted | None:
-        F, inside = program.read(x)
-        return accept(plant, F, rate=rate, x=inside)
-
-    found = first_proven(points(), prove)
+    found = first_proven(points(), partial(_prove, plant, program, rate))
     if found is None:
         return design_on_simplicial(plant, rate, lp)
     return succeed(plant, found, FIRST_GAIN, found.size)
@@ -101,15 +98,19 @@ def _smallest(
         yield program.centred(rate, allowed, x)
         yield start
 
-    def prove(point: Any) -> Accepted | None:
-        F, inside = program.read(point)
-        return accept(plant, F, rate=rate, x=inside, gain=allowed * (1 + GAIN_EXTRA))
-
-    found = first_proven(points(), prove)
+    found = first_proven(points(), partial(_prove, plant, program, rate, gain=allowed * (1 + GAIN_EXTRA)))
     if found is None:
         return exact_design(plant, rate, lp, infimum)
     value = found.size if objective == SMALLEST_GAIN else proven_rate(found.certificate, found.rate)
     return succeed(plant, found, objective, value, gain_limit(plant, rate * BELOW, infimum))
+
+
+def _prove(
+    plant: Plant, program: SimplicialProgram, rate: float, point: Floats, gain: float = np.inf
+) -> Accepted | None:
+    """The gain of a point, proven."""
+    F, inside = program.read(point)
+    return accept(plant, F, rate=rate, x=inside, gain=gain)
 
 
 def exact_design(plant: Plant, rate: float, lp: Programs, infimum: float = float("nan")) -> DesignResult:
@@ -150,6 +151,11 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
 
 
 def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram, lp: Programs) -> DesignResult:
+    with suppress(OutOfBudgetError):
+        points, infimum = program.at_the_edge(rate, GAIN_EXTRA)
+        found = first_proven(points, partial(_prove, plant, program, rate))
+        if found is not None:
+            return succeed(plant, found, SMALLEST_GAIN, found.size, gain_limit(plant, rate * BELOW, infimum))
     result = exact_design(plant, rate, lp)  # also if the solver failed: that must not hide a proof either way
     if result:
         return result
