@@ -40,7 +40,42 @@ def sentences():
                         yield from ((c.name, text) for text in alternatives(r.value) if re.search("[a-z]", text))
 
 
+def parts_of(node, names):
+    """All nodes of the calls of functions with these names, of exceptions raised, and of docstrings."""
+    for n in ast.walk(node):
+        called = getattr(n, "func", None)
+        name = getattr(called, "attr", getattr(called, "id", ""))
+        if isinstance(n, ast.Raise) or name in names or name.endswith("Error"):
+            yield from ast.walk(n)
+        if isinstance(n, ast.Expr) and isinstance(n.value, ast.Constant):
+            yield n.value
+
+
+def messages():
+    """Every text of five words or more in the modules that search, outside errors and progress, with its module."""
+    for module, tree in TREES.items():
+        name = module.partition(".")[2]
+        if name.split(".")[0] in ("design", "find") or name in ("networks.certificate", "networks.any_size"):
+            silent = {id(n) for n in parts_of(tree, ("stage", "report", "Condition", "_report"))}
+            silent |= {id(v) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for v in n.values}
+            for n in ast.walk(tree):
+                if id(n) not in silent and isinstance(n, (ast.Constant, ast.JoinedStr)):
+                    text = alternatives(n)[0].strip()
+                    if len(re.findall("[a-z]{2,}", text)) >= 5 and "_" not in text.split()[0]:
+                        yield name, text
+
+
 SENTENCES = sorted(set(sentences()))
+MESSAGES = sorted(set(messages()) - {(name, text) for name, text in messages() if any(text in s for _, s in SENTENCES)})
+
+
+def test_every_message_has_a_row_and_every_row_a_message():
+    table = PAGE.partition("## Messages")[2].partition("\n## ")[0]
+    rows = [line.strip("| ").split(" | ") for line in table.splitlines() if line.startswith("| `")]
+    stated = {(row[0].strip("`"), row[1]) for row in rows}
+    assert len(MESSAGES) > 60
+    assert stated == set(MESSAGES), sorted(stated ^ set(MESSAGES))
+    assert all(len(row) == 3 and len(row[2]) > 5 for row in rows)
 
 
 def test_every_sentence_has_a_row_and_every_row_a_sentence():
