@@ -349,11 +349,12 @@ def disturbance_gain(s: System, e: Json) -> None:
 def common_vector(s: System, e: Json) -> None:
     """A family is stable under arbitrary switching: each A maps one point of int X into -int X.
 
-    In the file are A' and the dual cone: positive,  v'x > 0 and v'A'x < 0 for every generator x of the dual.
+    In the file are A' and the dual cone: positive,  v'x > 0,  v'A'x < 0,  v'A'x + decay_rate v'x <= 0  and
+    v'A'x + required_rate v'x <= 0  for every generator x of the dual.
     """
     need(e["v"] is not None, "v is there")
     positive(s, e)
-    decreases(s, vector(e["v"], s.X.dim), {}, {})
+    decreases(s, vector(e["v"], s.X.dim), {}, e)
 
 
 def invariant(s: System, e: Json) -> None:

@@ -104,6 +104,13 @@ def family(matrices, claim="differentially-positive", discrete=False, status="PR
     return {"claim": claim, "status": status, "data": data, "proof": {"P": proofs, **proof}}
 
 
+def common(matrices, rate, required=None):
+    out = family(matrices, "common vector")
+    out["data"] |= {"decay_rate": {"double": rate}}
+    out["data"] |= {} if required is None else {"required_rate": {"fraction": required}}
+    return out
+
+
 def crossing(member):
     return {"member": member, "matrix": "A", "normal": {"matrix": [[1]]}, "ray": 0}
 
@@ -275,6 +282,10 @@ BY_HAND = {
     "family": (family([-1, -2]), "PROVED"),
     "family with one unstable": (family([-1, 0]), "WRONG"),
     "family without vector": (family([1, 2], v=None), "PROVED"),
+    "common vector with its rate": (common([-1, -2], "0x1p+0", "1"), "PROVED"),
+    "common vector, a rate beyond": (common([-1, -2], "0x1p+1"), "WRONG"),
+    "common vector, a required rate beyond": (common([-1, -2], "0x0p+0", "3/2"), "WRONG"),
+    "common vector, a rate below 0": (common([-1, -2], "-0x1p+0"), "WRONG"),
     "common vector without vector": (family([1, 2], v=None, claim="common vector"), "WRONG"),
     "family with a proof missing": (family([-1, -2], proofs=[None]), "UNREADABLE"),
     "empty family": (family([]), "UNREADABLE"),

@@ -63,6 +63,7 @@ PROMISES = {
     rf"less {NUMBER} V\(x\)": ("decay_rate", -1),
     rf"lies in \[{NUMBER}, ": ("lower", -1),
     rf"lies in \[.*, {NUMBER}\]": ("upper", 1),
+    rf"with a decay rate of at least {NUMBER}\.": ("decay_rate", -1),
     rf"gain from w to z is below {NUMBER}:": ("gamma", 1),
     rf"stays below {NUMBER} from rest": ("gamma", 1),
     rf"is at most \[{NUMBER}\] at every": ("bound", 1),

@@ -128,6 +128,38 @@ def test_common_vector_and_disturbance_do_not_survive_perturbation():
     assert not replace(bound, x=100 * bound.x).check()
 
 
+def test_decay_rates_of_vertices_are_those_of_their_hull():
+    """Each of three vertices decays at 0.92 or faster with a vector of its own, but not all their mixtures do."""
+    X, B = (
+        kp.PolyhedralCone([[-1, -1], [2, 1]]),
+        [[[-1, -1], [2, 1]], [[-1.25, -1], [1.75, 0.75]], [[-1.25, -1.25], [1.75, 1]]],
+    )
+    A = [[[-0.64, -0.65], [-1.69, 0.37]], [[-0.28, -0.62], [-1.43, 0.33]], [[-0.43, -0.96], [-1.56, 0.1]]]
+    plant, structure = kp.ConeStateSpace(A[0], B[0], np.eye(2), np.zeros((2, 2)), X=X), [[False, False], [True, True]]
+    d = kp.state_feedback(plant, vertices=list(zip(A, B, strict=True)), structure=structure, rate="max")
+    common = d.certificate.others[-1]
+    assert d and d.decay_rate == d.certificate.decay_rate == common.decay_rate <= d.limit
+    assert f"with a decay rate of at least {d.decay_rate:.3f}"[:-1] in d.explain()
+    for weights in np.random.default_rng(0).dirichlet(np.ones(3), 50):
+        mixed, inputs = np.tensordot(weights, A, 1), np.tensordot(weights, B, 1)
+        assert np.linalg.eigvals(mixed + inputs @ d.F).real.max() <= -d.decay_rate + 1e-12
+    assert common.check() and not replace(common, decay_rate=1.001 * common.decay_rate).check()
+    assert not replace(common, decay_rate=-1.0).check()
+    slower = replace(common, required_rate=Fraction(common.decay_rate))
+    assert (
+        slower.check() and not replace(common, required_rate=Fraction(common.decay_rate) * Fraction(1001, 1000)).check()
+    )
+
+
+def test_a_rate_of_vertices_is_met_with_equality():
+    """A_s + B F = -1/3 and slower: x' = -x / 3 exactly."""
+    plant = kp.ConeStateSpace([["-1/3"]], [[0]], [[1]], 0)
+    vertices = [([["-1/3"]], [[0]]), ([[-1]], [[0]])]
+    d = kp.state_feedback(plant, vertices=vertices, rate="1/3")
+    assert d and d.certificate.others[-1].required_rate == Fraction(1, 3)
+    assert kp.state_feedback(plant, vertices=vertices, rate="0.34").status is kp.Status.REFUTED
+
+
 def test_what_is_refuted_for_vertices_is_a_common_vector():
     """F = 0 keeps every matrix between these two Metzler and Hurwitz; they share no linear Lyapunov function."""
     first, second, B = [[-1, 1.5], [0.1, -1]], [[-1, 0.1], [1.5, -1]], np.zeros((2, 1))

@@ -16,8 +16,10 @@ import numpy as np
 
 from ..cones import orthant
 from ..errors import DataError
-from ..exact.budget import OutOfBudgetError, spend
+from ..exact.budget import OutOfBudgetError, affords, spend
 from ..exact.matrix import Matrix
+from ..exact.program import Block, Program
+from ..exact.programs import program_effort
 from ..exact.rounding import double_below
 from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
@@ -40,6 +42,8 @@ _EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
 # How far, relatively, a rate in doubles may be below one that is then decided exactly.
 _EQUAL = 1e-6
+# How far inside X a common vector is sought, relative to the generators.
+_INTERIOR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -190,7 +194,27 @@ def _others(
         proof = cone_positivity(closed[0], E, closed_loop(G, H, full), D, plant.X, W, Z, discrete=plant.discrete)
         yield DisturbanceCertificate.settle(positivity=proof, x=x, gamma=gamma)
     if len(closed) > 1:
-        yield None if x is None else CommonVectorCertificate.settle(loops=tuple(l.positivity for l in loops), x=x)
+        positive, candidates = tuple(l.positivity for l in loops), ((lambda: x), partial(_inside, plant, closed, rate))
+        found = (candidate() for candidate in candidates)
+        yield first_proven(
+            (y for y in found if y is not None),
+            lambda y: CommonVectorCertificate.of(positive, y, Fraction(rate)) or None,
+        )
+
+
+def _inside(plant: Plant, closed: tuple[Matrix, ...], rate: float | Fraction) -> Floats | None:
+    """x inside X with A_s x + rate x in -X for every closed loop (A_s - I in discrete time), in floating point."""
+    if not affords(program_effort((len(closed) + 1) * len(plant.facets), len(plant.rays))):
+        return None
+    rays, shift = plant.rays.T, (float(rate) - plant.discrete) * np.eye(plant.n)
+    H = plant.facets / (plant.facets @ rays).max(axis=1)[:, None]
+    moved = np.concatenate([H @ (np.asarray(M.values) + shift) @ rays for M in closed])
+    # a sum of generators with coefficients; the largest common margin
+    program = Program(coefficients=Block(len(plant.rays), low=0.0, high=1.0), margin=Block(1, low=-1.0, cost=-1.0))
+    program.above(0.0, np.full(len(moved), plant.scale), coefficients=-moved)
+    program.below(-_INTERIOR, coefficients=-H @ rays)
+    answer = program.solve()
+    return rays @ answer["coefficients"] if answer else None
 
 
 def _all_proven(parts: Iterable[Certificate | None]) -> Any:

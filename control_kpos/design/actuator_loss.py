@@ -189,9 +189,10 @@ def _demands(plant: Plant, F: Matrix, certificate: Any, rate: float | Fraction) 
     for part in others:
         if isinstance(part, CommonVectorCertificate):
             common = lifted(exact_matrix(part.x, "x"), F.T)
-            yield from (
-                Demand(-facets, M, B, common, strict=True) for M, (_, B) in zip(drifts, plant.vertices, strict=True)
-            )
+            for M, (_, B) in zip(drifts, plant.vertices, strict=True):
+                yield Demand(-facets, M, B, common, strict=True)
+                if rate:
+                    yield Demand(-facets, shifted(M, rate), B, common)
         if isinstance(part, DisturbanceCertificate):
             yield from _bounded_gain(plant, F, part, facets, seen, drifts[0])
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..cards import raised
+from ..cards import floored, raised
 from ..cones import Cone, orthant
 from ..errors import DataError
 from ..exact.condition import Condition
@@ -19,8 +20,9 @@ from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
+from ..theorems.growing_direction import transposed_drift
 from ..theorems.positivity import PositivityCertificate
-from ..theorems.stability import LyapunovCertificate
+from ..theorems.stability import LyapunovCertificate, proven_rate
 from .plant import Floats, leading_sizes
 
 
@@ -123,8 +125,9 @@ class FeedbackCertificate(Demand):
 
     @property
     def decay_rate(self) -> float:
-        """Proven for every vertex."""
-        return min(loop.decay_rate for loop in self.loops)
+        """Proven for every vertex; if a common vector is a part, for the whole hull of the vertices."""
+        common = [part.decay_rate for part in self.others if isinstance(part, CommonVectorCertificate)]
+        return min(common or [loop.decay_rate for loop in self.loops])
 
     @property
     def v(self) -> Floats | None:
@@ -153,12 +156,25 @@ class CommonVectorCertificate(Demand):
     x : ndarray, shape (n,)
         Interior to X, with A_s x interior to -X for every s (A_s x - x in discrete time).  Then x (t) stays in
         the shrinking order interval between -c(t) x and c(t) x, for any switching among the vertices.
+    decay_rate : float
+        Proven for all of them: A_s x + decay_rate x in -X.
+    required_rate : Fraction or None
+        The same for the rate that was asked for, exactly as given.
     """
 
     claim: ClassVar[str] = "common vector"
 
     loops: tuple[PositivityCertificate, ...]
     x: Floats
+    decay_rate: float = 0.0
+    required_rate: Fraction | None = None
+
+    @classmethod
+    def of(cls, loops: tuple[PositivityCertificate, ...], x: Floats, rate: Fraction) -> CommonVectorCertificate:
+        """The certificate with the rate that x proves, and with the one asked for if that is more."""
+        row, first = Matrix(x[None]), loops[0]
+        fastest = min(proven_rate(row, loop.A.T, first.X.exact_facets, first.discrete) for loop in loops)
+        return cls.settle(loops=loops, x=x, decay_rate=fastest, required_rate=rate if rate > fastest else None)
 
     def parts(self) -> tuple[Certificate, ...]:
         """Proofs that this one rests on."""
@@ -170,22 +186,26 @@ class CommonVectorCertificate(Demand):
         X = self.loops[0].X
         if any(loop.X != X or loop.discrete != self.loops[0].discrete for loop in self.loops):
             raise DataError("the vertices must be about one cone, and all in continuous or all in discrete time.")
+        if min(self.decay_rate, self.required_rate or 0) < 0:
+            raise DataError("rates of decay must not be negative.")
         out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
         for s, loop in enumerate(self.loops):
-            A = loop.A
-            if loop.discrete:
-                A = Matrix.from_fractions(A.fractions() - Matrix.identity(X.dim).fractions())
-            out.append(Condition(f"h'A_{s} x < 0", BilinearForms(X.exact_facets, A, x), "<"))
+            forms = partial(transposed_drift, x[None], loop.A, X, loop.discrete)
+            out.append(Condition(f"h'A_{s} x < 0", forms(), "<"))
+            rates = (rate for rate in (self.decay_rate, self.required_rate) if rate)
+            out += [Condition(f"h'A_{s} x + rate h'x <= 0", forms(rate), "<=") for rate in rates]
         return out
 
     def contents(self) -> dict[str, Any]:
         """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
         first = self.loops[0]
+        rates = {"decay_rate": self.decay_rate, "required_rate": self.required_rate}
         return {
             "A": tuple(loop.A.T for loop in self.loops),
             "X": first.X.dual,
             "discrete": first.discrete,
             "v": self.x,
+            **{name: rate for name, rate in rates.items() if rate},
         }
 
     @classmethod
@@ -199,7 +219,8 @@ class CommonVectorCertificate(Demand):
         """
         X, discrete = contents["X"].dual, contents["discrete"]
         loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
-        return cls.settle(loops=loops, x=contents["v"])
+        rates = {name: contents[name] for name in ("decay_rate", "required_rate") if name in contents}
+        return cls.settle(loops=loops, x=contents["v"], **rates)
 
     def evidence(self) -> dict[str, Any]:
         """Weights of A_s'h for the generators h of X*."""
@@ -210,9 +231,10 @@ class CommonVectorCertificate(Demand):
     def explain(self) -> str:
         """What is proven, in words."""
         if self:
+            rate = f", with a decay rate of at least {floored(self.decay_rate)}" if self.decay_rate else ""
             return (
                 f"Proved: one vector x inside X is mapped into the interior of -X by all {len(self.loops)} vertices, "
-                "so every system in their convex hull, also switching, is exponentially stable."
+                f"so every system in their convex hull, also switching, is exponentially stable{rate}."
             )
         return "The common vector is not proven for every vertex."
 

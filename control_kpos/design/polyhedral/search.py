@@ -9,14 +9,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from ...cards import floored
 from ...exact.budget import OutOfBudgetError, affords, reason
-from ...exact.program import Block, Program
-from ...exact.programs import program_effort
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept, succeed, undecided
@@ -75,7 +74,7 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hi
                 continue
             accepted = first_proven(
                 _candidates(program, found, rate, level),
-                lambda gain: accept(plant, gain, rate=rate, x=_inside(plant, lp, gain)),
+                partial(accept, plant, rate=rate),
             )
             if accepted is not None:
                 size = accepted.size
@@ -129,26 +128,12 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs) -> DesignResult:
     if best.rate >= ceiling * (1 - 1e-6):
         return undecided(UNLIMITED, objective=LARGEST_RATE, limit=np.inf)
     limit, v = best.rate, best.v
-    result = first_proven(RATE_PARTS, lambda part: _any_rate(plant, program, lp, limit * part, v))
+    # a common vector of several vertices may be much slower than each of them
+    parts = RATE_PARTS if len(plant.vertices) == 1 else (*RATE_PARTS, 0.5, 0.2)
+    result = first_proven(parts, lambda part: _any_rate(plant, program, lp, limit * part, v))
     if result is None:
         return undecided(f"gains with a decay rate up to {floored(limit)} were found, but none was proven.", plant)
     return changed(result, objective=LARGEST_RATE, value=result.decay_rate)
-
-
-def _inside(plant: Plant, lp: Programs, gain: Floats) -> Floats | None:
-    """x inside X that every vertex maps into -X (A_s x - x in discrete time), in floating point: the common vector."""
-    several, rows = len(plant.vertices) > 1, (len(plant.vertices) + 1) * len(plant.facets)
-    if not several or not affords(program_effort(rows, len(plant.rays))):
-        return None
-    heights = (plant.facets @ plant.rays.T).max(axis=1)
-    H, rays, eye = plant.facets / heights[:, None], plant.rays.T, np.eye(plant.n) if plant.discrete else 0.0
-    moved = np.concatenate([H @ ((A - eye) @ rays + B @ (gain @ plant.seen)) for A, B in plant.pairs])
-    # a sum of generators with coefficients; the largest common margin
-    program = Program(coefficients=Block(len(plant.rays), low=0.0, high=1.0), margin=Block(1, low=0.0, cost=-1.0))
-    program.above(0.0, np.full(len(moved), plant.scale), coefficients=-moved)
-    program.above(0.0, np.ones(len(H)), coefficients=H @ rays)
-    answer = program.solve(lp)
-    return rays @ answer["coefficients"] if answer and answer["margin"][0] > 0 else None
 
 
 def design_in_two_steps(plant: Plant, rate: float, lp: Programs) -> DesignResult:
