@@ -119,6 +119,7 @@ def long_numbers():
     yield kp.linear_lyapunov([[-1]], LINE, rate="0.99999999999999999")
     yield kp.network_feedback([node], [[0]], rate="0.99999999999999999").certificate
     yield kp.scale_free_feedback(node, 0, rate="0.99999999999999999").certificate
+    yield kp.state_feedback(node, vertices=[([[-slow]], [[0]]), ([[-1]], [[0]])]).certificate
     yield kp.dissipativity([[-slow]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[0], r=[2])
     yield from (ring.certificate, ring.abscissa_certificate())
     yield kp.feedback_interconnect([node] * 2, [[0, 1.0003333], [1.0003333, 0]]).certificate
