@@ -20,9 +20,10 @@ from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
+from ..theorems.decay_rates import proven_rate
 from ..theorems.growing_direction import transposed_drift
 from ..theorems.positivity import PositivityCertificate
-from ..theorems.stability import LyapunovCertificate, proven_rate
+from ..theorems.stability import LyapunovCertificate
 from .plant import Floats, leading_sizes
 
 
