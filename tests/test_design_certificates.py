@@ -250,6 +250,12 @@ def test_every_search_reaches_a_rate_that_no_gain_exceeds(discrete):
     assert not kp.state_feedback(p, rate=beyond, vertices=[p, harder]) and not kp.output_feedback(p, rate=beyond)
 
 
+def test_designs_along_a_curve_prove_the_rates_as_they_are_written():
+    curve = kp.gain_rate_tradeoff(third(), ["1/4", "1/3"], certify=True)
+    assert [d.weakened_rate for d in curve.designs] == [Fraction(1, 4), Fraction(1, 3)]
+    assert curve.designs[1].certificate.required_rate == Fraction(1, 3) and (curve.rates == [1 / 4, 1 / 3]).all()
+
+
 def test_the_largest_rate_is_reached_with_equality():
     d = kp.state_feedback(PLANT, X=PAPER, rate=2)
     assert d and d.check() and d.decay_rate == 2 and kp.state_feedback(PLANT, X=PAPER, rate="2.00001").F is None

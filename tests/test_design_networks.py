@@ -380,6 +380,10 @@ class TestExactRates:
         model = kp.feedback_interconnect(weak, 0.25 * ring(2)).model
         assert d.certificate.settle(**d.certificate.data() | {"model": model, "decay_rate": 0.0})
 
+    def test_the_largest_rate_of_networks_is_not_that_of_the_node(self):
+        d = kp.scale_free_feedback(node(), 1, rate="max")
+        assert d and d.value == d.decay_rate == d.certificate.decay_rate and 1.99 < d.value <= d.limit
+
     def test_any_number_of_nodes(self, tmp_path):
         d = kp.scale_free_feedback(third(), 1, rate="1/3")
         c = d.certificate

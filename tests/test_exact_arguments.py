@@ -209,6 +209,9 @@ EXACT = {
             True,
         ),
     },
+    "gain_rate_tradeoff": {
+        "rates": lambda: (kp.gain_rate_tradeoff(THIRDS, ["1/3"], certify=True).designs[0].weakened_rate, THIRD)
+    },
     "state_feedback": design_rows(kp.state_feedback)
     | {
         "gain_bound": lambda: (
@@ -348,7 +351,6 @@ DOUBLES = {
     "ConeStateSpace.linearize": {"x0": "the system itself is returned, wherever it is linearised"},
     "gain_rate_tradeoff": {
         "sys": "a curve in floating point; its designs, if asked for, are those of `state_feedback`",
-        "rates": "points of this curve",
         "X": "the cone of this curve",
         "demands": "as those of `state_feedback`",
     },

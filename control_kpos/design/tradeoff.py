@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, affords, budget, seconds_left
-from ..exact.intake import flag, seconds, vector
+from ..exact.intake import exact_matrix, flag, seconds, vector
 from ..progress import Reporter, Target
 from .feedback import state_feedback
 from .plant import Plant, read_plant, require_simplicial
@@ -65,7 +65,7 @@ def gain_rate_tradeoff(
     rates : array_like, shape (k,), optional
         Default: a dozen rates up to just below the largest one.
     certify : bool
-        True: design and prove a gain at each rate; False: linear programs only.
+        True: design and prove a gain at each rate, exactly as it is written; False: linear programs only.
     time_limit : float, optional
         Seconds for everything; gains not found by then are NaN, and designs UNDECIDED.  None: a fixed number of
         operations, as in `state_feedback`.
@@ -105,7 +105,8 @@ def gain_rate_tradeoff(
         plant = read_plant(sys, X, **demands)
         require_simplicial(plant.X, "the trade-off curve")
         values, gains, largest = _curve(plant, rates, Programs(None, report))
-        for place, rate in enumerate(values.tolist() if certify else []):
+        asked = values if rates is None else exact_matrix(rates, "rates", ndim=1).fractions()
+        for place, rate in enumerate(asked.tolist() if certify else []):
             report(f"design {place + 1} of {len(values)}")
             each = None if limit is None else max(seconds_left(), 1e-3) / (len(values) - place)
             designs.append(state_feedback(sys, X=X, rate=rate, time_limit=each, progress=False, **demands))

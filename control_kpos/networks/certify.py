@@ -128,6 +128,7 @@ def certify_as_given(model: NetworkModel, progress: Progress | None = None) -> N
     return found if found.status is not Status.UNDECIDED else certify_exactly(model, loop)
 
 
+@np.errstate(all="ignore")
 def at_rate(found: NetworkCertificate, rate: Fraction) -> NetworkCertificate:
     """The certificate of a network that is proven, claiming this decay rate too; UNDECIDED if that is not proven."""
     model = found.model

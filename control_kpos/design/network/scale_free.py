@@ -27,7 +27,7 @@ from ...theorems.stability import LyapunovCertificate
 from ..accept import beyond_feedback, proven_rate, undecided
 from ..feedback import read_rate
 from ..plant import Plant, read_plant, require_simplicial
-from ..result import DesignResult, changed
+from ..result import LARGEST_RATE, DesignResult, changed
 from ..running import Programs, SolverChoice, within
 from ..simplicial.search import design_on_simplicial
 
@@ -110,4 +110,6 @@ def _design(plant: Plant, weight: Fraction, target: Any, lp: Programs) -> Design
     certificate = out_weight_certificate(closed, weight, coupled)
     if not certificate:
         return undecided("a gain was found, but the scale-free claim could not be proven.")
-    return changed(result, certificate=certificate, decay_rate=proven_rate(certificate, result.weakened_rate))
+    rate = proven_rate(certificate, result.weakened_rate)  # not that of the node alone
+    value = rate if result.objective == LARGEST_RATE else result.value
+    return changed(result, certificate=certificate, decay_rate=rate, value=value)
