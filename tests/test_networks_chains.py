@@ -6,6 +6,7 @@ import scipy.sparse as sp
 from scipy.linalg import eigh_tridiagonal
 
 import control_kpos as kp
+from control_kpos.networks.spectrum.rational import NetworkPencil
 
 
 def chain(size, up, down, shift=0.0):
@@ -54,3 +55,17 @@ def test_feedthrough_does_not_widen_brackets_of_graphs_in_parts():
     )
     lower, upper = kp.feedback_interconnect(nodes, W).spectral_abscissa()
     assert upper - lower <= 2e-6 * abs(upper)
+
+
+@pytest.mark.parametrize(("size", "up", "down"), [(60, 1.0, 1.0), (400, 100, 0.001)])
+def test_frames_of_other_shifts_change_no_decision(size, up, down):
+    """The first decision is at a far shift or at a near one; all of them use what it factored."""
+    net, abscissa = chain(size, up, down)
+    shifts = [abscissa + sign * distance for distance in (10.0, 1e-2, 1e-6, 1e-10) for sign in (1, -1)]
+    for order in (shifts, shifts[::-1]):
+        pencil = NetworkPencil(net.model).pencil
+        for shift in order:
+            found, N = pencil.decide(shift), pencil.at(shift)
+            assert found.stable is (shift > abscissa)
+            moved = (N.T if found.stable else N).apply(found.vector)
+            assert (moved < 0).all() if found.stable else (moved >= 0).all() and found.vector.any()

@@ -155,12 +155,11 @@ def mantissas(values: Integers) -> tuple[Floats, NDArray[np.int64]]:
     """Integers of any length as m * 2**e with m between 1/2 and 1 in size, correct to 52 bits."""
     if not values.size:
         return np.zeros(0), np.zeros(0, dtype=np.int64)
-    cut = np.zeros(values.shape, dtype=np.int64)
     try:
-        short = values.astype(np.int64)
+        m, e = np.frexp(values.astype(float))
+        return m, e.astype(np.int64)
     except OverflowError:
         length = np.array([abs(v).bit_length() for v in values.tolist()], dtype=np.int64)
-        cut = np.maximum(length - 62, 0)
-        short = (values >> cut.astype(object)).astype(np.int64)
-    m, e = np.frexp(short.astype(float))
+    cut = np.maximum(length - 62, 0)
+    m, e = np.frexp((values >> cut.astype(object)).astype(np.int64).astype(float))
     return m, e + cut

@@ -9,7 +9,7 @@ the coordinates they have.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -23,7 +23,7 @@ from ..errors import TooLargeError
 from ..exact.matrix import Index, Integers, Matrix, integers_of_doubles
 from ..exact.sparse_integers import SparseIntegers, mantissas
 from ..proof.portable_cones import opposite_facets
-from .perron_pair import Cones, Decision, decide, strong_parts
+from .perron_pair import Cones, Decision, Memory, decide, strong_parts
 from .perron_root import root
 
 # Rows up to which facets of a cone that are not doubles are written out.
@@ -138,11 +138,14 @@ class Pencil:
     E : ndarray of int (object), shape (n,)
         Zero where a row holds an equation between ports.
     cones : Cones
+    memory : dict
+        See `decide`.
     """
 
     N: SparseIntegers
     E: Integers
     cones: Cones
+    memory: Memory = field(default_factory=dict, repr=False)
 
     def at(self, shift: Any) -> SparseIntegers:
         """N - shift E times a positive number."""
@@ -153,7 +156,7 @@ class Pencil:
         """Whether the spectral abscissa is below the shift; None if that is infinite, or out of reach."""
         if isinstance(shift, float) and not np.isfinite(shift):
             return None
-        return decide(self.at(shift), self.cones, marginal=marginal)
+        return decide(self.at(shift), self.cones, marginal=marginal, memory=self.memory)
 
     @np.errstate(all="ignore")
     def estimate(self, relative: float) -> float:

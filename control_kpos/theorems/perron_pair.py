@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from fractions import Fraction
 from graphlib import TopologicalSorter
+from typing import TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -29,7 +30,7 @@ from ..exact.matrix import Index, Integers, bit_length
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
 from ..exact.sparse_integers import Floats, SparseIntegers
 from .perron_root import approach
-from .refinement import Borders, Frame, balancing_units, frames, rational_multiple, refine
+from .refinement import Borders, Frame, Pair, balancing_units, frames, moved, rational_multiple, refine
 
 # Bits at which a root that may be zero is first looked at as zero.
 _FIRST_ATTEMPT = 110
@@ -46,6 +47,10 @@ _ROUNDED = 96
 _FRAMES, _SPREAD = 3, 200
 # Part of the largest product of Perron entries below which a coordinate is left out of a witness of growth.
 _TAIL = 2.0**-100
+
+
+# Frames of parts by their first coordinates.
+Memory: TypeAlias = dict[int, Pair]
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,9 @@ class Cones:
 
 
 @np.errstate(all="ignore")  # what overflows or vanishes in a proposal proves nothing
-def decide(N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = False) -> Decision | None:
+def decide(
+    N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = False, memory: Memory | None = None
+) -> Decision | None:
     """Settle whether N, cross-positive on a product of half-lines and cones, is stable.
 
     Parameters
@@ -103,6 +110,8 @@ def decide(N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = Fa
         Default: the nonnegative orthant.
     marginal : bool
         True: v'N <= 0 will do, which holds with equality in parts with a root of zero that influence no others.
+    memory : dict, optional
+        Frames of the parts, for decisions at other shifts of the same matrix.
 
     Returns
     -------
@@ -112,7 +121,7 @@ def decide(N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = Fa
     found: list[tuple[Index, Decision]] = []
     open_, still = False, None
     for part, own in strong_parts(N, cones.group):
-        decided = _decide_part(own, cones, part)
+        decided = _decide_part(own, cones, part, memory)
         if decided is not None and not decided.stable:
             still = _placed(decided.vector, part, N.height)
             if N.apply(still).any():
@@ -219,7 +228,7 @@ def _block_diagonal(blocks: list[Integers]) -> Integers:
     return out
 
 
-def _decide_part(N: SparseIntegers, cones: Cones, part: Index) -> Decision | None:
+def _decide_part(N: SparseIntegers, cones: Cones, part: Index, memory: Memory | None = None) -> Decision | None:
     """`decide` for an irreducible part."""
     if cones.touches(part):
         facets, rays = cones.of(part)
@@ -227,16 +236,22 @@ def _decide_part(N: SparseIntegers, cones: Cones, part: Index) -> Decision | Non
         return solved or _by_program(N, rays)
     if N.height == 1:
         return Decision(bool(N.data.size and N.data[0] < 0), np.array([1], dtype=object))
-    return _near_margin(N) or _away_from_margin(N) or _by_solution(N)
+    memory = {} if memory is None else memory
+    known = memory.get(int(part[0]))
+    found = None if known is None else _near_margin(moved(known, N))
+    if found is None:
+        made = frames(N)
+        found = None if made is None else _near_margin(made)
+        if made is not None:
+            memory[int(part[0])] = made
+    return found or _away_from_margin(N) or _by_solution(N)
 
 
-def _near_margin(N: SparseIntegers) -> Decision | None:
+def _near_margin(made: Pair) -> Decision | None:
     """Bordered refinement of the Perron vector, from either side."""
-    made = frames(N)
-    if made is None:
-        return None
     (frame, solver), (other, transposed) = made
-    if solver.solve(np.append(np.zeros(N.height), N.height))[-1] < -_NO_ROUNDING:
+    size = len(frame.units)
+    if solver.solve(np.append(np.zeros(size), size))[-1] < -_NO_ROUNDING:
         grown = _grown(frame, solver)
         if grown is not None:
             return grown

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -253,7 +253,16 @@ def _sizes(N: SparseIntegers) -> Integers:
     return diagonal
 
 
-def frames(N: SparseIntegers) -> tuple[tuple[Frame, Borders], tuple[Frame, Borders]] | None:
+Pair: TypeAlias = tuple[tuple[Frame, Borders], tuple[Frame, Borders]]
+
+
+def moved(made: Pair, N: SparseIntegers) -> Pair:
+    """Frames for N in the units, and with the solvers, of a matrix that differs from N by a shift."""
+    (frame, solver), (other, transposed) = made
+    return (Frame(N, frame.units), solver), (Frame(N.T, other.units), transposed)
+
+
+def frames(N: SparseIntegers) -> Pair | None:
     """Frames for N and for N' in which their Perron vectors are about 1, or None where floating point finds no such."""
     with np.errstate(all="ignore"):
         frame = Frame(N, balancing_units(N))

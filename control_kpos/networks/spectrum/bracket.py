@@ -130,9 +130,9 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
     model, loop = form, loop_weights(form)
     small = sum(model.totals[:2]) <= _REFINED_FIRST
     steps = (_refined, _proven) if small else (_proven, _refined)
-    best = AbscissaCertificate.settle(model=model)
+    best = found = AbscissaCertificate.settle(model=model)
     for step in steps:
-        found = step(model, relative, progress, loop, best)
+        found = step(model, relative, progress, loop, found)
         if found and not (best and best.upper - best.lower <= found.upper - found.lower):
             best = found
         if best and best.upper - best.lower <= 2 * relative * abs(best.upper):
@@ -141,19 +141,19 @@ def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | No
 
 
 def _refined(
-    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, best: AbscissaCertificate
+    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, before: AbscissaCertificate
 ) -> AbscissaCertificate:
     """Both sides from Perron vectors refined at the ends of the bracket."""
     about = None
-    if best and best.below is not None:  # the quotient of both vectors is closer than the ends
-        x, v = best.below.vectors[0].values, node_vectors(best)[0].values
+    if before.below is not None and before.v is not None:  # the quotient of both vectors is closer than the ends
+        x, v = before.below.vectors[0].values, node_vectors(before)[0].values
         about = float(v @ apply_loop(model, x)) / float(v @ x)
     exact = bracket_exactly(model, relative, loop, about)
     return AbscissaCertificate.settle(model=model, **(exact or {}))
 
 
 def _proven(
-    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, best: AbscissaCertificate
+    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, before: AbscissaCertificate
 ) -> AbscissaCertificate:
     """What the descent finds, the lower side lowered until rounding leaves room for its proof."""
     with np.errstate(all="ignore"):  # candidates that overflow are not proven
