@@ -151,6 +151,26 @@ def test_repeated_rational_dominant_eigenvalues(seed, discrete):
         assert found and found.check() and found.fewest_rays <= found.n_rays
 
 
+TURNING = np.array([[0, -1], [1, 0]])  # eigenvalues +- i
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("behind", [(), ([[0]],), ([[0]], np.array([[0, 1], [0, 0]]))])
+@pytest.mark.parametrize("others", [(-np.eye(1, dtype=int),), (-np.eye(1, dtype=int), TURNING)])
+def test_chains_of_one_length_all_around_the_circle(others, behind, seed):
+    for length in (2, 3):
+        step = np.eye(length, k=1, dtype=int)
+        around = [np.kron(np.eye(length, dtype=int), z) + np.kron(step, np.eye(len(z), dtype=int)) for z in others]
+        A = block_diag(np.eye(length, dtype=int) + step, *around, *behind)
+        A = similar(A, seed) if length == 2 else A  # computed roots of chains of three are far apart
+        found = find_cone(A, discrete=True)
+        assert found and found.check() and state_positivity(A, found.cone, discrete=True)
+    longer = block_diag(
+        np.eye(2, dtype=int) + np.eye(2, k=1, dtype=int), np.eye(3, k=1, dtype=int) - np.eye(3, dtype=int)
+    )
+    assert find_cone(longer, discrete=True).status is Status.REFUTED
+
+
 def test_an_irrational_eigenvalue_and_its_negative_in_discrete_time():
     for A in (ROOT, block_diag(ROOT, ROOT), CHAIN):
         assert find_cone(A, discrete=True)

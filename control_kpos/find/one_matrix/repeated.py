@@ -11,7 +11,8 @@ G = ker p(S), chains v, N v, .., N^(k-1) v and their images under S span blocks
 
 on each of which S acts as the companion matrix of p, whose dominant eigenvalue is simple, and N moves one block
 to the next without changing coordinates.  One cone of the companion matrix, put into every block, is
-invariant under S + N; the last block takes the other eigenvalues along.
+invariant under S + N; the last block takes the other eigenvalues along.  In discrete time p may hold several
+eigenvalues of the circle, such as 1 and -1; so it does where their chains are as long as those of the dominant one.
 """
 
 from __future__ import annotations
@@ -29,18 +30,19 @@ from ...exact.polynomials import (
     Polynomial,
     at_matrix,
     derivative,
+    divided,
     multiply,
     rational_roots,
     square_free_factors,
 )
 from ...proof.proposed_weights import pointing_functional
 from ..impossible.existence import spectrum_polynomial
-from ..ports import search as ports
 from ..question import Candidate, Question, first_cone
 from .modes import analysis
 from .search import candidates
 
 _LARGEST = 24
+_MIXTURES = 4
 # Roots that coincide are known to about half the digits, or a third of them.
 _NEAR = 1e-3
 
@@ -61,21 +63,28 @@ def repeated_cones(question: Question) -> Iterator[Candidate]:
     S = _semisimple(M, factors)
     if S is None:
         return
-    p = factors[near[0]]
-    for root in rational_roots(p, values):
-        if abs(root - top) < _NEAR * scale:  # a factor of p is enough, and others may have chains of other lengths
-            p = [root.denominator, -root.numerator]
+    whole = factors[near[0]]
+    linear = {root: [root.denominator, -root.numerator] for root in rational_roots(whole, values)}
+    # a factor is enough where others have shorter chains; with the same length on the circle all move together
+    tried = [p for root, p in linear.items() if abs(root - top) < _NEAR * scale]
+    circle = divided(whole, _product([p for root, p in linear.items() if abs(root) < top - _NEAR * scale])) or whole
+    for p in [*tried, *(p for p in (circle, whole) if tried[:1] != [p] and len(p) > 1)]:
+        rays = _in_blocks(M, S, p, question.discrete)
+        if rays is not None and question.admits(rays.shape[0]):
+            values = np.asarray(rays.values)
+            yield Candidate(rays=rays, pointing=pointing_functional(values), right_inverse=np.linalg.pinv(values.T))
+
+
+def _in_blocks(M: Rationals, S: Rationals, p: Polynomial, discrete: bool) -> Matrix | None:
+    """The cone in the blocks of the chains on ker p(S)."""
     d, at = len(p) - 1, at_matrix(p, S)
     G = nullspace(at)
-    # a vector of the basis may lie in a smaller block
-    mixed = G @ np.random.default_rng(0).integers(-2, 3, (G.shape[1], G.shape[1])).astype(object)
-    chains = jordan_chains(M - S, mixed, lambda w: _cyclic(S, w, d))
-    if chains is None:
-        return
-    rays = _generators(M, S, chains, columns(at), d, question.discrete)
-    if rays is not None and question.admits(rays.shape[0]):
-        values = np.asarray(rays.values)
-        yield Candidate(rays=rays, pointing=pointing_functional(values), right_inverse=np.linalg.pinv(values.T))
+    for seed in range(_MIXTURES):  # a vector of the basis may lie in a smaller block
+        mixed = G @ np.random.default_rng(seed).integers(-2, 3, (G.shape[1], G.shape[1])).astype(object)
+        chains = jordan_chains(M - S, mixed, lambda w: _cyclic(S, w, d))
+        if chains is not None:
+            return _generators(M, S, chains, columns(at), d, discrete)
+    return None
 
 
 def _roots(p: Polynomial) -> NDArray[np.complex128]:
@@ -130,21 +139,26 @@ def _generators(
     whole = solve_columns(basis, product(M, basis))
     if whole is None:
         return None
-    joined, held = Matrix.from_fractions(whole), None
-    if len(chains[0]) > 1 and d > 1:  # N moves the cone of the block before into the last one
-        zeros = np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)
-        held = Matrix.from_fractions(np.concatenate([inner, zeros], axis=1))
-    outer = _cone_of(joined, discrete, held)
+    outer = _cone_of(Matrix.from_fractions(whole), discrete)
     if outer is None:
         return None
     if d == 1 and outer[0, 0] * inner[0, 0] < 0:  # every cone holds the dominant direction or its opposite
         outer = -outer
+    if len(chains[0]) > 1 and d > 1:  # N moves the cone of the block before into the last one, where it is invariant
+        held = np.concatenate([inner, np.zeros((len(inner), W.shape[1]), dtype=int).astype(object)], axis=1)
+        sums = [np.concatenate([side, held]) for side in (outer, -outer)]
+        outer = next((rays for rays in sums if _is_pointed(rays.astype(float))), None)
+        if outer is None:
+            return None
     return Matrix.from_fractions(np.concatenate([*rows, outer @ basis.T]))
 
 
-def _cone_of(A: Matrix, discrete: bool, contains: Matrix | None = None) -> Rationals | None:
-    """Generators of an invariant cone that holds the given vectors, or None."""
-    question = Question(matrices=Matrix.stack([A]), contains=contains, discrete=discrete)
-    attempts = candidates if contains is None else ports.candidates
-    found = first_cone(question, attempts(question, analysis(A, discrete=discrete)))
+def _is_pointed(rays: NDArray[np.float64]) -> bool:
+    return bool((rays @ pointing_functional(rays) > 0).all())
+
+
+def _cone_of(A: Matrix, discrete: bool) -> Rationals | None:
+    """Generators of an invariant cone, or None."""
+    question = Question(matrices=Matrix.stack([A]), discrete=discrete)
+    found = first_cone(question, candidates(question, analysis(A, discrete=discrete)))
     return None if found is None else found.candidate.rays.fractions()
