@@ -26,6 +26,7 @@ from typing import Any
 
 Vector = dict[int, Fraction]  # entries that are not zero, by index
 Matrix = list[Vector]  # columns
+Node = tuple[range, range, range]  # its states, inputs and outputs
 Polynomial = list[int]  # coefficients, the highest power first, up to a positive factor
 Json = Any
 
@@ -50,8 +51,49 @@ def expect(fact: bool, what: str) -> None:
         raise ValueError(what)
 
 
-# What files say of bounds on decay rates that are none.
-BOUNDLESS = "decay_rate_bound", "inf"
+# What files say of a bound on decay rates that is none.
+BOUNDLESS = {"double": "inf"}
+# Entries that may say anything: titles, and what control_kpos proves the same from instead of `proof`, in floating
+# point and by its own count of facets and inequalities.
+UNREAD = {"names", "generator_proof", "multipliers", "pointing", "right_inverse", "shares"}
+# And in witnesses, where those of version 0.1 also have what follows from the rest.
+UNREAD_IN_WITNESSES = {"weights", "closed", "drift", "positive", "facet"} | {
+    *("value", "normal", "generator", "real", "imag", "discrete", "radius", "time", "zero", "nodes"),
+    *("q", "r", "q_exact", "r_exact"),
+}
+
+
+class Said(dict[str, Json]):
+    """Entries of a file, which all have to be looked at: what nobody looks at is null, or one of UNREAD."""
+
+    def __init__(self, entries: Json) -> None:
+        super().__init__(entries)
+        self.seen: set[str] = set()
+        self.inner: list[Said] = []
+
+    def __getitem__(self, key: str) -> Json:
+        self.seen.add(key)
+        return super().__getitem__(key)
+
+    def get(self, key: str, default: Json = None) -> Json:
+        """The entry, or what stands for a missing one."""
+        self.seen.add(key)
+        return super().get(key, default)
+
+
+def record(e: Said, key: str, *kinds: str) -> tuple[str, Said]:
+    """The kind of a record, one of these, and its fields."""
+    kind, fields = e[key]["record"], Said(e[key]["fields"])
+    expect(kind in kinds, f"{key} is {str(kind)[:40]}, which is not shown in such a way")
+    e.inner.append(fields)
+    return kind, fields
+
+
+def unread(e: Said, free: set[str]) -> list[str]:
+    """The names of what nobody looked at, here and in the witness."""
+    own = [name for name, x in e.items() if x is not None and name not in e.seen | free]
+    return own + [name for fields in e.inner for name in unread(fields, UNREAD_IN_WITNESSES)]
+
 
 # -- numbers, vectors, matrices
 
@@ -73,15 +115,40 @@ def number(text: str | int) -> Fraction:
 def numbers(o: Json) -> list[Fraction]:
     """The numbers in {"array": nested lists}, {"fractions": [...]}, {"double": ...} or {"tuple": [vectors]}."""
     if isinstance(o, dict):
-        (o,) = o.values()
+        ((kind, o),) = o.items()
+        return doubles(o) if kind == "double" else numbers(o)
     return [x for part in o for x in numbers(part)] if isinstance(o, list) else [number(o)]
+
+
+def doubles(o: Json) -> list[Fraction]:
+    """Numbers that are all doubles."""
+    out = numbers(o)
+    expect(all(float(x) == x for x in out), "a number is no double")
+    return out
+
+
+def exactly(o: Json, *names: str) -> list[list[Fraction]]:
+    """Vectors of doubles, or what rounds to them: `name`_exact, or all of `exact`; [] for null."""
+    beside, out = o.get("exact"), []
+    parts = [None] * len(names) if beside is None else beside.get("tuple", [beside])
+    for name, part in zip(names, parts, strict=True):
+        exact = part if beside is not None else o.get(name + "_exact")
+        expect(all(x is None or isinstance(x, dict) for x in (o[name], exact)), f"{name} is no vector")
+        rounded = [] if o[name] is None else doubles(o[name])
+        out.append(rounded if exact is None else numbers(exact))
+        need([float(x) for x in out[-1]] == rounded, f"{name} is its exact vector rounded")
+    return out
 
 
 def vector(o: Json, n: int) -> Vector:
     """A vector with n entries."""
-    entries = numbers(o)
-    expect(len(entries) == n, f"a vector has {len(entries)} entries instead of {n}")
-    return {i: x for i, x in enumerate(entries) if x}
+    return entries(numbers(o), n)
+
+
+def entries(numbers: list[Fraction], n: int) -> Vector:
+    """The vector of these numbers, of which there are n."""
+    expect(len(numbers) == n, f"a vector has {len(numbers)} entries instead of {n}")
+    return {i: x for i, x in enumerate(numbers) if x}
 
 
 def matrix(o: Json, m: int, n: int) -> Matrix:
@@ -101,8 +168,11 @@ def matrix(o: Json, m: int, n: int) -> Matrix:
 
 
 def given(o: Json, m: int, n: int) -> Matrix:
-    """A matrix, or zeros where there is none."""
-    return matrix(o, m, n) if o else [{} for _ in range(n)]
+    """A matrix of the data, or zeros where there is none; in a sparse one all numbers are doubles."""
+    if o is None:
+        return [{} for _ in range(n)]
+    doubles([x for _, _, x in o.get("sparse", ())])
+    return matrix(o, m, n)
 
 
 def total(*terms: tuple[Fraction | int, Vector]) -> Vector:
@@ -151,7 +221,7 @@ class Cone:
 def cone(o: Json, limit: int) -> Cone:
     """A product of factors, each `count` times.  Pointed: w'x > 0.  Solid: R Z = I, the columns of R being x."""
     out = Cone(0, [], [])
-    for count, factor in o["cone"] if o else ():
+    for count, factor in () if o is None else o["cone"]:
         n, p = len(factor["w"]), len(factor["rays"])
         rays = matrix({"matrix": list(zip(*factor["rays"], strict=True))}, n, p)
         Z, w = matrix({"matrix": factor["Z"]}, p, n), vector(factor["w"], n)
@@ -178,13 +248,16 @@ def above(f: Vector, C: Cone) -> bool:
     return all(dot(f, x) >= 0 for x in C.rays)
 
 
-def listed(e: Json, name: str, y: Vector, target: Cone) -> None:
+def listed(e: Said, name: str, y: Vector, target: Cone) -> None:
     """y is in a cone by the weights w<name> in the file."""
     w = e.get("w" + name)
     inside(target, y, matrix(w, len(target.rays), 1)[0] if w else None, f"w{name} shows a vector in its cone")
 
 
 # -- systems
+
+# The signals that a matrix maps to, and those that it maps from: states 0, inputs 1, outputs 2.
+SIGNALS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1), "W": (1, 2)}
 
 
 @dataclass
@@ -201,22 +274,61 @@ class System:
     Y: Cone
     discrete: bool
     radius: Matrix  # the bounds on the entries of Jacobians around A
+    nodes: list[Node]
+
+    def cones(self) -> tuple[Cone, Cone, Cone]:
+        """X, U and Y."""
+        return self.X, self.U, self.Y
+
+    def owners(self) -> list[list[int]]:
+        """The node of every state, of every input, and of every output."""
+        return [[j for j, node in enumerate(self.nodes) for _ in node[kind]] for kind in range(3)]
 
 
-def system(d: Json, A: Json, radius: Json, cones: list[Cone]) -> System:
+def system(d: Said, A: Json, radius: Json, cones: list[Cone]) -> System:
     """The system in the data of a file; what is not there is zero."""
     X, U, Y = cones
+    nodes = side_by_side(d, cones)
     shapes = {"B": (X.dim, U.dim), "C": (Y.dim, X.dim), "D": (Y.dim, U.dim), "W": (U.dim, Y.dim)}
     rest = {name: given(d.get(name), *shape) for name, shape in shapes.items()}
     expect(type(d["discrete"]) is bool, "discrete is neither true nor false")
-    bounds = given(radius and {"matrix": radius["array"]}, X.dim, X.dim)
-    need(all(a >= 0 for column in bounds for a in column.values()), "a radius is not negative")
-    out = System(matrix(A, X.dim, X.dim), X=X, U=U, Y=Y, discrete=d["discrete"], radius=bounds, **rest)
-    expect(d.get("own_links_closed", True) is True, "own_links_closed is true where it stands")
-    return own_links_closed(out, numbers(d["sizes"])) if "own_links_closed" in d else out
+    bounds = given(None if radius is None else {"matrix": radius["array"]}, X.dim, X.dim)
+    need(all(a >= 0 for a in doubles([] if radius is None else radius)), "a radius is not negative")
+    expect(A is not None and d.get("own_links_closed", True) is True, "own_links_closed is true where it stands")
+    out = System(given(A, X.dim, X.dim), X=X, U=U, Y=Y, discrete=d["discrete"], radius=bounds, nodes=nodes, **rest)
+    owners = out.owners()
+    for name, (to, of) in SIGNALS.items():
+        apart = any(owners[to][i] != owners[of][k] for k, column in enumerate(getattr(out, name)) for i in column)
+        need(name == "W" or not apart, f"{name} has a block for every node")
+    return own_links_closed(out) if "own_links_closed" in d else out
 
 
-def positive(s: System, e: Json) -> None:
+def side_by_side(d: Said, cones: list[Cone]) -> list[Node]:
+    """The nodes of a network, of the `sizes` that it states; of another system all of it."""
+    ends, out = [0, 0, 0], list[Node]()
+    if "sizes" not in d:
+        return [(range(cones[0].dim), range(cones[1].dim), range(cones[2].dim))]
+    for node in zip(*[iter(doubles(d["sizes"]))] * 3, strict=True):
+        expect(all(n >= 0 and n == int(n) for n in node), "a size is negative or no whole number")
+        starts, ends = ends, [first + int(n) for first, n in zip(ends, node, strict=True)]
+        out.append((range(starts[0], ends[0]), range(starts[1], ends[1]), range(starts[2], ends[2])))
+    expect(ends == [C.dim for C in cones], "the sizes are not those of the nodes")
+    return out
+
+
+def repeated(d: Said, cones: list[Cone], limit: int) -> None:
+    """What a network says twice: its time, and the cones of its nodes, whose numbers among `cones` are in `stack`."""
+    step = d["dt"] if type(d["dt"]) is bool else Fraction(0) if d["dt"] is None else doubles(d["dt"])[0]
+    need(step >= 0 and bool(step) == d["discrete"], "dt is 0 in continuous time only")
+    stack, kinds = [int(x) for x in doubles(d["stack"])], [kind["tuple"] for kind in d["cones"]["tuple"]]
+    expect(stack == doubles(d["stack"]) and len(stack) == len(side_by_side(d, cones)), "a number for every node")
+    expect(set(stack) == set(range(len(kinds))) and all(len(kind) == 3 for kind in kinds), "all cones are there")
+    for kind, whole in enumerate(cones):
+        runs = [run for j in stack for run in kinds[j][kind]["cone"]]
+        need(cone({"cone": runs}, limit).rays == whole.rays, "X, U and Y are products of the cones of the nodes")
+
+
+def positive(s: System, e: Said) -> None:
     """X, U, Y are kept: Theorem 1 (`cone_inv`), with weights P, N, L, K, M in the place of facets.
 
     A x_i = sum_k P_ki x_k with P_ki >= 0 for k != i (discrete time: all k),  B u_i = sum_k N_ki x_k,
@@ -236,19 +348,29 @@ def maps(source: Cone, M: Matrix, target: Cone, weights: Json, what: str, *, dia
         inside(target, image(M, x), None if W is None else W[i], what, i if diagonal else None)
 
 
-def crossed(s: System, e: Json) -> None:
+def crossed(s: System, e: Said, kind: str, w: Said) -> None:
     """Not positive: h'M x < 0 for a generator x and an h that is nonnegative on the cone M x should be in.
 
     For A in continuous time also h'x = 0: x lies on the plane that the field crosses.  For Jacobians with bounds
-    h'A x + |h|'radius |x| < 0.
+    h'A x + |h|'radius |x| < 0.  The witness names the matrix and the generator, in networks those of nodes.
     """
-    cones = {"A": (s.X, s.X), "B": (s.U, s.X), "C": (s.X, s.Y), "D": (s.U, s.Y), "W": (s.Y, s.U)}
-    source, target = cones[e["matrix"]]
-    h, x = matrix(e["normal"], target.dim, 1)[0], source.rays[index(e["ray"])]
-    need(above(h, target), "h'x >= 0 on the cone")
-    spread = dot(sizes(h), image(s.radius, sizes(x))) if e["matrix"] == "A" else 0
-    need(dot(h, image(getattr(s, e["matrix"]), x)) + spread < 0, f"{e['matrix']} crosses the plane")
-    need(e["matrix"] != "A" or s.discrete or dot(h, x) == 0, "the generator lies on the plane")
+    target = source = index(w["node"]) if kind == "NodeViolation" else 0
+    if kind == "CouplingViolation":
+        target, source, name = index(w["target"]), index(w["source"]), "W"
+    elif kind == "DifferentialViolation":
+        name = "A"
+    else:
+        w = record(w, "violation", "PositivityViolation")[1] if kind == "NodeViolation" else w
+        name = {"A X in X": "A", "B U in X": "B", "C X in Y": "C", "D U in Y": "D"}[w["condition"]]
+    to, of = SIGNALS[name]
+    cone, places = s.cones()[to], s.nodes[source][of]
+    x = [x for x in s.cones()[of].rays if all(i in places for i in x)][index(w["ray"])]
+    exact = kind == "PlaneViolation"
+    h = vector(w["normal_exact"], cone.dim) if exact else matrix(e["normal"], cone.dim, 1)[0]
+    need(above(h, cone) and all(i in s.nodes[target][to] for i in h), "h'x >= 0 on the cone")
+    spread = dot(sizes(h), image(s.radius, sizes(x))) if name == "A" else 0
+    need(dot(h, image(getattr(s, name), x)) + spread < 0, f"{name} crosses the plane")
+    need(name != "A" or s.discrete or dot(h, x) == 0, "the generator lies on the plane")
 
 
 def index(k: Json) -> int:
@@ -257,31 +379,20 @@ def index(k: Json) -> int:
     return k
 
 
-def stated(e: Json, name: str, n: int) -> Vector:
-    """A vector of doubles, or the exact one beside it, which must round to it."""
-    if e.get(name + "_exact") is None:
-        return vector(e[name], n)
-    exact = numbers(e[name + "_exact"])
-    need([float(x) for x in exact] == [float(x) for x in numbers(e[name])], f"{name} is {name}_exact rounded")
-    return vector(e[name + "_exact"], n)
+def supply(s: System, e: Said) -> tuple[Vector, Vector | None]:
+    """q and r of the supply r'u + q'y, in networks those of all nodes; r is null where any will do."""
+    *_, r, q = exactly(e, *("vrq" if "sizes" in e else "rq"))
+    return entries(q, s.Y.dim), None if e["r"] is None else entries(r, s.U.dim)
 
 
-def supply(s: System, e: Json) -> tuple[Vector, Vector | None]:
-    """q and r of the supply r'u + q'y, in networks those of all nodes; the exact ones, where there are."""
-    if e.get("exact"):
-        _, r, q = e["exact"]["tuple"]
-        e = e | {"r_exact": r, "q_exact": q}
-    return stated(e, "q", s.Y.dim), None if e["r"] is None else stated(e, "r", s.U.dim)
-
-
-def required_rate(e: Json) -> Fraction:
+def required_rate(e: Said) -> Fraction:
     """The rate that was asked for, which is positive, or 0."""
     rate = numbers(e["required_rate"])[0] if e.get("required_rate") is not None else Fraction(0)
     need(rate > 0 or e.get("required_rate") is None, "a rate that is asked for is positive")
     return rate
 
 
-def decreases(s: System, v: Vector, q: Vector, e: Json) -> None:
+def decreases(s: System, v: Vector, q: Vector, e: Said) -> None:
     """v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + rate v'x <= 0  for the decay_rate >= 0 and the required_rate."""
     drift = total((1, pullback(v, s.A)), (-s.discrete, v), (-1, pullback(q, s.C)))
     need(all(dot(v, x) > 0 for x in s.X.rays), "v'x > 0")
@@ -297,18 +408,18 @@ def supplied(s: System, v: Vector, q: Vector, r: Vector) -> None:
     need(all(dot(excess, u) <= 0 for u in s.U.rays), "v'B u <= r'u + q'D u")
 
 
-def stable(s: System, e: Json) -> str:
+def stable(s: System, e: Said) -> str:
     """Exponentially stable on X, and so everywhere: Theorem 2 (`cone_s`).
 
     positive,  v'x > 0,  v'A x < 0,  v'A x + decay_rate v'x <= 0,  v'A x + required_rate v'x <= 0.
     No v has a rate above decay_rate_bound = b: z != 0, the slow direction, and A z + b z are in X.
     """
     positive(s, e)
-    decreases(s, stated(e, "v", s.X.dim), {}, e)
+    decreases(s, entries(exactly(e, "v")[0], s.X.dim), {}, e)
     if e.get("slow_direction") is None:
-        need(e.get("decay_rate_bound", {"double": "inf"}) == {"double": "inf"}, "a bound on rates has a slow direction")
+        need(e.get("decay_rate_bound", BOUNDLESS) == BOUNDLESS, "a bound on rates has a slow direction")
         return ""
-    z = stated(e, "slow_direction", s.X.dim)
+    z = entries(exactly(e, "slow_direction")[0], s.X.dim)
     moved = total((1, image(s.A, z)), (numbers(e["decay_rate_bound"])[0] - s.discrete, z))
     need(bool(z), "the slow direction is not zero")
     if "ws" in e:
@@ -321,19 +432,19 @@ def stable(s: System, e: Json) -> str:
     return ""
 
 
-def dissipative(s: System, e: Json) -> None:
+def dissipative(s: System, e: Said) -> None:
     """Exponentially dissipative with storage v'x and supply r'u + q'y: Theorem 3 (`cone_d`).
 
     positive,  v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + decay_rate v'x <= 0,  v'B u <= r'u + q'D u.
     """
     positive(s, e)
-    v, (q, r) = stated(e, "v", s.X.dim), supply(s, e)
+    v, (q, r) = entries(exactly(e, "v")[0], s.X.dim), supply(s, e)
     expect(r is not None, "r is there")
     decreases(s, v, q, e)
     supplied(s, v, q, r or {})
 
 
-def disturbance_gain(s: System, e: Json) -> None:
+def disturbance_gain(s: System, e: Said) -> None:
     """The L-infinity gain is below g, for the system whose transposed matrices are in the file.
 
     The system in the file, on the dual cone, is dissipative with q = -1 and r = g 1; U and Y are orthants.
@@ -343,21 +454,20 @@ def disturbance_gain(s: System, e: Json) -> None:
     bound = r.get(0, Fraction(0)) if r else Fraction(0)
     alike = r == {i: bound for i in range(s.U.dim) if bound}
     need(q == dict.fromkeys(range(s.Y.dim), -1) and alike, "the supply is g 1'u - 1'y")
-    dissipative(s, {**e, "decay_rate": 0})
+    dissipative(s, e)
 
 
-def common_vector(s: System, e: Json) -> None:
+def common_vector(s: System, e: Said) -> None:
     """A family is stable under arbitrary switching: each A maps one point of int X into -int X.
 
     In the file are A' and the dual cone: positive,  v'x > 0,  v'A'x < 0,  v'A'x + decay_rate v'x <= 0  and
     v'A'x + required_rate v'x <= 0  for every generator x of the dual.
     """
-    need(e["v"] is not None, "v is there")
     positive(s, e)
-    decreases(s, vector(e["v"], s.X.dim), {}, e)
+    decreases(s, entries(doubles(e["v"]), s.X.dim), {}, e)
 
 
-def invariant(s: System, e: Json) -> None:
+def invariant(s: System, e: Said) -> None:
     """X is invariant under each A of a family, holds the columns of B, and lies in the half-spaces C x >= 0.
 
     positive, and unless v is null v'x > 0 and v'A x < 0, a common Lyapunov vector.  With `radii`, for every J with
@@ -365,9 +475,11 @@ def invariant(s: System, e: Json) -> None:
     P_ki - sum_j |Z_kj| (radius |x_i|)_j, which is >= 0 for k != i (discrete time: all k);  v'A x + |v|'radius |x| < 0.
     """
     positive(s, e)
-    v = vector(e["v"], s.X.dim) if e.get("v") else None
+    v = None if e.get("v") is None else entries(doubles(e["v"]), s.X.dim)
+    by_facets = e.get("by_facets", False)
+    expect(type(by_facets) is bool and not (by_facets and v), "by_facets is true only without v")
     if v is not None:
-        decreases(s, v, {}, {})
+        decreases(s, v, {}, Said({}))
     P = matrix(e["P"], len(s.X.rays), len(s.X.rays)) if e.get("P") else None
     for i, x in enumerate(s.X.rays if any(s.radius) else ()):
         spread, w = image(s.radius, sizes(x)), image(s.A, x) if P is None else P[i]
@@ -380,12 +492,12 @@ def invariant(s: System, e: Json) -> None:
 # -- networks: one large system, with the nodes side by side
 
 
-def own_links_closed(s: System, sizes: list[Fraction]) -> System:
-    """W_jj as a part of node j of the given sizes (states, inputs, outputs), and W without these blocks.
+def own_links_closed(s: System) -> System:
+    """W_jj as a part of node j, and W without these blocks.
 
     With S = (I - W_jj D_j)^-1 node j becomes A + B S W_jj C, B S, C + D S W_jj C, D S, whatever part of W is its own.
     """
-    inputs, outputs = ([j // 3 for j in range(kind, len(sizes), 3) for _ in range(int(sizes[j]))] for kind in (1, 2))
+    _, inputs, outputs = s.owners()
     own = [{i: a for i, a in w.items() if inputs[i] == outputs[k]} for k, w in enumerate(s.W)]
     rest = [total((1, w), (-1, mine)) for w, mine in zip(s.W, own, strict=True)]
     loops = chained(own, s.D)
@@ -425,45 +537,37 @@ def clear(pair: tuple[Vector, Vector], pivot: tuple[Vector, Vector], i: int) -> 
     return total((1, pair[0]), (-a, pivot[0])), total((1, pair[1]), (-a, pivot[1]))
 
 
-def loop(s: System, e: Json) -> tuple[Vector, Vector]:
+def loop(s: System, e: Said) -> tuple[Vector, Vector]:
     """The algebraic loop u = W D u contracts, unless D = 0:  p'y > 0,  p'D u <= t'u,  t'W y < p'y."""
     if not any(s.D):
         return {}, {}
-    p, t = vector(e["p"], s.Y.dim), vector(e["t"], s.U.dim)
+    parts = [doubles(x) if "array" in x else numbers(x) for x in e["loop_weights"]["tuple"]]
+    p, t = (entries(x, C.dim) for x, C in zip(parts, (s.Y, s.U), strict=True))
     direct, around = total((1, pullback(p, s.D)), (-1, t)), total((1, pullback(t, s.W)), (-1, p))
     need(all(dot(p, y) > 0 and dot(around, y) < 0 for y in s.Y.rays), "t'W y < p'y")
     need(all(dot(direct, u) <= 0 for u in s.U.rays), "p'D u <= t'u")
-    if e.get("loop_weights"):
-        need(numbers(e["loop_weights"]) == numbers(e["p"]) + numbers(e["t"]), "p and t are those of the data")
     return p, t
 
 
-def weighted(e: Json) -> None:
-    """V, R, Q are the v, r, q of the nodes (the exact ones, where there are), each times its sigma."""
-    if not e.get("sizes"):
-        return
-    owned = list(zip(*[iter(numbers(e["sizes"]))] * 3, strict=True))
-    sigma = numbers(e["sigma"]) if "sigma" in e else [Fraction(1)] * len(owned)
+def balanced(s: System, e: Said) -> tuple[Vector, Vector]:
+    """V and Q, with the supplies of (II) and (III'):  V'B u <= R'u + Q'D u  and  Q'y + R'W y <= 0.
+
+    V, R, Q are the v, r, q of the nodes, each times its sigma > 0.
+    """
+    sigma = doubles(e["sigma"]) if "sigma" in e else [Fraction(1)] * len(s.nodes)
     need(all(x > 0 for x in sigma), "sigma > 0")
-    for kind, name in enumerate("vrq"):
-        exact = numbers(e["exact"]["tuple"][kind]) if e.get("exact") else numbers(e[name])
-        need([float(x) for x in exact] == [float(x) for x in numbers(e[name])], f"{name} is its exact vector rounded")
-        expect(all(own[kind] >= 0 for own in owned), "a size is negative")
-        expect(sum(own[kind] for own in owned) == len(exact), "the sizes are not those of the nodes")
-        each = [x for x, own in zip(sigma, owned, strict=True) for _ in range(int(own[kind]))]
-        need([a * b for a, b in zip(each, exact, strict=True)] == numbers(e[name.upper()]), "V, R, Q are sigma v, r, q")
-
-
-def balanced(s: System, e: Json) -> tuple[Vector, Vector]:
-    """V and Q, with the supplies of (II) and (III'):  V'B u <= R'u + Q'D u  and  Q'y + R'W y <= 0."""
-    weighted(e)
-    V, R, Q = vector(e["V"], s.X.dim), vector(e["R"], s.U.dim), vector(e["Q"], s.Y.dim)
+    scaled = []
+    for kind, part in enumerate(exactly(e, "v", "r", "q")):
+        places = zip(sigma, s.nodes, strict=True)
+        expect(len(part) == len(s.owners()[kind]), "the vectors are those of the nodes")
+        scaled.append({i: c * part[i] for c, node in places for i in node[kind] if part[i]})
+    V, R, Q = scaled
     supplied(s, V, Q, R)
     need(all(dot(Q, y) + dot(pullback(R, s.W), y) <= 0 for y in s.Y.rays), "Q'y + R'W y <= 0")
     return V, Q
 
 
-def network(s: System, e: Json) -> None:
+def network(s: System, e: Said) -> None:
     """A network is positive and exponentially stable: Theorem 4 (`cone_ic_s`), with (III') node by node.
 
     positive,  V'x > 0,  (V'A - Q'C) x < 0,  (V'A - Q'C) x + rate V'x <= 0 for decay_rate and required_rate,
@@ -475,7 +579,7 @@ def network(s: System, e: Json) -> None:
     decreases(s, V, Q, e)
 
 
-def abscissa(s: System, e: Json) -> None:
+def abscissa(s: System, e: Said) -> None:
     """The spectral abscissa (discrete time: radius) of a positive network is in [lower, upper].
 
     positive, the loop contracts,  V'x > 0,  (V'A - Q'C) x <= upper V'x,  the supplies as for `network`;  and for
@@ -486,79 +590,102 @@ def abscissa(s: System, e: Json) -> None:
     drift = total((1, pullback(V, s.A)), (-numbers(e["upper"])[0], V), (-1, pullback(Q, s.C)))
     need(all(dot(V, x) > 0 for x in s.X.rays), "V'x > 0")
     need(all(dot(drift, x) <= 0 for x in s.X.rays), "(V'A - Q'C) x <= upper V'x")
-    need(number(e["rate"]) == numbers(e["lower"])[0], "the motion grows at the lower rate")
-    grows(s, e)
+    m = motion(s, *record(e, "below", "NetworkInstability"))
+    need(m.rate == numbers(e["lower"])[0], "the motion grows at the lower rate")
+    grows(s, e, m)
 
 
-def motion(s: System, e: Json) -> tuple[Vector, Vector, Vector, Vector]:
-    """x, u, y and A x + B u - rate x."""
-    x, u, y = (vector(e[k], C.dim) if e.get(k) else {} for k, C in (("x", s.X), ("u", s.U), ("y", s.Y)))
-    return x, u, y, total((1, image(s.A, x)), (1, image(s.B, u)), (-number(e["rate"]), x))
+@dataclass
+class Motion:
+    """What a witness shows: a state, an input and an output, a rate, and A x + B u - rate x."""
+
+    x: Vector
+    u: Vector
+    y: Vector
+    rate: Fraction
+    moved: Vector
 
 
-def grows(s: System, e: Json) -> None:
+# The vectors that a witness has.
+VECTORS = {
+    "InstabilityDirection": "x",
+    "SlowDirection": "x",
+    "InstabilityCombination": "x",
+    "SupplyViolation": "xu",
+    "NodeNotDissipative": "xu",
+    "NetworkInstability": "xuy",
+    "AlgebraicLoop": "yu",
+    "NoWeights": "y",
+}
+
+
+def motion(s: System, kind: str, w: Said) -> Motion:
+    """The motion of a witness; a rate that is not stated is 0 (discrete time: 1)."""
+    node, rate = s.nodes[index(w["node"])] if kind == "NodeNotDissipative" else None, Fraction(s.discrete)
+    if kind in ("NetworkInstability", "SlowDirection"):
+        rate = numbers(w["rate"])[0] if kind == "NetworkInstability" else s.discrete - numbers(w["rate"])[0]
+    fields = record(w, "violation", "SupplyViolation")[1] if node else w
+    own = dict(zip(VECTORS[kind], exactly(fields, *VECTORS[kind]), strict=True))
+    x, u, y = (
+        total((1, dict(zip(places, own[name], strict=True)))) if name in own else {}
+        for name, places in zip("xuy", node or map(range, (C.dim for C in s.cones())), strict=True)
+    )
+    return Motion(x, u, y, rate, total((1, image(s.A, x)), (1, image(s.B, u)), (-rate, x)))
+
+
+def grows(s: System, e: Said, m: Motion) -> None:
     """A network does not decay faster than the rate: its state has an eigenvalue >= rate.
 
     positive, the loop contracts;  x != 0,  x in X,  A x + B u - rate x in X,  W y - u in U,  C x + D u - y in Y.
     """
     loop(s, e)
-    x, u, y, moved = motion(s, e)
-    need(bool(x), "x is not zero")
-    listed(e, "x", x, s.X)
-    listed(e, "z", moved, s.X)
-    listed(e, "W", total((1, image(s.W, y)), (-1, u)), s.U)
-    listed(e, "C", total((1, image(s.C, x)), (1, image(s.D, u)), (-1, y)), s.Y)
+    need(bool(m.x), "x is not zero")
+    listed(e, "x", m.x, s.X)
+    listed(e, "z", m.moved, s.X)
+    listed(e, "W", total((1, image(s.W, m.y)), (-1, m.u)), s.U)
+    listed(e, "C", total((1, image(s.C, m.x)), (1, image(s.D, m.u)), (-1, m.y)), s.Y)
 
 
-def no_storage(s: System, e: Json, q: Vector, r: Vector | None) -> None:
-    """No v decreases: x, A x + B u - rate x in X, u in U, without supply: q'(C x + D u) + r'u <= 0.
-
-    One of x, the motion and the supply is not 0; u = 0 where r is free, and where stability alone is in question.
-    """
-    x, u, _, moved = motion(s, e)
-    supply = dot(q, total((1, image(s.C, x)), (1, image(s.D, u)))) + dot(r or {}, u)
-    need(supply <= 0 and bool(x or moved or supply), "a motion without supply")
-    need(r is not None or not u, "the input of the motion is zero")
-    listed(e, "x", x, s.X)
-    listed(e, "u", u, s.U)
-    listed(e, "z", moved, s.X)
-
-
-def unstable(s: System, e: Json) -> None:
+def unstable(s: System, e: Said, m: Motion) -> None:
     """Not stable: x in X, x != 0, with A x - rate x in X, rate >= 0 (discrete time: 1).
 
     Or no v decreases at required_rate, which is positive: then rate > -required_rate (1 - required_rate) will do, or
     this rate itself if A x - rate x is not 0.
     """
-    no_storage(s, e, {}, None)
-    need(bool(motion(s, e)[0]), "x is not zero")
+    need(bool(m.x), "x is not zero")
+    listed(e, "x", m.x, s.X)
+    listed(e, "z", m.moved, s.X)
 
 
-def not_dissipative(s: System, e: Json) -> None:
-    """Not dissipative for this supply, or for this q and any r where r is null: see `no_storage`."""
-    no_storage(s, e, *supply(s, e))
+def not_dissipative(s: System, e: Said, m: Motion) -> None:
+    """Not dissipative for this supply: x, A x + B u - x in X (discrete time), u in U, and q'(C x + D u) + r'u <= 0.
+
+    In continuous time A x + B u.  One of x, the motion and the supply is not 0.  For any r if that is null: then u = 0.
+    """
+    q, r = supply(s, e)
+    given = dot(q, total((1, image(s.C, m.x)), (1, image(s.D, m.u)))) + dot(r or {}, m.u)
+    need(given <= 0 and bool(m.x or m.moved or given), "a motion without supply")
+    need(r is not None or not m.u, "the input of the motion is zero")
+    listed(e, "x", m.x, s.X)
+    listed(e, "u", m.u, s.U)
+    listed(e, "z", m.moved, s.X)
 
 
-def closed_loop(s: System, e: Json) -> None:
-    """The loop u = W D u has gain 1 or more: y in Y, y != 0, x = 0, W y - u in U, D u - y in Y."""
-    x, u, y, _ = motion(s, e)
-    need(bool(y) and not x, "y is not zero, and x is")
-    listed(e, "y", y, s.Y)
-    listed(e, "W", total((1, image(s.W, y)), (-1, u)), s.U)
-    listed(e, "C", total((1, image(s.D, u)), (-1, y)), s.Y)
+def closed_loop(s: System, e: Said, m: Motion) -> None:
+    """The loop u = W D u has gain 1 or more: y in Y, y != 0, W y - u in U, D u - y in Y."""
+    need(bool(m.y), "y is not zero")
+    listed(e, "y", m.y, s.Y)
+    listed(e, "W", total((1, image(s.W, m.y)), (-1, m.u)), s.U)
+    listed(e, "C", total((1, image(s.D, m.u)), (-1, m.y)), s.Y)
 
 
-def no_weights(s: System, e: Json) -> None:
+def no_weights(s: System, e: Said, m: Motion) -> None:
     """No sigma > 0 balances these supplies: y in Y, q_j'y_j + r_j'(W y)_j >= 0 at every node, > 0 at one."""
-    _, u, y, _ = motion(s, e)
-    listed(e, "y", y, s.Y)
-    (q, r), received, rows, first = supply(s, e), image(s.W, y), [], (0, 0)
-    for nodes in zip(*(e[k].get("tuple") or e[k]["array"] for k in "qr"), strict=True):
-        last = first[0] + len(numbers(nodes[0])), first[1] + len(numbers(nodes[1]))
-        parts = (q, y, first[0], last[0]), (r or {}, received, first[1], last[1])
-        rows.append(sum(f.get(i, 0) * x.get(i, 0) for f, x, i0, i1 in parts for i in range(i0, i1)))
-        first = last
-    need(not u and min(rows) >= 0 and max(rows) > 0, "no weights exist")
+    (q, r), received = supply(s, e), image(s.W, m.y)
+    listed(e, "y", m.y, s.Y)
+    parts = ((q, m.y, 2), (r or {}, received, 1))
+    rows = [sum(f.get(i, 0) * x.get(i, 0) for f, x, kind in parts for i in node[kind]) for node in s.nodes]
+    need(min(rows) >= 0 and max(rows) > 0, "no weights exist")
 
 
 # -- no cone
@@ -688,38 +815,47 @@ def resolvent(A: Matrix, s: Fraction) -> list[list[int]]:
     return adjugate  # det(s I - A) > 0: it has no zero from s to infinity
 
 
-def no_cone(c: Json, limit: int) -> None:
-    """No proper polyhedral cone is invariant under every A: its Perron root would have to be an eigenvalue.
+def no_cone(e: Said, limit: int) -> None:
+    """No proper polyhedral cone is invariant under every A, for the reason in the witness."""
+    kind, w = record(e, "witness", *NO_CONE)
+    expect(type(e["discrete"]) is bool, "discrete is neither true nor false")
+    expect(type(e.get("by_facets", False)) is bool, "by_facets is neither true nor false")
+    rows = e["matrices"]["matrix"]
+    for name in ("contains", "within"):
+        given(e.get(name), len(e[name]["matrix"]) if e.get(name) else 0, len(rows[0]))
+    NO_CONE[kind](e, w, [matrix({"matrix": A}, len(rows[0]), len(rows[0])) for A in rows])
 
-    No real eigenvalue is above the bound, but one is ahead of it, or exactly beside it: of one A, or, as in discrete
-    time, of a product of resolvents (s_i I - A_i)^-1 (discrete time: of powers A_i^s_i), which keep every such cone
-    as well; the product divided by its largest entry.
+
+def eigenvalue(e: Said, w: Said, members: list[Matrix]) -> None:
+    """The Perron root of one A would have to be an eigenvalue.
+
+    No real eigenvalue is above the bound, but one is ahead of it, or exactly beside it.
     """
-    d, e = c["data"], c["proof"]
-    need(bool(d.get("witness")), "the reason why there is no cone")
-    w, discrete = d["witness"]["fields"], d["discrete"]
-    expect(type(discrete) is bool, "discrete is neither true nor false")
-    members = [matrix({"matrix": rows}, len(rows), len(rows)) for rows in d["matrices"]["matrix"]]
-    if "normal" in w:
-        return no_cone_between(d, w, members[0])
-    if "order" in w:
-        expect(discrete, "Jordan chains exclude cones in discrete time only")
-        return longer_chains(members[index(w["matrix"])], w)
-    if "cycle" in w:
-        steps = zip(w["cycle"]["tuple"], numbers(w["shifts"]), strict=True)
-        M = reduce(product, [power_or_resolvent(members[index(i)], s, discrete) for i, s in steps])
-        unit, kind, discrete = max(abs(a) for row in M for a in row), "ahead", True
-    else:
-        M, unit = integers(members[index(w["matrix"])])
-        kind = {"ahead": "ahead", "beside": "beside"}[w["kind"]]
+    M, unit = integers(members[index(w["matrix"])])
+    excluded(M, unit, {"ahead": True, "beside": False}[w["kind"]], e, w, e["discrete"])
+
+
+def cycle(e: Said, w: Said, members: list[Matrix]) -> None:
+    """The Perron root of a product of resolvents (s_i I - A_i)^-1 (discrete time: of powers A_i^s_i), which keep every
+
+    such cone as well.  No real eigenvalue of the product, divided by its largest entry, is above the bound, but one
+    is ahead of it.
+    """
+    steps = zip(w["cycle"]["tuple"], numbers(w["shifts"]), strict=True)
+    M = reduce(product, [power_or_resolvent(members[index(i)], s, e["discrete"]) for i, s in steps])
+    excluded(M, max(abs(a) for row in M for a in row), True, e, w, True)
+
+
+def excluded(M: list[list[int]], unit: int, ahead: bool, e: Said, w: Said, discrete: bool) -> None:
+    """No real eigenvalue of M / unit is above the bound b; one is ahead of it (discrete time: outside) or beside it."""
     p, b = leverrier(M)[0], unit * numbers(w["bound"])[0]
     need(real_roots_beyond(p, b) == 0 and (b > 0 or not discrete), "no real eigenvalue is above the bound")
-    if kind == "ahead":
+    if ahead:
         return root_ahead(p, [unit * x for x in numbers(e["z"])], b, discrete)
     return root_beside(p, b, discrete)
 
 
-def longer_chains(A: Matrix, w: Json) -> None:
+def longer_chains(e: Said, w: Said, members: list[Matrix]) -> None:
     """In discrete time, some eigenvalue of the modulus of the largest real one, rho > b >= 0, has a larger index.
 
     The index (length of the longest Jordan chain) of the spectral radius is the largest on its circle (Vandergraft).
@@ -728,10 +864,11 @@ def longer_chains(A: Matrix, w: Json) -> None:
     One pole of u'(s I - A^N)^-1 V x is real and > b^N: it is z^N for a root z of q, and it is rho^N, the only real
     eigenvalue of A^N above b^N.
     """
-    M, unit = integers(A)
+    expect(e["discrete"], "Jordan chains exclude cones in discrete time only")
+    M, unit = integers(members[index(w["matrix"])])
     order, b, k = index(w["order"]), unit * numbers(w["bound"])[0], index(w["index"])
-    expect(order <= 100 and k < len(A), "an order or an index is out of range")
-    p, V = leverrier(M)[0], integers([{} for _ in A], 1)[0]
+    expect(order <= 60 and 0 < k < len(M), "an order or an index is out of range")
+    p, V = leverrier(M)[0], integers([{} for _ in M], 1)[0]
     for _ in range(k):
         V = applied(divided(p, common(p, derivative(p)))[0], M, V)
     u, start = numbers(w["functional"]), numbers(w["start"])
@@ -764,56 +901,61 @@ def power_or_resolvent(A: Matrix, s: Fraction, discrete: bool) -> list[list[int]
     """A^s in discrete time, (s I - A)^-1 otherwise, up to a positive factor."""
     if not discrete:
         return resolvent(A, s)
-    expect(1 <= s <= 100 and s == int(s), "a power is not a small whole number")
+    expect(1 <= s <= 24 and s == int(s), "a power is not a small whole number")
     return reduce(product, [integers(A)[0]] * int(s))
 
 
-def no_cone_between(d: Json, w: Json, A: Matrix) -> None:
-    """No invariant cone holds the vectors b in `contains` and lies in the half-spaces c'x >= 0 in `within`.
+def between(e: Said, w: Said) -> tuple[list[Fraction], list[Fraction]]:
+    """b among the vectors in `contains` and c among the half-spaces c'x >= 0 in `within`, of which a cone is asked.
 
-    c'(s I - A)^-k b < 0 for an s beyond the real eigenvalues (discrete time: c'A^k b < 0);  for k = 1 it may be 0,
-    as the integral of e^(-st) c'e^(At) b >= 0, unless c'A^j b = 0 for all j.
+    It would make c'(s I - A)^-k b, an integral of e^((A - s I) t), c'e^(At) b and c'A^k b nonnegative.
     """
     b, c = numbers(w["vector"]), numbers(w["normal"])
-    need(b in [numbers(row) for row in d["contains"]["matrix"]], "b is to be in the cone")
-    need(c in [numbers(row) for row in d["within"]["matrix"]], "c'x is to be >= 0 on the cone")
-    if "terms" in w or "rates" in w:
-        expect(not d["discrete"], "an impulse response at any time is for continuous time")
-        (negative_response if "terms" in w else touching_response)(A, b, c, w)
-        return
-    k = index(w["power"])
-    expect(k < 5000, "a power is not a small whole number")
+    need(b in [numbers(row) for row in e["contains"]["matrix"]], "b is to be in the cone")
+    need(c in [numbers(row) for row in e["within"]["matrix"]], "c'x is to be >= 0 on the cone")
+    return b, c
+
+
+def negative_product(e: Said, w: Said, members: list[Matrix]) -> None:
+    """c'(s I - A)^-k b < 0 for an s beyond the real eigenvalues (discrete time: c'A^k b < 0).
+
+    For k = 1 it may be 0, as the integral of e^(-st) c'e^(At) b >= 0, unless c'A^j b = 0 for all j.
+    """
+    (b, c), k, A = between(e, w), index(w["power"]), members[0]
+    expect(k <= 4000 and (k > 0 or e["discrete"]), "a power is not a small whole number")
     M = integers(A)[0]
-    value = responses(c, M if d["discrete"] else resolvent(A, numbers(w["shift"])[0]), b, k)[k]
-    touches = value == 0 and k == 1 and not d["discrete"] and any(responses(c, M, b, len(A)))
+    value = responses(c, M if e["discrete"] else resolvent(A, numbers(w["shift"])[0]), b, k)[k]
+    touches = value == 0 and k == 1 and not e["discrete"] and any(responses(c, M, b, len(A)))
     need(value < 0 or touches, "c'(s I - A)^-k b < 0")
 
 
-def negative_response(A: Matrix, b: list[Fraction], c: list[Fraction], w: Json) -> None:
+def negative_response(e: Said, w: Said, members: list[Matrix]) -> None:
     """c'e^(At) b < 0 at some t > 0: the first m terms of its series in t, and a bound on the others.
 
     With the largest row sum |A| of sizes, the others are at most |c|_1 |b|_max (|A| t)^m / m! / (1 - |A| t / m).
     """
-    M, unit = integers(A)
+    expect(not e["discrete"], "an impulse response at any time is for continuous time")
+    (b, c), (M, unit) = between(e, w), integers(members[0])
     m, t = index(w["terms"]), numbers(w["time"])[0] / unit
     need(t > 0, "the time is positive")
     reach = t * max(sum(abs(a) for a in row) for row in M)
-    expect(m < 1000, "there are too many terms")
+    expect(0 < m <= 600, "there are too many terms")
     need(reach < m, "there are terms enough for a bound")
     total = sum((h * t**k / factorial(k) for k, h in enumerate(responses(c, M, b, m)[:m])), Fraction(0))
     size = sum(abs(a) for a in c) * max(abs(a) for a in b)
     need(total + size * reach**m / factorial(m) / (1 - reach / m) < 0, "c'e^(At) b < 0")
 
 
-def touching_response(A: Matrix, b: list[Fraction], c: list[Fraction], w: Json) -> None:
+def touching_response(e: Said, w: Said, members: list[Matrix]) -> None:
     """h(t) = c'e^(At) b = sum_i r_i e^(s_i t) is 0 at some t > 0, but not always.
 
     Then no invariant cone between b and c is polyhedral: A + a I would keep it for some a, and no term of the series of
     e^(at) h(t) in t would be negative.  The rates s_i are eigenvalues, and the sum has the first n derivatives of h at
     t = 0, so that all agree.  All s_i are top - m_i unit, and with q = e^(-unit t), sum_i r_i q^m_i is 0 for some q
-    between 0 and 1.
+    between two numbers in [0, 1], which are so close that they tell the time.
     """
-    M, unit = integers(A)
+    expect(not e["discrete"], "an impulse response at any time is for continuous time")
+    (b, c), (M, unit) = between(e, w), integers(members[0])
     s, r, p = numbers(w["rates"]), numbers(w["weights"]), leverrier(M)[0]
     low, high = numbers(w["low"])[0], numbers(w["high"])[0]
     need(all(at(p, unit * x) == 0 for x in s), "the rates are eigenvalues")
@@ -823,11 +965,12 @@ def touching_response(A: Matrix, b: list[Fraction], c: list[Fraction], w: Json) 
     below = lcm(*(step.denominator for step in steps))
     whole = [int(step * below) for step in steps]
     powers = [step // (gcd(*whole) or 1) for step in whole]
-    expect(max(powers) < 100, "the exponents are too far apart")
+    expect(max(powers) <= 80, "the exponents are too far apart")
     q, scale = [0] * (max(powers) + 1), lcm(*(y.denominator for y in r))
     for k, y in zip(powers, r, strict=True):
         q[-1 - k] += int(y * scale)
-    need(any(q) and low >= 0 and high <= 1 and at(q, high) != 0, "the response is not always zero")
+    need(0 < low < high <= 1 and high - low <= Fraction(1, 10**6), "the time is between two that are close")
+    need(any(q) and at(q, high) != 0, "the response is not always zero")
     need(real_roots_beyond(q, low) > real_roots_beyond(q, high), "the response is zero at some time")
 
 
@@ -855,38 +998,41 @@ def functionals(o: Json, C: Cone, count: int) -> list[Vector]:
     return out
 
 
-def inwards(d: Json, e: Json, X: Cone, m: int) -> list[tuple[Matrix, Matrix, list[Vector]]]:
+def inwards(e: Said, X: Cone, m: int) -> list[tuple[Matrix, Matrix, list[Vector]]]:
     """A_s, B_s and l_sk >= 0 on X for all k, with l_sk'x_k = 0 in continuous time: A_s + B_s F keeps X only if
 
     l_sk'(A_s + B_s F) x_k >= 0.
     """
-    expect(type(d["discrete"]) is bool, "discrete is neither true nor false")
+    expect(type(e["discrete"]) is bool, "discrete is neither true nor false")
     out = []
-    for A, B, L in zip(d["A"]["tuple"], d["B"]["tuple"], e["L"], strict=True):
+    for A, B, L in zip(e["A"]["tuple"], e["B"]["tuple"], e["L"], strict=True):
         l = functionals(L, X, len(X.rays))
-        need(d["discrete"] or all(dot(f, x) == 0 for f, x in zip(l, X.rays, strict=True)), "l_k'x_k = 0")
-        out.append((matrix(A, X.dim, X.dim), matrix(B, X.dim, m), l))
+        need(e["discrete"] or all(dot(f, x) == 0 for f, x in zip(l, X.rays, strict=True)), "l_k'x_k = 0")
+        expect(A is not None and B is not None, "there is a matrix")
+        out.append((given(A, X.dim, X.dim), given(B, X.dim, m), l))
     return out
 
 
-def size(d: Json, x: Vector) -> Fraction:
+def size(e: Said, x: Vector) -> Fraction:
     """What a bound on |F x| is multiplied by: the leading entry of x, or 1 for generators as they stand in the file.
 
     The leading entry is the first of at least an eighth of the size of the largest.
     """
-    expect(type(d.get("leading", False)) is bool, "leading is neither true nor false")
+    leading = e.get("leading", False)
+    expect(type(leading) is bool, "leading is neither true nor false")
     top = max(map(abs, x.values()), default=Fraction(0))
-    return next((abs(x[i]) for i in sorted(x) if 8 * abs(x[i]) >= top), top) if d.get("leading") else Fraction(1)
+    return next((abs(x[i]) for i in sorted(x) if 8 * abs(x[i]) >= top), top) if leading else Fraction(1)
 
 
 def marks(o: Json) -> list[list[Fraction]]:
-    """Rows of 0 and 1."""
-    out = [numbers(row) for row in o["array"]]
+    """Rows of 0 and 1, of one length."""
+    out = [doubles(row) for row in o["array"]]
     expect(all(x in (0, 1) for row in out for x in row), "a mark is neither 0 nor 1")
+    expect(len({len(row) for row in out}) == 1, "the rows of marks differ in length")
     return out
 
 
-def no_feedback(c: Json, limit: int) -> None:
+def no_feedback(e: Said, limit: int) -> None:
     """No F and no point z = sum_k xi_k x_k, all xi_k > 0, satisfy for every vertex (A_s, B_s):
 
     A_s + B_s F keeps X,  A_s + B_s F + coupling + rate I maps z into -int X,  |F x_k| <= gain_bound `size`,
@@ -898,17 +1044,17 @@ def no_feedback(c: Json, limit: int) -> None:
     at least 0, and more if some d_s is not 0.  But this is sum_k xi_k (a_k + b_k'F x_k), where
     a_k + |b_k|'gain_bound <= 0 for all k, and < 0 for one k unless some d_s is not 0 (no bound: b_k = 0).
     """
-    d, e = c["data"], c["proof"]
-    X, free = cone(d["X"], limit), marks(d["free"])
-    ports = d["ports"]["tuple"] if d["ports"] else [None, None, None]
+    X, free = cone(e["X"], limit), marks(e["free"])
+    ports = [None, None, None] if e["ports"] is None else e["ports"]["tuple"]
+    expect(len(ports) == 3, "the ports are C, D and Y")
     Y, m = cone(ports[2], limit), len(free[0])
-    C, D = given(ports[0], Y.dim, X.dim), given(ports[1], Y.dim, m)
-    coupling, bound = (
-        given(d["coupling"], X.dim, X.dim),
-        numbers(d["gain_bound"]) if d["gain_bound"] else [Fraction(0)] * m,
-    )
-    rate, g = numbers(d["rate"])[0] - d["discrete"], functionals(e["G"], Y, len(X.rays))
-    vertices, ds = inwards(d, e, X, m), functionals(e["d"], X, len(d["A"]["tuple"]))
+    C, D, coupling = given(ports[0], Y.dim, X.dim), given(ports[1], Y.dim, m), given(e["coupling"], X.dim, X.dim)
+    bound = [Fraction(0)] * m if e["gain_bound"] is None else doubles(e["gain_bound"])
+    expect(len(bound) == m, "there is a bound for every input")
+    rate, g = numbers(e["rate"])[0] - e["discrete"], functionals(e["G"], Y, len(X.rays))
+    vertices, ds = inwards(e, X, m), functionals(e["d"], X, len(e["A"]["tuple"]))
+    lengths = [size(e, x) for x in X.rays]
+    record(e, "witness", "Multipliers")
     need(all(b >= 0 for b in bound) and len(free) == len(X.rays), "the bounds are not negative")
     strict = any(ds)
     for k, x in enumerate(X.rays):
@@ -917,23 +1063,23 @@ def no_feedback(c: Json, limit: int) -> None:
             a += dot(l[k], image(A, x)) - dot(f, total((1, image(A, x)), (1, image(coupling, x)), (rate, x)))
             b = total((1, b), (1, pullback(l[k], B)), (-1, pullback(f, B)))
         b = {j: y for j, y in b.items() if free[k][j]}
-        need(not b or d["gain_bound"] is not None, "b_k = 0")
-        level = a + sum(abs(y) * bound[j] for j, y in b.items()) * size(d, x)
+        need(not b or e["gain_bound"] is not None, "b_k = 0")
+        level = a + sum(abs(y) * bound[j] for j, y in b.items()) * lengths[k]
         need(level <= 0, "a_k + |b_k|'gain_bound <= 0")
         strict = strict or level < 0
     need(strict, "one of the inequalities is strict")
 
 
-def no_invariant_gain(c: Json, limit: int) -> None:
+def no_invariant_gain(e: Said, limit: int) -> None:
     """No G with zeros where `pattern` is 0 is such that A_s + B_s G R keeps X for every s.
 
     With l_sk as in `inwards`, sum_sk l_sk'(A_s + B_s G R) x_k would be >= 0 for every such G;  but
     sum_sk l_sk'A_s x_k < 0, and sum_sk (B_s'l_sk)_i (R x_k)_j = 0 wherever G_ij may differ from 0.
     """
-    d, e = c["data"], c["proof"]
-    X, pattern = cone(d["X"], limit), marks(d["pattern"])
-    R, level, slope = matrix(d["R"], len(pattern[0]), X.dim), Fraction(0), dict[tuple[int, int], Fraction]()
-    for A, B, l in inwards(d, e, X, len(pattern)):
+    X, pattern = cone(e["X"], limit), marks(e["pattern"])
+    R, level, slope = given(e["R"], len(pattern[0]), X.dim), Fraction(0), dict[tuple[int, int], Fraction]()
+    record(e, "witness", "PairMultipliers")
+    for A, B, l in inwards(e, X, len(pattern)):
         for f, x in zip(l, X.rays, strict=True):
             level += dot(f, image(A, x))
             for (i, a), (j, b) in pairs(pullback(f, B).items(), image(R, x).items()):
@@ -945,50 +1091,61 @@ def no_invariant_gain(c: Json, limit: int) -> None:
 # -- claims about other claims
 
 
-def gain_bound(c: Json, limit: int) -> None:
+def gain_bound(e: Said, limit: int) -> None:
     """|F x| <= bound, entry by entry, for the generators x, see `size`."""
-    d = c["data"]
-    X, bound = cone(d["X"], limit), numbers(d["bound"])
-    F = matrix(d["F"], len(bound), X.dim)
+    X, bound = cone(e["X"], limit), doubles(e["bound"])
+    F = given(e["F"], len(bound), X.dim)
     need(all(b >= 0 for b in bound), "a bound is not negative")
-    need(all(abs(a) <= bound[i] * size(d, x) for x in X.rays for i, a in image(F, x).items()), "|F x| <= bound")
+    need(all(abs(a) <= bound[i] * size(e, x) for x in X.rays for i, a in image(F, x).items()), "|F x| <= bound")
 
 
-def feedback(c: Json, limit: int) -> None:
+def feedback(e: Said, limit: int) -> None:
     """One gain does all that was asked: every part is PROVED, by a proof of its own."""
-    loops, others = (c["data"][k]["tuple"] for k in ("loops", "others"))
+    loops, others = (e[k]["tuple"] for k in ("loops", "others"))
     need(len(loops) > 0, "there is a closed loop")
     for part in loops + others:
         need(part["certificate"]["status"] == "PROVED", "all parts are proved")
         verify(part["certificate"], limit // len(loops + others))
 
 
-def any_size(c: Json, limit: int) -> None:
+def any_size(e: Said, limit: int) -> None:
     """Networks of any number of such nodes are positive and stable under every coupling W that maps Y into U and has
 
     sum_j r'W_jk y <= weight r'K y  for every node k:  q'y + weight r'K y <= 0 makes (III') true, with sigma = 1.
     `local` is the network of one node of each type with W = diag(weight K), K = link.  Several types have one r > 0 in
-    common.  If D is not 0, t is a multiple of r: then every such loop contracts.  REFUTED: `local` is.
+    common.  If D is not 0, t is a multiple of r: then every such loop contracts.
     """
-    local, (link,) = c["data"]["local"]["certificate"], c["data"]["link"].values()
-    need(local["claim"] == "network" and local["status"] == c["status"], "the self-loops decide")
+    data, count = self_loops(e, limit, "PROVED")
+    r, weights = exactly(data, "v", "r", "q")[1], data["loop_weights"]
+    need(count == 1 or (len(set(r)) == 1 and r[0] > 0), "the types have one r > 0 in common")
+    if weights is not None:
+        t = numbers(weights["tuple"][1])
+        ratio = next((a / b for a, b in zip(t, r, strict=True) if b), Fraction(0))
+        need(ratio >= 0 and t == [ratio * x for x in r], "t is a multiple of r")
+
+
+def not_any_size(e: Said, limit: int) -> None:
+    """`local`, the network of one node of each type with W = diag(weight K), is refuted, by the same witness."""
+    data, _ = self_loops(e, limit, "REFUTED")
+    need(e.get("witness") in (None, data["witness"]), "the witness is that of the self-loops")
+
+
+def self_loops(e: Said, limit: int, status: str) -> tuple[Json, int]:
+    """The data of a network of this status with W = diag(weight K), and the number of its nodes."""
+    local, (link,) = e["local"]["certificate"], e["link"].values()
+    need(local["claim"] == "network" and local["status"] == status, "the self-loops decide")
     verify(local, limit)
-    weight, (m, n) = numbers(c["data"]["weight"])[0], (len(link), len(link[0]))
-    count = cone(local["data"]["Y"], limit).dim // n
-    K, W = matrix({"matrix": link}, m, n), matrix(local["data"]["W"], count * m, count * n)
+    data, weight, (m, n) = local["data"], numbers(e["weight"])[0], (len(link), len(link[0]))
+    count = cone(data["Y"], limit).dim // n
+    K, W = matrix({"matrix": link}, m, n), matrix(data["W"], count * m, count * n)
     loops = [{j * m + i: weight * a for i, a in column.items() if weight} for j in range(count) for column in K]
     need(loops == W and weight >= 0, "W = diag(weight K)")
-    if c["status"] == "PROVED":
-        exact = local["data"].get("exact")
-        r, t = numbers(exact["tuple"][1] if exact else local["data"]["r"]), local["proof"].get("t")
-        need(count == 1 or (len(set(r)) == 1 and r[0] > 0), "the types have one r > 0 in common")
-        ratio = next((a / b for a, b in zip(numbers(t), r, strict=True) if b), Fraction(0)) if t else Fraction(0)
-        need(not t or (ratio >= 0 and numbers(t) == [ratio * x for x in r]), "t is a multiple of r")
+    return data, count
 
 
 # -- files
 
-PROOFS: dict[str, Callable[[System, Json], str | None]] = {
+PROOFS: dict[str, Callable[[System, Said], str | None]] = {
     "positive": positive,
     "stable": stable,
     "dissipative": dissipative,
@@ -999,70 +1156,123 @@ PROOFS: dict[str, Callable[[System, Json], str | None]] = {
     "network": network,
     "network abscissa": abscissa,
 }
-REFUTATIONS: dict[str, dict[str, Callable[[System, Json], None]]] = {
-    "positive": {},
-    "differentially-positive": {},
-    "stable": {"motion": unstable},
-    "dissipative": {"motion": not_dissipative},
-    "network": {"motion": not_dissipative, "growth": grows, "loop": closed_loop, "weights": no_weights},
+Refutations = dict[str, Callable[..., None]]
+DIRECTIONS: Refutations = dict.fromkeys(["InstabilityDirection", "SlowDirection", "InstabilityCombination"], unstable)
+PLANES: Refutations = dict.fromkeys(["PositivityViolation", "PlaneViolation"], crossed)
+REFUTATIONS: dict[str, Refutations] = {
+    "positive": PLANES,
+    "differentially-positive": {"DifferentialViolation": crossed},
+    "stable": PLANES | DIRECTIONS,
+    "dissipative": PLANES | {"SupplyViolation": not_dissipative},
+    "network": {
+        "CouplingViolation": crossed,
+        "NodeViolation": crossed,
+        "NodeNotDissipative": not_dissipative,
+        "NetworkInstability": grows,
+        "AlgebraicLoop": closed_loop,
+        "NoWeights": no_weights,
+    },
 }
-ALONE: dict[tuple[str, str], Callable[[Json, int], None]] = {
+NO_CONE: dict[str, Callable[[Said, Said, list[Matrix]], None]] = {
+    "SpectralObstruction": eigenvalue,
+    "PerronObstruction": cycle,
+    "IndexObstruction": longer_chains,
+    "PortObstruction": negative_product,
+    "SeriesObstruction": negative_response,
+    "ExponentialObstruction": touching_response,
+}
+ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("gain bound", "PROVED"): gain_bound,
     ("feedback", "PROVED"): feedback,
     ("out-weight", "PROVED"): any_size,
-    ("out-weight", "REFUTED"): any_size,
+    ("out-weight", "REFUTED"): not_any_size,
     ("invariant-cone", "REFUTED"): no_cone,
     ("feedback exists", "REFUTED"): no_feedback,
     ("invariant gain exists", "REFUTED"): no_invariant_gain,
 }
 
 
+PROOF = {*"PNLKM", *("normal", "member", "z", "d", "G"), *(f"w{name}" for name in "xuyzsbWC")}
+KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
+
+
 def verify(c: Json, limit: int) -> str:
     """Prove the claim of a file, in which no size is above the limit; what it rests on or leaves out, in words."""
-    claim, status, d = c["claim"], c["status"], c["data"]
-    e: Json = c["proof"] | d
+    claim, status, proof = c["claim"], c["status"], c["proof"]
     need(status in ("PROVED", "REFUTED"), f"the file itself says {status}")
-    if status == "REFUTED":
-        rate, bound = (d.get(name, {"double": none})["double"] for name, none in (("decay_rate", 0), BOUNDLESS))
-        need(rate == "nan" or number(rate) == 0, "a refutation has no decay rate")
-        need(bound == BOUNDLESS[1], "a refutation has no bound on decay rates")
-    asked = required_rate(d)  # not the one of a proof, which states nothing
-    expect("omitted" not in c["proof"], f"it leaves out its proof: {c['proof'].get('omitted')}")
-    expect(not any(name.endswith("exact") for name in c["proof"]), "what is claimed stands in the data")
-    if (claim, status) in ALONE:
-        ALONE[claim, status](c, limit)
-        return ""
+    expect("omitted" not in proof, f"it leaves out its proof: {proof.get('omitted')}")
     expect(claim in PROOFS or claim in {name for name, _ in ALONE}, f"the claim {str(claim)[:40]} is unknown")
-    need(claim in (PROOFS if status == "PROVED" else REFUTATIONS), "this is not shown in such a way")
-    source = d.get("source", "vertices")
-    expect(source in ("vertices", "enclosed", "sampled"), f"the source {str(source)[:40]} is unknown")
-    need((source, status) != ("sampled", "PROVED"), "what is known at points proves nothing between them")
-    cones = [cone(d.get(name), limit) for name in "XUY"]
-    if claim == "differentially-positive" and status == "REFUTED" and "member" not in e:
-        at = d["witness"]["fields"]
-        need(at["point"] is not None, "a Jacobian of the file, or one at a point")
-        crossed(system(d, {"matrix": at["centre"]["array"]}, at["radius"], cones), e)
-        return "given the bounds on the Jacobian at a point"
-    single = "tuple" not in d["A"]
-    family = [d["A"]] if single else d["A"]["tuple"]
-    radii = d["radii"]["tuple"] if "radii" in d else [None] * len(family)
-    expect(len(family) > 0, "there is no matrix")
-    note = "given the bounds on the Jacobians" if "radii" in d else ""
-    if status == "PROVED":
-        for A, radius, P in zip(family, radii, [e.get("P")] if single else e["P"], strict=True):
-            note = PROOFS[claim](system(d, A, radius, cones), e | {"P": P}) or note
-        return note
-    k = index(e.get("member", 0))
-    s = system(d, family[k], radii[k], cones)
-    if "normal" in e:
-        crossed(s, e)
+    need((claim, status) in ALONE or claim in (PROOFS if status == "PROVED" else REFUTATIONS), "nothing shows this")
+    e = Said({name: proof[name] for name in PROOF & proof.keys()} | c["data"])
+    e.seen |= PROOF - c["data"].keys()
+    note = None
+    if (claim, status) in ALONE:
+        ALONE[claim, status](e, limit)
     else:
-        positive(s, e)
-        slowest = s.discrete - (asked if claim == "stable" else 0)
-        decays = number(e["rate"]) < s.discrete and number(e["rate"]) <= slowest
-        need(not decays or (number(e["rate"]) == slowest and bool(motion(s, e)[3])), "the motion decays too fast")
-        REFUTATIONS[claim][e["shows"]](s, e)
+        note = proved(claim, e, limit) if status == "PROVED" else refuted(claim, e, limit)
+    left = unread(e, UNREAD)
+    need(not left, f"{', '.join(left)[:60]} can say nothing here")
+    return note or ""
+
+
+def proved(claim: str, e: Said, limit: int) -> str | None:
+    """Every system of a family has the property."""
+    note, single = None, "tuple" not in e["A"]
+    systems = family(claim, e, limit)
+    need(e.get("source") != "sampled", "what is known at points proves nothing between them")
+    for s, P in zip(systems, [e.get("P")] if single else e["P"], strict=True):
+        e["P"] = P
+        note = PROOFS[claim](s, e) or note
+    return "given the bounds on the Jacobians" if "radii" in e else note
+
+
+def refuted(claim: str, e: Said, limit: int) -> str:
+    """The witness shows that one system of a family has not."""
+    kind, w = record(e, "witness", *REFUTATIONS[claim])
+    note = "given the bounds on the Jacobians" if "radii" in e else ""
+    s = family(claim, e, limit)[index(e.get("member", 0))]
+    need(
+        e.get("decay_rate", 0) in (0, {"double": 0}, {"double": "0x0.0p+0"}, {"double": "nan"}), "it has no decay rate"
+    )
+    need(e.get("decay_rate_bound", BOUNDLESS) == BOUNDLESS, "it has no bound on decay rates")
+    asked = required_rate(e) if claim in ("stable", "network") else 0
+    if "q" in e and e["q"] is not None:
+        supply(s, e)
+    if kind == "DifferentialViolation":
+        s, note = jacobian(s, w, note)
+    if REFUTATIONS[claim][kind] is crossed:
+        crossed(s, e, kind, w)
+        return note
+    positive(s, e)
+    m, slowest = motion(s, kind, w), s.discrete - (asked if claim == "stable" else 0)
+    slow = m.rate >= s.discrete or m.rate > slowest or (m.rate == slowest and bool(m.moved))
+    need(slow, "the motion decays too fast")
+    REFUTATIONS[claim][kind](s, e, m)
     return note
+
+
+def jacobian(s: System, w: Said, note: str) -> tuple[System, str]:
+    """The Jacobians that a witness is about: one of the family, which rounds to `centre`, or those at a point."""
+    centre, radius = (given({"matrix": w[name]["array"]}, s.X.dim, s.X.dim) for name in ("centre", "radius"))
+    if w["point"] is not None:
+        need(all(a >= 0 for a in doubles(w["radius"])), "a radius is not negative")
+        entries(doubles(w["point"]), s.X.dim)
+        return replace(s, A=centre, radius=radius), "given the bounds on the Jacobian at a point"
+    alike = all(float(a.get(i, 0)) == b.get(i, 0) for a, b in zip(s.A, centre, strict=True) for i in range(s.X.dim))
+    need(alike and not any(s.radius) and not any(radius), "the Jacobian is one of the family")
+    return s, note
+
+
+def family(claim: str, e: Said, limit: int) -> list[System]:
+    """The systems that the data are about: one, or those of a family."""
+    expect(e.get("source", "vertices") in ("vertices", "enclosed", "sampled"), "the source is unknown")
+    cones = [cone(e.get(name), limit) for name in "XUY"]
+    if claim in ("network", "network abscissa"):
+        repeated(e, cones, limit)
+    members = e["A"]["tuple"] if "tuple" in e["A"] else [e["A"]]
+    radii = e["radii"]["tuple"] if "radii" in e else [None] * len(members)
+    expect(len(members) > 0, "there is no matrix")
+    return [system(e, A, radius, cones) for A, radius in zip(members, radii, strict=True)]
 
 
 def unique(pairs: list[tuple[str, Json]]) -> dict[str, Json]:
@@ -1083,7 +1293,7 @@ def main(path: str | Path) -> int:
         expect(Path(path).is_file(), "it is not a regular file, or does not exist")
         text = Path(path).read_text(encoding="utf-8")
         c = json.loads(text, parse_float=whole, parse_constant=whole, parse_int=whole, object_pairs_hook=unique)
-        expect(c["format"] == "kpos-certificate/1", "of another format")
+        expect(c["format"] == "kpos-certificate/1" and c.keys() <= KEYS, "of another format")
         data = json.dumps(c["data"], sort_keys=True, separators=(",", ":"))
         digest = "sha256:" + hashlib.sha256(data.encode()).hexdigest()
         need(c["digest"] == digest, "the data have the stated digest")

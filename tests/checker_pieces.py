@@ -2,7 +2,7 @@
 
 from fractions import Fraction
 
-from checker_cases import HALF, direction, family, flow, scalar, weights
+from checker_cases import HALF, changed, circle, double, family, flow, jacobian, moved, scalar, surplus, with_nodes
 
 PLANE = {"cone": [[1, {"rays": [[1, 0], [0, 1]], "w": [1, 1], "Z": [[1, 0], [0, 1]]}]]}
 WEDGE = {"cone": [[1, {"rays": [[1, 1], [1, -1]], "w": [1, 0], "Z": [["1/2", "1/2"], ["1/2", "-1/2"]]}]]}
@@ -10,20 +10,16 @@ TOP = {"cone": [[1, {"rays": [[1, 1], [1, -1], [1, 0]], "w": [1, 0], "Z": [["1/2
 WHOLE_LINE = {"cone": [[1, {"rays": [[1], [-1]], "w": [0], "Z": [[1], [0]]}]]}
 
 
-def changed(content, **data):
-    """The file with other data."""
-    return {**content, "data": {**content["data"], **data}}
-
-
 def plane(A, X=PLANE, claim="stable", **data):
     """A system of two states without ports; the weights are given unless X is the orthant."""
-    alone = dict.fromkeys("BCDUY") | {"discrete": False, "A": {"matrix": A}, "X": X, "decay_rate": {"double": 0}}
+    alone = dict.fromkeys("BCDUY") | {"discrete": False, "A": {"matrix": A}, "X": X}
+    alone |= {"decay_rate": {"double": 0}} if claim == "stable" else {}
     return {"claim": claim, "status": "PROVED", "data": alone | data, "proof": {}}
 
 
 def slow(z, bound, decay=2, **more):
     out = scalar("stable", decay=decay, **more)
-    return changed(out, slow_direction={"array": [z]}, decay_rate_bound={"double": bound})
+    return changed(out, slow_direction={"array": [z]}, decay_rate_bound={"double": double(bound)})
 
 
 def slow_in(X, z, P, **proof):
@@ -48,46 +44,42 @@ def bounded_plane(radius):
     return {**changed(out, A=family[0], radii=family[1], v=None), "proof": {"P": [None]}}
 
 
-def leaves(A, radius, member=0):
-    return bounded(
-        A, radius, discrete=True, status="REFUTED", member=member, matrix="A", normal={"matrix": [[1]]}, ray=0
-    )
+def leaves(A, radius, member=0, point=0, centre=None):
+    """Jacobians around A at a point, or one of a family."""
+    witness = jacobian(A if centre is None else centre, radius, point)
+    out = family([A], discrete=True, status="REFUTED", member=member, normal={"matrix": [[1]]}, witness=witness)
+    return out if point is None else changed(out, radii={"tuple": [{"array": [[radius]]}]})
 
 
 def bracket(lower, upper, rate=None, **more):
     rate = lower if rate is None else rate
-    out = scalar("network abscissa", W=1, **{**flow(1, 1, 1), "rate": rate}, **more)
-    return changed(out, lower={"double": lower}, upper={"double": upper})
+    out = scalar("network abscissa", W=1, **more)
+    below = flow(1, 1, 1, rate)["witness"]
+    return changed(out, lower={"double": double(lower)}, upper={"double": double(upper)}, below=below)
 
 
 def static_node(sigma):
     """A node without states beside one with a state; sigma is the weight of the first."""
-    two = {"cone": [[2, HALF["cone"][0][1]]]}
-    out = scalar("network", W=0)
-    out["data"] |= {"U": two, "Y": two, "B": {"matrix": [[1, 0]]}, "C": {"matrix": [[1], [0]]}, "D": None, "W": None}
-    out["data"] |= {"sizes": {"array": [[1, 1, 1], [0, 1, 1]]}, "sigma": {"array": [1, sigma]}}
-    out["data"] |= {"v": {"array": [1]}, "q": {"array": [-1, -1]}, "r": {"array": [1, 1]}}
-    proof = {
-        "V": {"array": [1]},
-        "R": {"array": [1, sigma]},
-        "Q": {"tuple": [{"array": [-1]}, {"array": [f"-{sigma}"]}]},
-    }
-    return {**out, "proof": {**out["proof"], **proof}}
+    out = with_nodes(scalar("network", W=0), [1, 1, 1], [0, 1, 1])
+    out["data"] |= {"B": {"matrix": [[1, 0]]}, "C": {"matrix": [[1], [0]]}, "D": None, "W": None}
+    out["data"] |= {"sigma": {"array": [1, sigma]}}
+    return changed(out, v={"array": [1]}, q={"array": [-1, -1]}, r={"array": [1, 1]})
 
 
 def two_outputs(q, y):
-    out = scalar("network", "REFUTED")
-    two = {"cone": [[2, HALF["cone"][0][1]]]}
-    out["data"] |= {"Y": two, "C": {"matrix": [[0], [0]]}, "D": {"matrix": [[0], [0]]}, "W": {"matrix": [[0, 0]]}}
-    out["data"] |= {"q": {"array": [q]}, "r": {"array": [[1]]}}
-    return {**out, "proof": {"shows": "weights", "rate": 0, "y": {"array": y}}}
+    out = with_nodes(scalar("network", "REFUTED", W=0, **surplus({"array": y})), [1, 1, 2])
+    out["data"] |= {"C": {"matrix": [[0], [0]]}, "D": {"matrix": [[0], [0]]}, "W": {"matrix": [[0, 0]]}, "v": None}
+    return changed(out, q={"array": [q]}, r={"array": [[1]]})
 
 
 # -- no cone
 
 
 def none(matrices, discrete, proof=None, contains=None, within=None, **fields):
-    data = {"witness": {"fields": fields}, "matrices": {"matrix": matrices}, "discrete": discrete}
+    kinds = {"kind": "Spectral", "cycle": "Perron", "order": "Index", "power": "Port", "terms": "Series"}
+    kind = next((kind for name, kind in kinds.items() if name in fields), "Exponential")
+    witness = {"record": f"{kind}Obstruction", "fields": fields}
+    data = {"witness": witness, "matrices": {"matrix": matrices}, "discrete": discrete}
     data |= {"contains": contains and {"matrix": contains}, "within": within and {"matrix": within}}
     return {"claim": "invariant-cone", "status": "REFUTED", "data": data, "proof": proof or {}}
 
@@ -114,7 +106,8 @@ def chains(A, bound="1/2", index=1, order=2, x=None, u=None, discrete=True):
 
 
 def port(A, b, c, power=1, shift=0, discrete=False):
-    fields = {"normal": {"matrix": [c]}, "vector": {"matrix": [b]}, "power": power, "shift": {"fraction": shift}}
+    shift = None if discrete else {"fraction": shift}
+    fields = {"normal": {"matrix": [c]}, "vector": {"matrix": [b]}, "power": power, "shift": shift}
     return none([A], discrete, contains=[b], within=[c], **fields)
 
 
@@ -140,6 +133,7 @@ def touch(weights, low, high, rates=(-1, -2, -3), c=None, rows=None, discrete=Fa
     return none([rows], discrete, contains=[b], within=[c], **fields)
 
 
+HALVES = "0.4999997", "0.5000003"
 QUARTER = [[0, 1], [-1, 0]]
 FLIPPED = [[1, 0, 0], [0, -1, 1], [0, 0, -1]]  # 1, and -1 in a chain of two
 BOTH = [[1, 1, 0, 0], [0, 1, 0, 0], [0, 0, -1, 1], [0, 0, 0, -1]]  # both in chains of two
@@ -204,15 +198,16 @@ NO_CONE = {
     "cycle": (cycle(QUARTER, [1], [0, 1, 0], "1/2"), "REFUTED"),
     "cycle of two": (cycle(ANGLE, [1, 1], ["-7/24", 1, 0], "1/2"), "REFUTED"),
     "cycle of resolvents": (cycle(QUARTER, [1], [1, 1, 0], "1/2", False), "REFUTED"),
-    "power 100": (power(100), "REFUTED"),
-    "power 101": (power(101), "UNREADABLE"),
+    "power 24": (power(24), "REFUTED"),
+    "power 25": (power(25), "UNREADABLE"),
     "half a power": (cycle(QUARTER, ["3/2"], [0, 1, 0], "1/2"), "UNREADABLE"),
     "power 0": (cycle(QUARTER, [0], [0, 1, 0], 1), "UNREADABLE"),
     "longer chains": (chains(FLIPPED), "REFUTED"),
     "longer chains, in continuous time": (chains(FLIPPED, discrete=False), "UNREADABLE"),
     "longer chains, third power": (chains(FLIPPED, order=3), "WRONG"),
-    "longer chains, hundredth power": (chains(FLIPPED, order=100), "REFUTED"),
-    "longer chains, 102nd power": (chains(FLIPPED, order=102), "UNREADABLE"),
+    "longer chains, 60th power": (chains(FLIPPED, order=60), "REFUTED"),
+    "longer chains, 62nd power": (chains(FLIPPED, order=62), "UNREADABLE"),
+    "longer chains than none": (chains(FLIPPED, index=0), "UNREADABLE"),
     "longer chains, no power": (chains(FLIPPED, order=0), "UNREADABLE"),
     "longer chains, bound too large": (chains(FLIPPED, 1), "WRONG"),
     "longer chains, bound zero": (chains(FLIPPED, 0), "REFUTED"),
@@ -240,34 +235,39 @@ NO_CONE = {
     "dip, a few terms more": (dip(1, 6), "WRONG"),
     "dip, terms enough": (dip(1, 9), "REFUTED"),
     "dip, as many terms as that": (dip(1, 2), "WRONG"),
+    "dip, no term": (dip(1, 0), "UNREADABLE"),
     "dip, one term": (dip("2/5", 1, [[-1]], [1], [-1]), "REFUTED"),
     "dip, one term and a bound that is used up": (dip("1/2", 1, [[-1]], [1], [-1]), "WRONG"),
     "dip, one term and too large a bound": (dip("3/5", 1, [[-1]], [1], [-1]), "WRONG"),
-    "dip, very many terms": (dip(1, 999, [[-1]], [1], [-1]), "REFUTED"),
-    "dip, too many terms": (dip(1, 1000, [[-1]], [1], [-1]), "UNREADABLE"),
-    "touch": (touch(["1/4", -1, 1], "49/100", "51/100"), "REFUTED"),
-    "touch, in discrete time": (touch(["1/4", -1, 1], "49/100", "51/100", discrete=True), "UNREADABLE"),
-    "touch, elsewhere": (touch(["1/4", -1, 1], "51/100", "52/100"), "WRONG"),
-    "touch, wide": (touch(["1/4", -1, 1], 0, 1), "REFUTED"),
-    "touch, up to the root": (touch(["1/4", -1, 1], 0, "1/2"), "WRONG"),
-    "touch, other weights": (touch(["1/4", -1, 1], 0, 1, c=["1/4", -1, 2]), "WRONG"),
-    "touch, before time": (touch([1, 1], -2, "1/2", rates=[-1, -2]), "WRONG"),
-    "touch, after all time": (touch([-2, 1], "1/2", 3, rates=[-1, -2]), "WRONG"),
-    "touch, always": (touch([0, 0, 0], 0, 1), "WRONG"),
+    "dip, very many terms": (dip(1, 600, [[-1]], [1], [-1]), "REFUTED"),
+    "dip, too many terms": (dip(1, 601, [[-1]], [1], [-1]), "UNREADABLE"),
+    "touch": (touch(["1/4", -1, 1], *HALVES), "REFUTED"),
+    "touch, in discrete time": (touch(["1/4", -1, 1], *HALVES, discrete=True), "UNREADABLE"),
+    "touch, elsewhere": (touch(["1/4", -1, 1], "0.51", "0.5100005"), "WRONG"),
+    "touch, no wider": (touch(["1/4", -1, 1], "0.4999995", "0.5000005"), "REFUTED"),
+    "touch, a little wider": (touch(["1/4", -1, 1], "0.4999995", "0.5000006"), "WRONG"),
+    "touch, up to the root": (touch(["1/4", -1, 1], "0.4999997", "1/2"), "WRONG"),
+    "touch, other weights": (touch(["1/4", -1, 1], *HALVES, c=["1/4", -1, 2]), "WRONG"),
+    "touch, before time": (touch([1, 1], "-0.0000002", "0.0000003", rates=[-1, -2]), "WRONG"),
+    "touch, from the end of time": (touch([-1, 10**7], 0, "0.0000005", rates=[-1, -2]), "WRONG"),
+    "touch, late": (touch([-1, 10**7], "0.00000005", "0.0000005", rates=[-1, -2]), "REFUTED"),
+    "touch, at once": (touch(["-0.9999999", 1], "0.9999996", 1, rates=[-1, -2]), "REFUTED"),
+    "touch, after all time": (touch([-2, 1], "1.9999999", "2.0000002", rates=[-1, -2]), "WRONG"),
+    "touch, always": (touch([0, 0, 0], *HALVES), "WRONG"),
     "touch, no eigenvalue": (
-        touch(["1/4", -1, 1, 0], 0, 1, [-1, -2, -3, -4], ["1/4", -1, 1], [[-1, 0, 0], [0, -2, 0], [0, 0, -3]]),
+        touch(["1/4", -1, 1, 0], *HALVES, [-1, -2, -3, -4], ["1/4", -1, 1], [[-1, 0, 0], [0, -2, 0], [0, 0, -3]]),
         "WRONG",
     ),
-    "touch, halves": (touch(["1/4", -1, 1], "49/100", "51/100", rates=["-1/2", -1, "-3/2"]), "REFUTED"),
-    "touch, steps of two": (touch(["1/4", -1, 1], "49/100", "51/100", rates=[-1, -3, -5]), "REFUTED"),
-    "touch, far apart": (touch([1, -3, 1], "1/4", "1/2", rates=[0, -1, -99]), "REFUTED"),
-    "touch, too far apart": (touch([1, -3, 1], "1/4", "1/2", rates=[0, -1, -100]), "UNREADABLE"),
+    "touch, halves": (touch(["1/4", -1, 1], *HALVES, rates=["-1/2", -1, "-3/2"]), "REFUTED"),
+    "touch, steps of two": (touch(["1/4", -1, 1], *HALVES, rates=[-1, -3, -5]), "REFUTED"),
+    "touch, far apart": (touch([1, -3, 1], "0.333333", "0.3333336", rates=[0, -1, -80]), "REFUTED"),
+    "touch, too far apart": (touch([1, -3, 1], "0.333333", "0.3333336", rates=[0, -1, -81]), "UNREADABLE"),
     "port": (port(APART, [1, 1], [-1, 2], shift="-1/2"), "REFUTED"),
     "port touches": (port(APART, [1, 1], [-1, 2]), "REFUTED"),
     "port inside": (port(APART, [1, 1], [-1, 2], shift=1), "WRONG"),
     "port, second power": (port(APART, [1, 1], [-1, 2], 2), "REFUTED"),
     "port touches at the second power": (port(APART, [1, 4], [-1, 1], 2), "WRONG"),
-    "port touches at power zero": (port(APART, [2, 1], [-1, 2], 0), "WRONG"),
+    "port at power zero": (port(APART, [2, 1], [-1, 2], 0), "UNREADABLE"),
     "port that sees nothing": (port(APART, [0, 1], [1, 0]), "WRONG"),
     "port, shift among the eigenvalues": (port(APART, [1, 1], [-1, 2], shift="-3/2"), "WRONG"),
     "port, shift before the eigenvalues": (port(APART, [1, 1], [-1, 1], shift=-3), "WRONG"),
@@ -276,8 +276,8 @@ NO_CONE = {
     "port of three states": (port(CUBIC, [1, 0, 0], [-1, 0, 0]), "REFUTED"),
     "port, discrete": (port([[2, 0], [0, 1]], [1, 1], [-1, 2], 2, discrete=True), "REFUTED"),
     "port touches, discrete": (port([[2, 0], [0, 1]], [1, 1], [-1, 2], 1, discrete=True), "WRONG"),
-    "port, power 4999": (port([[1]], [1], [-1], 4999, discrete=True), "REFUTED"),
-    "port, power 5000": (port([[1]], [1], [-1], 5000, discrete=True), "UNREADABLE"),
+    "port, power 4000": (port([[1]], [1], [-1], 4000, discrete=True), "REFUTED"),
+    "port, power 4001": (port([[1]], [1], [-1], 4001, discrete=True), "UNREADABLE"),
 }
 
 # -- no feedback, in discrete time unless said
@@ -290,7 +290,7 @@ def hopeless(A, B=0, l=1, d=0, rate=0, gain=None, free=((1,),), discrete=True):
         "gain_bound": gain and {"array": [gain]},
         "free": {"array": [list(row) for row in free]},
     }
-    data |= {"coupling": None, "ports": None}
+    data |= {"coupling": None, "ports": None, "witness": {"record": "Multipliers", "fields": {}}}
     proof = {"L": [{"matrix": [[l]]}], "G": {"matrix": []}, "d": {"matrix": [[d]]}}
     return {"claim": "feedback exists", "status": "REFUTED", "data": data, "proof": proof}
 
@@ -299,6 +299,7 @@ def rigid(A, B, R=1, pattern=1, discrete=True):
     """Vertices of one state each, and an output."""
     data = {k: {"tuple": [{"matrix": [[x]]} for x in rows]} for k, rows in (("A", A), ("B", B))}
     data |= {"R": {"matrix": [[R]]}, "pattern": {"array": [[pattern]]}, "X": HALF, "discrete": discrete}
+    data["witness"] = {"record": "PairMultipliers", "fields": {}}
     proof = {"L": [{"matrix": [[1]]} for _ in A]}
     return {"claim": "invariant gain exists", "status": "REFUTED", "data": data, "proof": proof}
 
@@ -321,6 +322,7 @@ NO_FEEDBACK = {
     "input not to be used": (hopeless(-1, B=1, free=((0,),)), "REFUTED"),
     "negative gain": (hopeless(-1, B=1, gain=-1), "WRONG"),
     "pattern of another size": (hopeless(-1, free=((1,), (1,))), "WRONG"),
+    "no input at all": (changed(hopeless(-1), B={"tuple": [None]}), "UNREADABLE"),
     "nothing to gain": (rigid([-1], [0]), "REFUTED"),
     "nothing to gain on the boundary": (rigid([0], [0]), "WRONG"),
     "a gain that helps": (rigid([-1], [1]), "WRONG"),
@@ -336,7 +338,7 @@ NO_FEEDBACK = {
 def any_number(local, weight, link=((1,),), status="PROVED"):
     data = {
         "local": {"certificate": local},
-        "weight": {"double": weight},
+        "weight": {"fraction": weight},
         "link": {"array": [list(row) for row in link]},
     }
     return {"claim": "out-weight", "status": status, "data": data, "proof": {}}
@@ -348,19 +350,24 @@ def looped(**more):
 
 def types(r, B=1):
     """Two nodes side by side, the second with R = r."""
-    two, one = {"cone": [[2, HALF["cone"][0][1]]]}, [[1, 0], [0, 1]]
-    out = scalar("network", W=0)
-    out["data"] |= dict.fromkeys("XUY", two) | {"A": {"matrix": [[-3, 0], [0, -3]]}, "C": {"matrix": one}}
-    out["data"] |= {"B": {"matrix": [[B, 0], [0, B]]}, "D": None, "W": {"matrix": [[0, 0], [0, 0]]}}
-    out["data"] |= {"r": {"array": r}}
-    return {**out, "proof": out["proof"] | {"V": {"array": [1, 1]}, "R": {"array": r}, "Q": {"array": [-1, -1]}}}
+    one, zero = [[1, 0], [0, 1]], {"matrix": [[0, 0], [0, 0]]}
+    out = with_nodes(scalar("network", W=0), [1, 1, 1], [1, 1, 1])
+    out["data"] |= {"A": {"matrix": [[-3, 0], [0, -3]]}, "C": {"matrix": one}}
+    out["data"] |= {"B": {"matrix": [[B, 0], [0, B]]}, "D": None, "W": zero}
+    return changed(out, r={"array": r}, v={"array": [1, 1]}, q={"array": [-1, -1]})
+
+
+def looping(t):
+    """Two nodes with feedthrough 1/2, whose algebraic loops contract."""
+    half = {"matrix": [["1/2", 0], [0, "1/2"]]}
+    loops = {"tuple": [{"array": [1, 1]}, {"fractions": t}]}
+    return changed(types(["0x1.8p+0"] * 2), D=half, W=half, loop_weights=loops)
 
 
 def two_inputs(link=((0,), (1,)), W=((0,), (1,))):
-    out = scalar("network", W=0)
-    out["data"] |= {"U": {"cone": [[2, HALF["cone"][0][1]]]}, "B": {"matrix": [[1, 1]]}, "D": None}
-    out["data"] |= {"W": {"matrix": W}, "r": {"array": [1, 1]}}
-    return any_number({**out, "proof": out["proof"] | {"R": {"array": [1, 1]}}}, 1, link)
+    out = with_nodes(scalar("network", W=0), [1, 2, 1])
+    out["data"] |= {"B": {"matrix": [[1, 1]]}, "D": None, "W": {"matrix": W}}
+    return any_number(changed(out, r={"array": [1, 1]}), 1, link)
 
 
 GROWS = scalar("network", "REFUTED", A=-1, W=1, **flow(1, 1, 1))
@@ -376,12 +383,17 @@ ANY_SIZE = {
     "two inputs, the other": (two_inputs(W=((1,), (0,))), "WRONG"),
     "two types": (any_number(types([1, 1]), 0), "PROVED"),
     "two types, different": (any_number(types([1, 2]), 0), "WRONG"),
+    "two types, algebraic loops": (any_number(looping([1, 1]), "1/2"), "PROVED"),
+    "two types, other algebraic loops": (any_number(looping([1, "3/2"]), "1/2"), "WRONG"),
     "two types that take nothing": (any_number(types([0, 0], B=0), 0), "WRONG"),
-    "loop weight zero": (any_number(looped(**weights(1, 0)), 1), "PROVED"),
-    "loop weight negative": (any_number(looped(**weights(1, -1)), 1), "WRONG"),
 }
 
 REST = {
+    "facets with a vector": (changed(family([-1], "invariant-cone"), by_facets=True), "UNREADABLE"),
+    "facets of one": (changed(family([-1], "invariant-cone", v=None), by_facets=1), "UNREADABLE"),
+    "facets": (changed(family([-1], "invariant-cone", v=None), by_facets=True), "PROVED"),
+    "another Jacobian": (leaves(-1, 0, point=None, centre=-2), "WRONG"),
+    "a Jacobian with bounds": (leaves(-1, 0, point=None), "REFUTED"),
     "number of rows": (changed(scalar("dissipative"), D={"matrix": []}), "UNREADABLE"),
     "zero outside": (changed(scalar("stable"), A={"sparse": [[0, 0, -2], [1, 0, 0]], "shape": [1, 1]}), "UNREADABLE"),
     "row that is no number": (changed(scalar("stable"), A={"sparse": [[False, 0, -2]], "shape": [1, 1]}), "UNREADABLE"),
@@ -421,19 +433,19 @@ REST = {
     "bounds beyond the cone, discrete": (bounded("1/2", 1, discrete=True, v=None), "WRONG"),
     "bounds at the cone": (bounded_plane(1), "PROVED (given the bounds on the Jacobians)"),
     "bounds beyond the cone": (bounded_plane(2), "WRONG"),
-    "leaves within bounds": (leaves(-1, "1/2"), "REFUTED (given the bounds on the Jacobians)"),
+    "leaves within bounds": (leaves(-1, "1/2"), "REFUTED (given the bounds on the Jacobian at a point)"),
     "may stay within bounds": (leaves(-1, 1), "WRONG"),
     "node without states": (static_node(1), "PROVED"),
     "node without weight": (static_node(0), "WRONG"),
     "second output in excess": (two_outputs([-5, 1], [0, 1]), "REFUTED"),
     "second output in need": (two_outputs([1, -5], [0, 1]), "WRONG"),
-    "input of the loop too large": (scalar("network", "REFUTED", D=2, W="1/4", **flow(0, "1/2", 1, "loop")), "WRONG"),
+    "input of the loop too large": (scalar("network", "REFUTED", D=2, W="1/4", **circle("1/2", 1)), "WRONG"),
     "bracket": (bracket(-1, -1), "PROVED"),
     "bracket too low": (bracket(-1, "-1.001"), "WRONG"),
     "bracket too high": (bracket("-0.999", 0), "WRONG"),
     "bracket of another motion": (bracket(-2, -1, -1), "WRONG"),
     "bracket without storage": (bracket(-1, -100, v=0, q=0, r=0), "WRONG"),
-    "motion without a direction": (scalar("network", "REFUTED", A=-1, **direction(0, 0)), "WRONG"),
+    "motion without a direction": (scalar("network", "REFUTED", A=-1, W=0, **moved(0, 0, 0)), "WRONG"),
 }
 
 CASES = NO_CONE | NO_FEEDBACK | ANY_SIZE | REST

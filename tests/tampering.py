@@ -1,6 +1,7 @@
 """Certificate files with one thing changed, and source code with one operator changed."""
 
 import ast
+import collections
 import contextlib
 import copy
 import functools
@@ -9,6 +10,8 @@ import json
 import random
 import sys
 import types
+
+from control_kpos import checker
 
 
 def redigested(content):
@@ -104,6 +107,46 @@ def mutants(content, count, seed):
                 if rng.random() < 0.5:
                     del part[index]
             yield redigested(out) if "data" in out else out
+
+
+def lists(node, path=()):
+    """Paths to all lists in JSON data."""
+    if isinstance(node, dict):
+        for key, value in node.items():
+            yield from lists(value, (*path, key))
+    elif isinstance(node, list):
+        yield path
+        for index, value in enumerate(node):
+            yield from lists(value, (*path, index))
+
+
+def other_values(value):
+    """What to put in the place of a leaf."""
+    if isinstance(value, bool):
+        return (not value, 1)
+    if value is None:
+        return (0, "x")
+    if not is_number(value):
+        return ("other", None)
+    number = checker.number(value)
+    return tuple(str(x) if x.denominator > 1 else int(x) for x in (number + 1, -2 * number - 1))
+
+
+def single_changes(content, most=None):
+    """Pairs of a path and the file with this one leaf replaced, or this list cut or prolonged by its last item.
+
+    Of places that differ in indices only, `most` are changed.
+    """
+    seen = collections.Counter()
+    for path in [*leaves(content), *lists(content)]:
+        kind = tuple(key for key in path if isinstance(key, str))
+        seen[kind, len(path)] += 1
+        if path[0] not in ("claim", "status", "data", "proof") or (most and seen[kind, len(path)] > most):
+            continue
+        value = at(content, path)
+        lengths = (value[:-1], [*value, value[-1]]) if isinstance(value, list) and value else ()
+        for other in lengths if isinstance(value, list) else other_values(value):
+            yield path, replaced(content, path, other)
 
 
 # -- source code

@@ -169,7 +169,13 @@ class NoFeedback(Contradiction):
         w = self.witness
         if not isinstance(w, Multipliers):
             return None
-        rows = homogeneous_rows(self.inequalities(), self.rate, self.discrete, _marks(self.free))[0]
+        m = self.B[0].shape[1]
+        if self.gain_bound is not None and not (self.gain_bound.shape == (m,) and (self.gain_bound >= 0).all()):
+            raise DataError("bounds on gains are not negative, one for each input.")
+        if self.ports is not None and len(self.ports) != 3:
+            raise DataError("the ports are C, D and Y.")
+        free = _marks(self.free, (self.X.dim, m))
+        rows = homogeneous_rows(self.inequalities(), self.rate, self.discrete, free)[0]
         numbers = np.array([*w.closed, *w.drift, *w.positive], dtype=object)
         return numbers, rows, np.arange(len(rows)) >= len(w.closed)
 
@@ -291,7 +297,7 @@ class NoInvariance(Contradiction):
         i, k = self._pairs()
         facets, rays = short_rows(self.X.exact_facets), short_rows(self.X.exact_rays)
         seen = rays @ self.R.fractions().T
-        free = np.flatnonzero(_marks(self.pattern))
+        free = np.flatnonzero(_marks(self.pattern, (self.B[0].shape[1], self.R.shape[0])))
         parts = []
         for A, B in zip(self.A, self.B, strict=True):
             left = (facets @ B.fractions())[i]
@@ -325,8 +331,10 @@ class NoInvariance(Contradiction):
         )
 
 
-def _marks(free: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _marks(free: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Where 1 stands among 0 and 1; DataError for anything else."""
+    if np.shape(free) != shape:
+        raise DataError(f"the marks must be {shape[0]} x {shape[1]}, not {np.shape(free)}.")
     if not np.isin(free, (0, 1)).all():
         raise DataError("entries that may differ from zero are marked by 1, the others by 0.")
     return np.asarray(free) != 0

@@ -164,6 +164,8 @@ class ConeCertificate(Certificate):
         if "X" not in contents:
             return cls._refuted(**contents)
         rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
+        if not contents["A"]:
+            raise DataError("there is no matrix.")
         matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")
         inner = None if inner is None else inner.T
         if rest["by_facets"]:

@@ -72,6 +72,21 @@ class OutWeightCertificate(Certificate):
     def parts(self) -> Sequence[Certificate]:
         return (self.local,)
 
+    def contents(self) -> dict[str, Any]:
+        """The fields but for the witness, which is that of `local`."""
+        return {key: value for key, value in self.data().items() if key != "witness"}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> OutWeightCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By field.
+        """
+        return cls.settle(**{**contents, "witness": contents["local"].witness})
+
     def conditions(self) -> Sequence[Condition]:
         model = self.local.model
         r = exactly(self.local, "r").values

@@ -130,7 +130,13 @@ class ClaimOnNetwork(Certificate):
         own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
         model = own.get("model") or files.rebuild(contents)
         own = {**own, "model": model}
-        return cls.settle(**{**own, "witness": restated(cls(**own))})
+        if not model.has_feedthrough:
+            own["loop_weights"] = None
+        draft = cls(**own)
+        for name, total in zip("vrq", model.totals, strict=True):
+            if vars(draft)[name] is not None and exactly(draft, name).shape != (total,):
+                raise DataError(f"{name} has not {total} entries in all.")
+        return cls.settle(**{**own, "witness": restated(draft)})
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -190,13 +196,13 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
 
     def refutation(self) -> Sequence[Condition] | None:
         if isinstance(self.witness, NoWeights):
-            return no_weights(self.model, exactly(self, "q"), exactly(self, "r"), self.witness.y)
+            rows = no_weights(self.model, exactly(self, "q"), exactly(self, "r"), self.witness.y)
+            return [*positive_parts(self.model), *rows]
         return refute(self.model, self.witness, self.loop)
 
     def evidence(self) -> dict[str, Any]:
-        """Weights for positivity and the coupling, and the vectors of Theorem 4; or the normal that is crossed."""
-        vectors = None if self.v is None or self.q is None or self.r is None else node_vectors(self)
-        return files.evidence(self.model, self.witness, vectors, self.loop, self.sigma)
+        """Weights for positivity and the coupling, and those of a witness; or the normal that is crossed."""
+        return files.evidence(self.model, self.witness)
 
     @cached_property
     @np.errstate(all="ignore")

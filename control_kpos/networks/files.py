@@ -7,7 +7,6 @@ on the generators of the products are the conditions of Theorem 4, node by node 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -19,8 +18,7 @@ from ..errors import DataError
 from ..exact.matrix import Matrix
 from ..proof import weights as proofs
 from ..proof.certificate import exactly
-from ..proof.encoding import number_text
-from .blocks import Index, take_blocks
+from .blocks import take_blocks
 from .model import BLOCKS, NetworkModel
 from .nodes import NodeStack
 from .own_links import own_links_closed
@@ -79,7 +77,7 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         raise DataError("sizes and stack are not whole numbers.")
     sizes, stack = contents["sizes"].astype(np.intp), contents["stack"].astype(np.intp)
     cones, names = contents["cones"], contents["names"]
-    if sizes.shape != (len(stack), 3) or not np.isin(stack, np.arange(len(cones))).all():
+    if sizes.shape != (len(stack), 3) or not np.array_equal(np.unique(stack), np.arange(len(cones))):
         raise DataError("sizes and stack do not describe nodes.")
     offsets = np.concatenate([np.zeros((1, 3), dtype=np.intp), np.cumsum(sizes, axis=0)])
     members = [np.flatnonzero(stack == g) for g in range(len(cones))]
@@ -92,6 +90,8 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         own = tuple(str(names[j]) for j in index) if names else ()
         stacks.append(NodeStack(a, b, c, d, X, U, Y, contents["dt"], own))
     model = NetworkModel(tuple(stacks), tuple(members), contents["W"], contents["dt"])
+    if contents["W"].shape != model.totals[1:]:
+        raise DataError("W has not the inputs and outputs of the nodes.")
     alike = all(product_cone(model, kind) == contents[name] for kind, name in enumerate(_KINDS))
     if not alike or model.discrete is not contents["discrete"] or not _same_blocks(model, contents):
         raise DataError("the nodes are not those of the large system.")
@@ -136,27 +136,13 @@ def _count(m: Matrix) -> int:
     return int(np.count_nonzero(m.values if m.numerators is None else m.numerators))
 
 
-def evidence(
-    model: NetworkModel, witness: Any, vectors: Sequence[Matrix] | None, loop: Sequence[Matrix] | None, sigma: Any
-) -> dict[str, Any]:
-    """What a checker needs besides `describe`: weights, and v, q, r times sigma as one vector each."""
+def evidence(model: NetworkModel, witness: Any) -> dict[str, Any]:
+    """What a checker needs besides `describe`: weights of vectors in cones, or the normal that is crossed."""
     cones = {name: product_cone(model, kind) for kind, name in enumerate(_KINDS)}
-    out: dict[str, Any] = dict.fromkeys("VQRpt")
-    if isinstance(witness, CouplingViolation):
-        gj, _ = model.locate(witness.target)
-        normal = model.stacks[gj].U.exact_facets, witness.facet, model.offsets[1], witness.target
-        return {**out, **_violation(model, "W", normal, cones["U"], _first_ray(model, 2, witness.source) + witness.ray)}
-    if isinstance(witness, NodeViolation):
-        g, _ = model.locate(witness.node)
-        s, broken = model.stacks[g], witness.violation
-        name = broken.condition[0]
-        target, source = (0 if name in "AB" else 2), (0 if name in "AC" else 1)
-        facets = ((s.X, s.U, s.Y)[target]).exact_facets
-        normal = facets, broken.facet, model.offsets[target], witness.node
-        ray = _first_ray(model, source, witness.node) + broken.ray
-        return {**out, **_violation(model, name, normal, cones[_KINDS[target]], ray)}
+    if isinstance(witness, (CouplingViolation, NodeViolation)):
+        return _crossed(model, witness)
     X, U, Y = (cones[name] for name in _KINDS)
-    prover, M = proofs.Prover(), _Products(model)
+    prover, M, out = proofs.Prover(), _Products(model), dict[str, Any]()
     for key, target, name, source in (
         ("P", X, "A", X),
         ("N", X, "B", U),
@@ -166,8 +152,6 @@ def evidence(
     ):
         if not isinstance(target, Orthant):  # there, images are their own weights
             out[key] = prover.inclusion(target, M[name], source, invariance=key == "P" and not model.discrete)
-    if loop is not None:
-        out["p"], out["t"] = (proofs.numbers(part.fractions()) for part in loop)
     if witness is not None:
         shows, x, u, y, rate = _motion(model, witness)
         places = {
@@ -181,13 +165,19 @@ def evidence(
         for name in _PLACED[shows]:
             target, vector = places[name]
             out[f"w{name}"] = None if isinstance(target, Orthant) else prover.vector(target, vector())
-        out.update({name: proofs.numbers(vector) for name, vector in (("x", x), ("u", u), ("y", y))})
-        out.update({"shows": shows, "rate": number_text(rate)})
-    if vectors is not None and sigma is not None:
-        for kind, (name, vector) in enumerate(zip("VRQ", vectors, strict=True)):
-            weight = Matrix(np.asarray(sigma)[model.owners(kind)])
-            out[name] = proofs.numbers(weight.fractions() * vector.fractions())
     return out
+
+
+def _crossed(model: NetworkModel, witness: CouplingViolation | NodeViolation) -> dict[str, Any]:
+    """The normal in the large system."""
+    if isinstance(witness, CouplingViolation):
+        node, kind, facet = witness.target, 1, witness.facet
+    else:
+        broken = witness.violation
+        node, kind, facet = witness.node, 0 if broken.condition[0] in "AB" else 2, broken.facet
+    s = model.stacks[model.locate(node)[0]]
+    facets = (s.X, s.U, s.Y)[kind].exact_facets
+    return proofs.crossed_facet(facets, facet, int(model.offsets[kind][node]), model.totals[kind])
 
 
 class _Products(dict[str, Matrix]):
@@ -227,18 +217,3 @@ def _motion(model: NetworkModel, witness: Any) -> tuple[str, Any, Any, Any, Frac
             whole[first : first + len(own)] = own
         return "motion", x, u, y, rate
     raise proofs.ProofOmittedError(f"{type(witness).__name__} is for control_kpos alone")
-
-
-def _first_ray(model: NetworkModel, kind: int, node: int) -> int:
-    """Number of generators of the nodes before this one."""
-    counts = [(s.X, s.U, s.Y)[kind].n_rays for s in model.stacks]
-    return sum(counts[g] * int((index < node).sum()) for g, index in enumerate(model.members))
-
-
-def _violation(
-    model: NetworkModel, name: str, normal: tuple[Matrix, int, Index, int], target: Cone, ray: int
-) -> dict[str, Any]:
-    facets, facet, offsets, node = normal
-    row = np.zeros(target.dim, dtype=object)
-    row[offsets[node] : offsets[node + 1]] = facets.rows_as_integers(np.array([facet]))[0]
-    return proofs.violation(name, Matrix.from_fractions(row[None, :]), 0, ray)

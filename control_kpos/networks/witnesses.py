@@ -210,7 +210,9 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         part = node_positivity(model, w.node)
         q, r = exactly(w, "q"), exactly(w, "r")
         found = DissipativityCertificate.settle(positivity=part, q=q, r=r, witness=w.violation)
-        return list(found._own_conditions) if found.status is Status.REFUTED else None
+        if found.status is not Status.REFUTED:
+            return None
+        return [*positive_parts(model), *found._own_conditions]
     if isinstance(w, NetworkInstability):
         return growth(model, w, loop)
     if isinstance(w, AlgebraicLoop):
@@ -242,6 +244,8 @@ def growth(model: NetworkModel, w: NetworkInstability, loop: LoopWeights) -> lis
 
 def below_abscissa(model: NetworkModel, w: NetworkInstability, loop: LoopWeights) -> list[Condition] | None:
     """A_cl x - rate x in X for a positive network: its spectral abscissa is at least the rate."""
+    if any(part.shape != (total,) for part, total in zip(w.vectors, model.totals, strict=True)):
+        return None
     out = positive_parts(model)
     if model.has_feedthrough:
         if loop is None:

@@ -20,7 +20,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.encoding import LATER, register_record
-from ..proof.weights import ProofOmittedError, Prover, violation
+from ..proof.weights import ProofOmittedError, Prover, crossed_facet
 
 _SOURCES = ("vertices", "enclosed", "sampled")
 
@@ -130,6 +130,8 @@ class DifferentialCertificate(Certificate):
         X, n = self.X, self.X.dim
         if w.centre.shape != (n, n) or w.radius.shape != (n, n) or not (w.radius >= 0).all():
             return None
+        if w.point is not None and np.shape(w.point) != (n,):
+            return None
         member = self._member(w)
         if (member is None and w.point is None) or not (0 <= w.facet < X.n_facets and 0 <= w.ray < X.n_rays):
             return None
@@ -166,6 +168,9 @@ class DifferentialCertificate(Certificate):
         if "A" in rest:
             rest["centres"] = Matrix.stack(rest.pop("A"))
             rest["radii"] = np.array(rest["radii"]) if "radii" in rest else np.zeros(rest["centres"].shape)
+        shape = rest["centres"].shape
+        if not shape[0] or rest["radii"].shape != shape or not (rest["radii"] >= 0).all():
+            raise DataError("every Jacobian needs a radius, and radii are not negative.")
         w: Any = rest.get("witness")
         forms = cls(**rest)._crossing(w) if isinstance(w, DifferentialViolation) else None
         if forms is not None:
@@ -180,7 +185,7 @@ class DifferentialCertificate(Certificate):
         if w is None:
             layers = ((self.centres[s], self.radii[s]) for s in range(count))
             return {"P": [prover.within_bounds(self.X, A, R, invariance=not self.discrete) for A, R in layers]}
-        crossed = violation("A", self.X.exact_facets, w.facet, w.ray)
+        crossed = crossed_facet(self.X.exact_facets, w.facet)
         member = self._member(w)
         return {"P": [None] * count, **({} if member is None else {"member": member}), **crossed}
 

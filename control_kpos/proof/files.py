@@ -44,6 +44,8 @@ MAX_FILE_BYTES = 2 * 10**9
 # Work that cones in files of unknown origin may ask for: half a second, and a microsecond or so for each byte.
 _FREE_WORK = 4 * 10**6
 _WORK_PER_BYTE = 20
+# Data that stand there as numbers or text.
+_BARE = ("dt", "source")
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 # Folders imported on demand; they register their claims when they are.
@@ -270,9 +272,12 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
             importlib.import_module(folder)
     if claim not in _restorers:
         raise CertificateFileError(f"the claim {str(claim)[:60]!r} is unknown.")
-    for name in ("discrete", "leading"):
+    for name in ("discrete", "leading", "by_facets"):
         if type(data.get(name, False)) is not bool:
             raise CertificateFileError(f"{name} is {str(data[name])[:60]!r}; it must be true or false.")
+    for name, value in data.items():
+        if type(value) in (int, str) and name not in _BARE:
+            raise CertificateFileError(f"{name} is {str(value)[:60]!r}, which has no meaning there.")
     certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
     if certificate.status.name != content["status"]:
         raise FalseClaimError(

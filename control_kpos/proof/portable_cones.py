@@ -147,7 +147,13 @@ def independent(exact_rays: Matrix, ints: NDArray[np.object_]) -> NDArray[np.int
 
 
 def decode_cone(runs: Any, limit: int) -> Cone:
-    """The inverse of `encode_cone`; the numbers w and Z are not needed here."""
+    """The inverse of `encode_cone`; the numbers w and Z are not needed here.
+
+    Raises
+    ------
+    NotProperConeError
+        A cone is not pointed or not solid: what holds on proper cones says nothing about it.
+    """
     factors: list[Cone] = []
     known: dict[str, Cone] = {}
     dim = 0
@@ -160,6 +166,8 @@ def decode_cone(runs: Any, limit: int) -> Cone:
             factors.append(orthant(count))
             continue
         key = str(part["rays"])
-        known.setdefault(key, PolyhedralCone(exact_rows(part["rays"])))
+        if key not in known:
+            known[key] = PolyhedralCone(exact_rows(part["rays"]))
+            known[key].require_proper("a cone")
         factors += [known[key]] * count
     return product(factors)

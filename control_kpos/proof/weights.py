@@ -27,7 +27,7 @@ from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix, integers_of_doubles
 from ..exact.rational_programs import exact_combination, exact_feasibility
-from .encoding import encode_triplets, exact_rows, nested_text, number_text
+from .encoding import encode_triplets, exact_rows, number_text
 from .portable_cones import (
     LARGE,
     encode_cone,
@@ -362,11 +362,11 @@ def _encoded(entries: list[Entry], shape: tuple[int, int]) -> dict[str, Any]:
     return {"matrix": full}
 
 
-def violation(matrix: str, normal: Matrix, facet: int, ray: int) -> dict[str, Any]:
-    """A broken inclusion: the matrix, the exact normal, and the number of the generator."""
-    row = normal.rows_as_integers(np.array([facet]))[0]
-    entries = [(int(j), 0, int(row[j])) for j in np.flatnonzero(row)]
-    return {"matrix": matrix, "normal": encode_triplets(entries, (len(row), 1)), "ray": int(ray)}
+def crossed_facet(facets: Matrix, facet: int, first: int = 0, size: int | None = None) -> dict[str, Any]:
+    """Of a broken inclusion the exact normal, which begins at an entry of a vector of this size."""
+    row = facets.rows_as_integers(np.array([facet]))[0]
+    entries = [(first + int(j), 0, int(row[j])) for j in np.flatnonzero(row)]
+    return {"normal": encode_triplets(entries, (len(row) if size is None else size, 1))}
 
 
 def drift(A: Matrix, x: Rationals, discrete: bool, rate: Fraction = Fraction(0)) -> Rationals:
@@ -384,11 +384,6 @@ def product(M: Matrix, x: Rationals) -> Rationals:
         if x[j]:
             out[i] += Fraction(value) * x[j]
     return out
-
-
-def numbers(x: Rationals) -> dict[str, Any]:
-    """A vector as JSON data."""
-    return {"array": nested_text(list(x))}
 
 
 def columns(vectors: Any, size: int) -> dict[str, Any]:

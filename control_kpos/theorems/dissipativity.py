@@ -33,7 +33,6 @@ from ..proof.inclusion import PositivityViolation
 from ..proof.weights import (
     Prover,
     drift,
-    numbers,
 )
 from ..proof.weights import product as exact_product
 from ..systems.system import System
@@ -166,7 +165,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         x, u, prover = exactly(w, "x").fractions(), exactly(w, "u").fractions(), Prover()
         motion = drift(p.A, x, p.discrete) + exact_product(p.B, u)
         weights = {"wx": prover.vector(p.X, x), "wu": prover.vector(p.U, u), "wz": prover.vector(p.X, motion)}
-        return {**out, "shows": "motion", "x": numbers(x), "u": numbers(u), "rate": int(p.discrete), **weights}
+        return {**out, **weights}
 
     def explain(self) -> str:
         """For which supply rate, at what rate, or why not."""

@@ -30,7 +30,7 @@ from ..proof.certificate import Certificate, Status
 from ..proof.inclusion import MEANING, NAMES, NO_MARGIN, GeneratorProof, Inclusion, PlaneViolation, PositivityViolation
 from ..proof.portable_cones import encode_generators, own_generators
 from ..proof.proposed_weights import prove
-from ..proof.weights import Prover, violation
+from ..proof.weights import Prover, crossed_facet
 from ..systems.system import System
 
 _WEIGHTS = {"A": "P", "B": "N", "C": "L", "D": "K"}
@@ -120,7 +120,16 @@ class PositivityCertificate(Certificate):
         contents : dict
             By field.
         """
-        return cls.settle(**{**contents, "witness": cls(**contents).restated()})
+        draft = cls(**contents)
+        draft.require_fit()
+        return cls.settle(**{**contents, "witness": draft.restated()})
+
+    def require_fit(self) -> None:
+        """Raise DataError unless all matrices are there that the cones ask for, and only they, in their sizes."""
+        n, m, q = (0 if cone is None else cone.dim for cone in (self.X, self.U, self.Y))
+        for M, shape in ((self.A, (n, n)), (self.B, (n, m)), (self.C, (q, n)), (self.D, (q, m))):
+            if (M is None) != (0 in shape) or (M is not None and M.shape != shape):
+                raise DataError(f"a matrix is not {shape[0]} x {shape[1]}, as the cones have it.")
 
     def restated(self) -> Any:
         """The witness, with the normal, generator and value that belong to its numbers if these fit."""
@@ -144,12 +153,12 @@ class PositivityCertificate(Certificate):
         """A X = X P, B U = X N, C X = Y L, D U = Y K with weights P, N, L, K; or the normal of the broken facet."""
         proof, w = self.generator_proof, self.witness
         if isinstance(w, PlaneViolation):
-            return violation(w.condition[0], w.exact_normal(), 0, w.ray)
+            return {}
         if isinstance(w, PositivityViolation):
             broken = self._broken(w)
             if broken is None:
                 raise DataError(f"{w.condition} is not claimed.")
-            return violation(broken.name, broken.target.exact_facets, w.facet, w.ray)
+            return crossed_facet(broken.target.exact_facets, w.facet)
         prover = Prover()
         guesses = {} if proof is None else {"A": proof.multipliers, "B": proof.shares}
         return {

@@ -31,14 +31,12 @@ from ..exact.intake import exact_number
 from ..exact.matrix import Integers, Matrix, bit_length
 from ..exact.signs import BilinearForms
 from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly, is_tight
-from ..proof.encoding import nested_text
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
     ProofOmittedError,
     Prover,
     drift,
-    numbers,
 )
 from .decay_rates import SLOW, SLOW_IN, proven_bound, proven_rate, slow_conditions
 from .generator_coordinates import around_the_rate, decide_rate, decide_stability
@@ -191,7 +189,7 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
         else:
             found = [prover.vector(self.X, y) for y in (x, moved)]
         weights = dict(zip(("wx", "wz"), found, strict=True))
-        return {**out, "shows": "motion", "x": numbers(x), "rate": nested_text(self.discrete - slow), **weights}
+        return {**out, **weights}
 
     def explain(self) -> str:
         """What has been proven, and at what rate."""

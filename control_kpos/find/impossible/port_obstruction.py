@@ -74,7 +74,12 @@ class Between:
     def concerns(self, contains: Matrix | None, within: Matrix | None) -> bool:
         """True if the cone was to hold the vector and to lie in the half-space."""
         wanted = ((contains, self.vector), (within, self.normal))
-        return all(rows is not None and (rows.fractions() == row.fractions()).all(axis=1).any() for rows, row in wanted)
+        return all(
+            rows is not None
+            and rows.shape[1:] == row.shape[1:]
+            and (rows.fractions() == row.fractions()).all(axis=1).any()
+            for rows, row in wanted
+        )
 
 
 @dataclass(frozen=True, eq=False)

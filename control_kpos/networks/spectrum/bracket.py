@@ -97,10 +97,10 @@ class AbscissaCertificate(ClaimOnNetwork):
         return restored
 
     def evidence(self) -> dict[str, Any]:
-        """Weights for positivity and the coupling, v, q, r for the upper end, and the motion for the lower one."""
+        """Weights for positivity and the coupling, and those of the motion for the lower end."""
         if self.v is None or self.r is None or self.q is None:
             raise ProofOmittedError("no bracket is claimed")
-        return files.evidence(self.model, self.below, node_vectors(self), self.loop, np.ones(self.model.n_nodes))
+        return files.evidence(self.model, self.below)
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and (self.v is None or self.below is None):
