@@ -70,6 +70,9 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         if closed is None:
             raise DataError("no node has a link to itself that could be closed.")
         return closed
+    dt = contents["dt"]
+    if dt is not None and not (isinstance(dt, (bool, int, float)) and dt >= 0):
+        raise DataError("dt is not a time base.")
     if any(
         not ((part >= 0) & (part < 2**31) & (part == np.round(part))).all()
         for part in (contents["sizes"], contents["stack"])
