@@ -423,7 +423,6 @@ REST = {
         ),
         "PROVED",
     ),
-    "gain": (scalar("disturbance gain"), "PROVED"),
     "gain of less output": (scalar("disturbance gain", q="-1/2"), "WRONG"),
     "bounds": (bounded("-2", 1), "PROVED (given the bounds on the Jacobians)"),
     "bounds as large as the decay": (bounded(-1, 1), "WRONG"),
