@@ -121,10 +121,10 @@ class PositivityCertificate(Certificate):
             By field.
         """
         draft = cls(**contents)
-        draft.require_fit()
+        draft._require_fit()
         return cls.settle(**{**contents, "witness": draft.restated()})
 
-    def require_fit(self) -> None:
+    def _require_fit(self) -> None:
         """Raise DataError unless all matrices are there that the cones ask for, and only they, in their sizes."""
         n, m, q = (0 if cone is None else cone.dim for cone in (self.X, self.U, self.Y))
         for M, shape in ((self.A, (n, n)), (self.B, (n, m)), (self.C, (q, n)), (self.D, (q, m))):
