@@ -142,7 +142,7 @@ def disagreement(content, place, path):
 
 @pytest.mark.parametrize("name", certified.CERTIFICATES)
 def test_readers_agree_on_files_with_one_thing_changed(name, files, tmp_path):
-    """Every leaf and the length of every list; with CI=thorough all of them, else two of a kind."""
+    """Every leaf and the length of every list; all of them if HYPOTHESIS_PROFILE is thorough, else two of a kind."""
     most = None if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 2
     wrong = []
     for place, content in tampering.single_changes(files[name], most):
