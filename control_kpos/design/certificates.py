@@ -17,7 +17,7 @@ from ..exact.condition import Condition
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Certificate
+from ..proof.certificate import Certificate, ClaimWithRate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
 from ..theorems.decay_rates import proven_rate
@@ -147,7 +147,7 @@ class FeedbackCertificate(Demand):
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CommonVectorCertificate(Demand):
+class CommonVectorCertificate(Demand, ClaimWithRate):
     """Proof that one x inside X is mapped inwards by every vertex: stability of the whole convex hull.
 
     Attributes
@@ -168,7 +168,6 @@ class CommonVectorCertificate(Demand):
     loops: tuple[PositivityCertificate, ...]
     x: Floats
     decay_rate: float = 0.0
-    required_rate: Fraction | None = None
 
     @classmethod
     def of(cls, loops: tuple[PositivityCertificate, ...], x: Floats, rate: Fraction) -> CommonVectorCertificate:
@@ -187,8 +186,8 @@ class CommonVectorCertificate(Demand):
         X = self.loops[0].X
         if any(loop.X != X or loop.discrete != self.loops[0].discrete for loop in self.loops):
             raise DataError("the vertices must be about one cone, and all in continuous or all in discrete time.")
-        if min(self.decay_rate, self.required_rate or 0) < 0:
-            raise DataError("rates of decay must not be negative.")
+        if self.decay_rate < 0:
+            raise DataError("decay_rate must not be negative.")
         out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
         for s, loop in enumerate(self.loops):
             forms = partial(transposed_drift, x[None], loop.A, X, loop.discrete)
