@@ -226,7 +226,7 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
                 value = np.einsum("jn,kn->jk", vs[g].values, s.X.rays)
                 rate[index] = (-forms.values[:, 0] / value).min(axis=1)
                 gross = max(gross, float((forms.magnitudes[:, 0] / value).max()))
-        if self.exact is not None:  # what is left of the slack after rounding means nothing
+        if self.exact is not None:  # what is left of the margins after rounding means nothing
             rate = np.maximum(rate, 0.0)
         return frozen(rate / gross if gross > 0 else rate)
 

@@ -158,7 +158,7 @@ def candidates(model: NetworkModel, shift: float) -> Iterator[Data]:
             return
         if is_inside(model, reached, dual=True):
             yield supply_rates(model, v)
-            # inverse iteration evens out the relative slack where v spans many orders of magnitude
+            # inverse iteration evens out the relative margins where v spans many orders of magnitude
         c = mix(model, v, 0.0, dual=True)
 
 

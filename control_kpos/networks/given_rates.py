@@ -160,31 +160,31 @@ def balance_matrix(model: NetworkModel, q: Floats, r: Floats) -> sp.csr_array:
 
 
 def weights(gains: sp.csr_array) -> Iterator[Proposal]:
-    """Candidates for sigma: ones, then with slack in all rows, then with slack in every row that can have it."""
+    """Candidates for sigma: ones, then with margin in all rows, then with margin in every row that can have it."""
     count = gains.shape[1]
     yield np.ones(count), None
     size = np.maximum(np.asarray(abs(gains).sum(axis=1)).ravel(), 1e-300)
     scaled = sp.csr_array(sp.diags_array(1 / size) @ gains)
     for each in (False, True):
         for top in (1e4, 1e9):
-            x, slack = _with_slack(scaled, (1.0, top), each, "simplex" if count < 2000 else "ipm")
-            if slack.any() and (x > 0).all():
+            x, margin = _with_margin(scaled, (1.0, top), each, "simplex" if count < 2000 else "ipm")
+            if margin.any() and (x > 0).all():
                 yield x, None
 
 
 def obstructions(model: NetworkModel, gains: sp.csr_array) -> Iterator[Proposal]:
     """Candidates for y in Y whose supply is positive at every node, then at every node where it can be."""
     for each in (False, True):
-        x, _ = _with_slack(sp.csr_array(-gains.T), (0.0, 1.0), each, "simplex")
+        x, _ = _with_margin(sp.csr_array(-gains.T), (0.0, 1.0), each, "simplex")
         if x.size:
             yield None, on.output_generators(model).values.T @ np.maximum(x, 0.0)
 
 
-def _with_slack(M: sp.csr_array, limits: tuple[float, float], each: bool, method: Any) -> tuple[Floats, Floats]:
-    """x with M x + slack <= 0 and the largest slack, one for all rows or one for each; empty if there is none."""
+def _with_margin(M: sp.csr_array, limits: tuple[float, float], each: bool, method: Any) -> tuple[Floats, Floats]:
+    """x with M x + margin <= 0 and the largest margin, one for all rows or one for each; empty if there is none."""
     height, count = M.shape
-    slack, most = (sp.eye_array(height), 1e-3) if each else (np.ones((height, 1)), 1.0)
-    rows = sp.csr_array(sp.hstack([M, sp.csr_array(slack)]))
+    margin, most = (sp.eye_array(height), 1e-3) if each else (np.ones((height, 1)), 1.0)
+    rows = sp.csr_array(sp.hstack([M, sp.csr_array(margin)]))
     sizes = count, rows.shape[1] - count
     cost, lower, upper = (np.repeat(pair, sizes) for pair in ((0.0, -1.0), (limits[0], 0.0), (limits[1], most)))
     found = solve(cost, rows, np.zeros(height), bounds=(lower, upper), method=method)

@@ -201,8 +201,8 @@ def _implicit(run: _Run, x: Floats) -> None:
         if run.inputs is not None:
             B, U = run.inputs
             i = min(int((t - times[0]) / run.h), len(times) - 2)
-            share = (t - times[i]) / (times[i + 1] - times[i])
-            out = out + B @ ((1 - share) * U[:, i] + share * U[:, i + 1])
+            part = (t - times[i]) / (times[i + 1] - times[i])
+            out = out + B @ ((1 - part) * U[:, i] + part * U[:, i + 1])
         return out
 
     for i, span in enumerate(pairwise(times.tolist())):
@@ -236,7 +236,7 @@ def delayed(
     lag = np.minimum(delays / h, steps + 1)  # y does not change before t = 0
     reach = int(np.ceil(lag.max(initial=0.0))) + 2
     whole = np.floor(lag).astype(np.intp)
-    share = lag - whole
+    part = lag - whole
     M = model.totals[1]
 
     def output(x: Floats, u: Floats) -> Floats:
@@ -244,7 +244,7 @@ def delayed(
 
     def arriving(i: int) -> Floats:
         recent, older = past[(i - whole) % reach, source], past[(i - whole - 1) % reach, source]
-        late = W.data * ((1 - share) * recent + share * older)
+        late = W.data * ((1 - part) * recent + part * older)
         return np.bincount(target, late, minlength=M).astype(np.float64, copy=False)
 
     y = output(x0, np.zeros(M))

@@ -353,9 +353,9 @@ def _require_agreement(sys: NonlinearIOSystem, enclosure: _Enclosure, whole: Arr
         except UnboundedError:
             continue
         low, high = np.array([y.value for y in values]).T
-        slack = (high - low) + _DIFFERENCE * (1 + np.abs(low) + np.abs(high))
+        tolerance = (high - low) + _DIFFERENCE * (1 + np.abs(low) + np.abs(high))
         seen = _value(sys, n, point)
-        if seen.shape == low.shape and ((seen < low - slack) | (high + slack < seen)).any():
+        if seen.shape == low.shape and ((seen < low - tolerance) | (high + tolerance < seen)).any():
             raise UnsupportedError("the function treats numbers unlike intervals")
 
 

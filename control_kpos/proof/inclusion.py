@@ -300,10 +300,10 @@ def _row_of(numbers: tuple[Fraction, ...]) -> Matrix:
 
 def _incident_entries(forms: BilinearForms, X: Cone) -> NDArray[np.bool_]:
     """Entries of a sparse pattern where h'x_i = 0."""
-    slack = BilinearForms(X.exact_facets, None, X.exact_rays).signs()
-    slack.data = (slack.data != 0).astype(np.int8)
-    slack.eliminate_zeros()
+    apart = BilinearForms(X.exact_facets, None, X.exact_rays).signs()
+    apart.data = (apart.data != 0).astype(np.int8)
+    apart.eliminate_zeros()
     shape = forms.pattern.shape
     keys = np.repeat(np.arange(shape[0]), np.diff(forms.pattern.indptr)) * shape[1] + forms.pattern.indices
-    slack_keys = np.repeat(np.arange(shape[0]), np.diff(slack.indptr)) * shape[1] + slack.indices
-    return ~np.isin(keys, slack_keys)
+    apart_keys = np.repeat(np.arange(shape[0]), np.diff(apart.indptr)) * shape[1] + apart.indices
+    return ~np.isin(keys, apart_keys)

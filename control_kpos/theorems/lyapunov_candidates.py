@@ -230,10 +230,10 @@ class ScaledProblem:
         weights = np.maximum(weights, 0) + 1e-3 * np.abs(weights).max()
         exact = self.X.exact_rays.rows_as_integers(rays)
         size = np.array([max(abs(int(t)) for t in row) for row in exact], dtype=object)
-        shares = np.array([Fraction(float(w)) for w in weights], dtype=object)
-        shares = np.array([w / int(s) for w, s in zip(shares, size, strict=True)], dtype=object)
+        parts = np.array([Fraction(float(w)) for w in weights], dtype=object)
+        parts = np.array([w / int(s) for w, s in zip(parts, size, strict=True)], dtype=object)
         units = np.array([Fraction(float(u)) for u in self.units[np.abs(rows).argmax(axis=1)]], dtype=object)
-        yield Matrix.from_fractions((exact * (shares * units)[:, None]).sum(axis=0))
+        yield Matrix.from_fractions((exact * (parts * units)[:, None]).sum(axis=0))
 
 
 def _dense_if_small(m: Any) -> Any:

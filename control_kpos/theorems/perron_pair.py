@@ -202,8 +202,8 @@ def _joined(N: SparseIntegers, found: list[tuple[Index, Decision]], cones: Cones
         mine = columns.take(part)
         burden = _on_rays(cones, part, mine.apply(v))
         v[part] = decided.vector
-        slack = burden - _on_rays(cones, part, mine.apply(v))
-        loaded = [pair for pair in zip(burden.tolist(), slack.tolist(), strict=True) if pair[0] > 0]
+        spared = burden - _on_rays(cones, part, mine.apply(v))
+        loaded = [pair for pair in zip(burden.tolist(), spared.tolist(), strict=True) if pair[0] > 0]
         if any(s <= 0 for _, s in loaded):
             return None
         raised = max((b.bit_length() - s.bit_length() + 2 for b, s in loaded), default=0)

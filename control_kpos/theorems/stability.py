@@ -184,8 +184,8 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
         moved = drift(self.A, x, self.discrete, slow)
         if isinstance(w, InstabilityCombination) and w.weights is not None:
             rays = own_generators(self.X)
-            shares = (w.weights[np.array([k])].T for k in range(2))
-            found = [prover.repaired(rays, y[:, None], q) for y, q in zip((x, moved), shares, strict=True)]
+            weights = (w.weights[np.array([k])].T for k in range(2))
+            found = [prover.repaired(rays, y[:, None], q) for y, q in zip((x, moved), weights, strict=True)]
         else:
             found = [prover.vector(self.X, y) for y in (x, moved)]
         weights = dict(zip(("wx", "wz"), found, strict=True))

@@ -40,9 +40,9 @@ def storage_candidates(
         if least is not None:
             for inwards in _LEAST:
                 v0, v1 = least.storage(q), least.inside
-                share = _largest_share(p, v0 + inwards * _ratio(v0, v1) * v1, q, r)
+                part = _largest_part(p, v0 + inwards * _ratio(v0, v1) * v1, q, r)
                 for back in (0.0, 1e-12, 1e-6):
-                    g = share * (1 - back)
+                    g = part * (1 - back)
                     if 0 < g < np.inf:
                         v = g * (v0 + inwards * _ratio(v0, v1) * v1)
                         yield v, Matrix(g * q[None])
@@ -88,15 +88,15 @@ def _ratio(v: Vector, inside: Vector) -> float:
     return float(size / unit) if size > 0 and unit > 0 and np.isfinite(size) else 1.0
 
 
-def _largest_share(p: System, v: Vector, q: Vector, r: Vector) -> float:
+def _largest_part(p: System, v: Vector, q: Vector, r: Vector) -> float:
     """The largest g with g (v'B - q'D) u_j <= r'u_j for all generators u_j."""
     rays = dense(p.U.exact_rays.values)
     need = rays @ (v @ dense(p.B.values) - q @ dense(p.D.values))
     have = rays @ r
     with np.errstate(all="ignore"):
-        shares = np.where(need > 0, have / need, np.where(have >= 0, np.inf, -np.inf))
-    share = float(shares.min())
-    return 1.0 if share == np.inf else share
+        parts = np.where(need > 0, have / need, np.where(have >= 0, np.inf, -np.inf))
+    part = float(parts.min())
+    return 1.0 if part == np.inf else part
 
 
 def _program(p: System, q: Vector, r: Vector | None, *, free_q: bool) -> tuple[Vector, Vector] | None:

@@ -189,10 +189,10 @@ def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400)
     """
     ahead = apply_loop(model, x) - rate * x
     if all(is_inside(model, part, dual=False, strict=False) for part in (x, ahead)):
-        return x  # rounding to shares would cost digits
-    shares = [_shares(s, part) for s, part in zip(model.stacks, model.split(x, 0), strict=True)]
+        return x  # rounding to weights would cost digits
+    weights = [_weights(s, part) for s, part in zip(model.stacks, model.split(x, 0), strict=True)]
     for _ in range(rounds):
-        x = model.join([_combined(s, a) for s, a in zip(model.stacks, shares, strict=True)], 0)
+        x = model.join([_combined(s, a) for s, a in zip(model.stacks, weights, strict=True)], 0)
         if not np.any(x):
             return None
         ahead = apply_loop(model, x) - rate * x
@@ -200,11 +200,11 @@ def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400)
         for g, (s, z) in enumerate(zip(model.stacks, model.split(ahead, 0), strict=True)):
             bad = ~(np.einsum("jn,kn->jk", z, s.X.facets) >= 0)
             if s.X.is_simplicial:
-                bad = bad[:, _opposite(s)] & (shares[g] > 0)
+                bad = bad[:, _opposite(s)] & (weights[g] > 0)
             else:
-                bad = bad.any(axis=1, keepdims=True) & shares[g].any(axis=1, keepdims=True)
+                bad = bad.any(axis=1, keepdims=True) & weights[g].any(axis=1, keepdims=True)
             if bad.any():
-                shares[g] = np.where(bad, 0.0, shares[g])
+                weights[g] = np.where(bad, 0.0, weights[g])
                 changed = True
         if not changed:
             return x
@@ -226,9 +226,9 @@ def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[F
             here, part = nearer, model.restrict(core)
             x = here.x / np.abs(here.x).max()
     unit = relative * max(abs(found.theta), 1e-300)
-    for state, shares in _sharper(part, here, x):
-        for share in shares:
-            rate = here.theta - share * unit
+    for state, distances in _sharper(part, here, x):
+        for distance in distances:
+            rate = here.theta - distance * unit
             kept = growing_part(part, state, rate)
             if kept is not None:
                 return kept if part is model else model.lifted(core, kept), rate
@@ -237,7 +237,7 @@ def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[F
 
 def _sharper(model: NetworkModel, here: Approach, x: Floats) -> Iterator[tuple[Floats, tuple[float, ...]]]:
     """x, then iterates without the interior point that `descend` mixes in, whose small entries are closer to those of
-    the eigenvector; each with the shares of the width to try.
+    the eigenvector; each with the distances to try, in widths.
     """
     yield x, (0.1, 0.5)
     best = x
@@ -257,7 +257,7 @@ def _opposite(s: NodeStack) -> Index:
     return np.argmin(s.X.incidence, axis=0)
 
 
-def _shares(s: NodeStack, x: Floats) -> Floats:
+def _weights(s: NodeStack, x: Floats) -> Floats:
     """Coefficients on the generators of a simplicial cone, rounded to 26 bits so that a part of x has no rounding
     errors on its face; x itself for other cones.
     """
@@ -265,13 +265,13 @@ def _shares(s: NodeStack, x: Floats) -> Floats:
         return x
     k = _opposite(s)
     scale = np.einsum("kn,kn->k", s.X.facets[k], s.X.rays)
-    share = np.maximum(np.einsum("jn,kn->jk", x, s.X.facets[k]) / scale, 0.0)
+    weight = np.maximum(np.einsum("jn,kn->jk", x, s.X.facets[k]) / scale, 0.0)
     if isinstance(s.X, Orthant):
-        return share
-    size = share.max(axis=1, keepdims=True, initial=0.0)
+        return weight
+    size = weight.max(axis=1, keepdims=True, initial=0.0)
     unit = np.ldexp(1.0, np.frexp(size)[1] - 26)
-    return np.floor(share / unit) * unit
+    return np.floor(weight / unit) * unit
 
 
-def _combined(s: NodeStack, shares: Floats) -> Floats:
-    return np.einsum("jk,kn->jn", shares, s.X.rays) if s.X.is_simplicial else shares
+def _combined(s: NodeStack, weights: Floats) -> Floats:
+    return np.einsum("jk,kn->jn", weights, s.X.rays) if s.X.is_simplicial else weights

@@ -212,14 +212,14 @@ def _loop_weights(network: NetworkPencil, t: Integers) -> LoopWeights:
     model, (W, factor) = network.model, network.W
     p = W.T.apply(t) * factor
     inner = model.join([np.tile(_row_sum(on.facets(s.Y)), (len(s), 1)) for s in model.stacks], 2)
-    share = Fraction(1)
+    part = Fraction(1)
     for s, p_g, e_g, t_g in zip(model.stacks, model.split(p, 2), model.split(inner, 2), model.split(t, 1), strict=True):
         D, rays = s.D.fractions(), s.rays[1]
         rows = rays.rows_as_integers(np.arange(rays.shape[0])).T
         spare = (t_g - (p_g[:, None, :] @ D)[:, 0]) @ rows
         cost = (e_g[:, None, :] @ D)[:, 0] @ rows
-        share = min([share, *(Fraction(a) / b for a, b in zip(spare.ravel(), cost.ravel(), strict=True) if b > 0)])
-    p = p + inner * share
+        part = min([part, *(Fraction(a) / b for a, b in zip(spare.ravel(), cost.ravel(), strict=True) if b > 0)])
+    p = p + inner * part
     size = 1 << bit_length(t)
     return Matrix.from_fractions(p / Fraction(size)), Matrix.over(t, size)
 

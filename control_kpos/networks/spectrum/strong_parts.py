@@ -67,8 +67,8 @@ class Parts:
             charged = self.between @ (weight[self.part[model.owners(1)]] * r)
             ratio = np.zeros(model.n_nodes)
             parts = zip(model.stacks, model.members, model.split(charged, 2), spare, model.split(e, 1), strict=True)
-            for s, index, h, slack, extra in parts:
-                own = np.einsum("jn,kn->jk", apply(s.C.values, h, transposed=True), s.X.rays) / slack
+            for s, index, h, spared, extra in parts:
+                own = np.einsum("jn,kn->jk", apply(s.C.values, h, transposed=True), s.X.rays) / spared
                 ratio[index] = 4 * own.max(axis=1)
                 if model.has_feedthrough:
                     through = np.einsum("jm,km->jk", apply(s.D.values, h, transposed=True), s.U.rays)
@@ -89,14 +89,14 @@ class Parts:
             return r, np.zeros_like(r)
         e = model.at_all([s.U.dual.interior_point for s in model.stacks], 1)
         cost = direct_loop(model).solve(e, True, 1e-12)
-        share = np.full(int(self.part.max()) + 1, np.inf)
+        part_of_all = np.full(int(self.part.max()) + 1, np.inf)
         heard = model.split(model.WT @ cost, 2)
-        for s, index, h, slack in zip(model.stacks, model.members, heard, spare, strict=True):
+        for s, index, h, spared in zip(model.stacks, model.members, heard, spare, strict=True):
             own = np.einsum("jn,kn->jk", apply(s.C.values, h, transposed=True), s.X.rays)
             with np.errstate(divide="ignore"):
-                ratio = np.where(own > 0, slack / (4 * own), np.inf).min(axis=1)
-            np.minimum.at(share, self.part[index], ratio)
-        e = np.minimum(share, 1.0)[self.part[model.owners(1)]] * e
+                ratio = np.where(own > 0, spared / (4 * own), np.inf).min(axis=1)
+            np.minimum.at(part_of_all, self.part[index], ratio)
+        e = np.minimum(part_of_all, 1.0)[self.part[model.owners(1)]] * e
         return direct_loop(model).solve(r + e, True, 1e-12), e
 
     def _levels(self) -> list[Index] | None:
