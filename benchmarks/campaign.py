@@ -42,8 +42,8 @@ from control_kpos import checker  # noqa: E402
 from control_kpos.exact import enclosure  # noqa: E402
 from control_kpos.exact import signs as exact  # noqa: E402
 from control_kpos.proof import certificate, inclusion  # noqa: E402
+from control_kpos.theorems import decay_rates, positivity, stability  # noqa: E402
 from control_kpos.theorems import growing_direction as growth  # noqa: E402
-from control_kpos.theorems import positivity, stability  # noqa: E402
 
 # Changes that prove the same: parts of their descriptions, and why.
 LARGER = "the bound becomes larger, so that more signs are left to integers"
@@ -246,7 +246,7 @@ def theorems(_, seed):
     found = []
     for module in (positivity, inclusion):
         found += changed_operators(module, tests, positive, POSITIVITY)
-    for module in (stability, growth, certificate):
+    for module in (stability, decay_rates, growth, certificate):
         found += changed_operators(module, ["tests/test_stability.py", "tests/test_generators.py"], stable, STABILITY)
     return found + changed_operators(
         sys.modules["control_kpos.theorems.dissipativity"], ["tests/test_dissipativity.py"], dissipative, DISSIPATIVITY

@@ -294,4 +294,5 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
 
 def proven_rate(certificate: Certificate, demanded: float | Fraction) -> float:
     """Decay rate of a certificate (of its slowest vertex), and that which was demanded and proven, rounded down."""
-    return max(float(getattr(certificate, "decay_rate", np.nan)), double_below(demanded))
+    rate = float(getattr(certificate, "decay_rate", np.nan))
+    return rate if rate >= demanded else double_below(demanded)

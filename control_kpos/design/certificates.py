@@ -20,8 +20,7 @@ from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, ClaimWithRate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
-from ..theorems.decay_rates import proven_rate
-from ..theorems.growing_direction import transposed_drift
+from ..theorems.decay_rates import proven_rate, transposed_drift
 from ..theorems.positivity import PositivityCertificate
 from ..theorems.stability import LyapunovCertificate
 from .plant import Floats, leading_sizes

@@ -20,7 +20,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
-from ..theorems.growing_direction import Rate, at_rate
+from ..theorems.decay_rates import Rate, at_rate
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
 from .model import NetworkModel
 from .nodes import NodeStack

@@ -8,21 +8,51 @@ to the side that is proven.
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 
 from ..cones import Cone
+from ..errors import DataError
 from ..exact.condition import Condition, all_hold
 from ..exact.matrix import Matrix, nearest_double
 from ..exact.signs import BilinearForms
 from ..exact.sparse_integers import SparseIntegers
 from .generator_coordinates import sparse_integers
-from .growing_direction import drift_forms, transposed_drift
 
+Rate: TypeAlias = float | Fraction
 SLOW, SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
 _SMALL = 64
 # Relative reductions tried until a decay rate is proven.
 _BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
+
+
+def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: Rate = 0.0) -> BilinearForms:
+    """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
+    if not np.isfinite(float(rate)):
+        raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
+    eye = Matrix.identity(A.shape[0], sparse=A.is_sparse)
+    rows, blocks = [v], [A]
+    if discrete:
+        rows, blocks = [*rows, v], [*blocks, -eye]
+    if rate:
+        row, block = at_rate(v, rate, eye)
+        rows, blocks = [*rows, row], [*blocks, block]
+    if len(blocks) == 1:
+        return BilinearForms(v, A, rays)
+    return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), rays)
+
+
+def at_rate(v: Matrix, rate: Rate, eye: Matrix) -> tuple[Matrix, Matrix]:
+    """rate v' as a product of two matrices, in doubles if the rate is one."""
+    if rate == float(rate):
+        return v, Matrix(eye.values * float(rate))
+    return Matrix.from_fractions(v.fractions() * rate), eye
+
+
+def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: Rate = 0.0) -> BilinearForms:
+    """h'A x + rate h'x for the facets h, with A - I for A in discrete time."""
+    return drift_forms(x, A.T, X.exact_facets, discrete, rate)
 
 
 def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:

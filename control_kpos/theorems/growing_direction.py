@@ -7,8 +7,6 @@ too many, nonnegative combinations of generators do.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
-from typing import TypeAlias
 
 import numpy as np
 
@@ -24,8 +22,7 @@ from ..proof.encoding import register_record
 from ..proof.inclusion import GeneratorProof
 from ..proof.portable_cones import own_generators
 from ..proof.proposed_weights import combinations
-
-Rate: TypeAlias = float | Fraction
+from .decay_rates import Rate, transposed_drift
 
 
 @register_record
@@ -80,34 +77,6 @@ class InstabilityCombination(InstabilityDirection):
 
 
 # -- inequalities
-
-
-def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: Rate = 0.0) -> BilinearForms:
-    """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
-    if not np.isfinite(float(rate)):
-        raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
-    eye = Matrix.identity(A.shape[0], sparse=A.is_sparse)
-    rows, blocks = [v], [A]
-    if discrete:
-        rows, blocks = [*rows, v], [*blocks, -eye]
-    if rate:
-        row, block = at_rate(v, rate, eye)
-        rows, blocks = [*rows, row], [*blocks, block]
-    if len(blocks) == 1:
-        return BilinearForms(v, A, rays)
-    return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), rays)
-
-
-def at_rate(v: Matrix, rate: Rate, eye: Matrix) -> tuple[Matrix, Matrix]:
-    """rate v' as a product of two matrices, in doubles if the rate is one."""
-    if rate == float(rate):
-        return v, Matrix(eye.values * float(rate))
-    return Matrix.from_fractions(v.fractions() * rate), eye
-
-
-def transposed_drift(x: Matrix, A: Matrix, X: Cone, discrete: bool, rate: Rate = 0.0) -> BilinearForms:
-    """h'A x + rate h'x for the facets h, with A - I for A in discrete time."""
-    return drift_forms(x, A.T, X.exact_facets, discrete, rate)
 
 
 def instability_conditions(A: Matrix, X: Cone, discrete: bool, w: InstabilityDirection) -> list[Condition]:

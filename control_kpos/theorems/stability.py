@@ -38,14 +38,13 @@ from ..proof.weights import (
     Prover,
     drift,
 )
-from .decay_rates import SLOW, SLOW_IN, proven_bound, proven_rate, slow_conditions
+from .decay_rates import SLOW, SLOW_IN, drift_forms, proven_bound, proven_rate, slow_conditions
 from .generator_coordinates import around_the_rate, decide_rate, decide_stability
 from .growing_direction import (
     InstabilityCombination,
     InstabilityDirection,
     SlowDirection,
     combination_conditions,
-    drift_forms,
     growing_combination,
     instability_conditions,
     moving_condition,
@@ -299,7 +298,7 @@ def lyapunov_on(
     first, again = tee(ScaledProblem.both(positivity.A, positivity.X, positivity.discrete))
     found = _by_doubles(positivity, first)
     found = _exactly(positivity) if found is None else found
-    return _fastest(found, again) if found and rate == "max" else found
+    return _fastest(found, again) if rate == "max" and found else found
 
 
 def _by_doubles(positivity: PositivityCertificate, problems: Iterable[ScaledProblem]) -> LyapunovCertificate | None:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ...exact.budget import spend
 from ...networks.model import NetworkModel
 from ...networks.nodes import NodeStack
-from ...theorems.growing_direction import Rate
+from ...theorems.decay_rates import Rate
 from ..plant import coordinates
 from ..running import Programs
 from ..simplicial.program import RatioProgram, stacked

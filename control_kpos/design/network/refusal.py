@@ -25,7 +25,7 @@ from ...networks.certify import violation
 from ...networks.model import NetworkModel
 from ...proof.certificate import Status
 from ...systems.system import System
-from ...theorems.growing_direction import Rate
+from ...theorems.decay_rates import Rate
 from ..accept import undecided
 from ..limits import proven_limit, refused_at
 from ..plant import Plant, read_plant

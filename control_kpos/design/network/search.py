@@ -35,7 +35,7 @@ from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
-from ...theorems.growing_direction import Rate
+from ...theorems.decay_rates import Rate
 from ..accept import proven_rate, undecided
 from ..actuator_loss import Demand, least_fractions, lifted
 from ..feedback import read_rate

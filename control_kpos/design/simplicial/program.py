@@ -23,7 +23,7 @@ from ...errors import DataError
 from ...exact.budget import affords, spend
 from ...exact.program import SMALL, Block, Program, Solver
 from ...exact.programs import Solution
-from ...theorems.growing_direction import Rate
+from ...theorems.decay_rates import Rate
 from ..plant import Floats, Plant
 from .inequalities import feedback_inequalities, gain_from_columns, output_rows, solved, split
 
