@@ -23,8 +23,10 @@ from ..cones import (
     product,
 )
 from ..errors import CertificateFileError, KposError
+from ..exact.condition import Condition
 from ..exact.linalg import echelon, solve_exactly
 from ..exact.matrix import Matrix
+from ..exact.signs import BilinearForms
 from .encoding import Written, exact_rows, nested_text
 
 Rationals = NDArray[np.object_]
@@ -147,7 +149,7 @@ def independent(exact_rays: Matrix, ints: NDArray[np.object_]) -> NDArray[np.int
 
 
 def decode_cone(runs: Any, limit: int) -> Cone:
-    """The inverse of `encode_cone`; the numbers w and Z are not needed here.
+    """The inverse of `encode_cone`; w shows that a cone is pointed, so that it need not be converted.
 
     Raises
     ------
@@ -168,6 +170,17 @@ def decode_cone(runs: Any, limit: int) -> Cone:
         key = str(part["rays"])
         if key not in known:
             known[key] = PolyhedralCone(exact_rows(part["rays"]))
-            known[key].require_proper("a cone")
+            if not _is_shown_proper(known[key], part):
+                known[key].require_proper("a cone")
         factors += [known[key]] * count
     return product(factors)
+
+
+def _is_shown_proper(cone: Cone, part: dict[str, Any]) -> bool:
+    """Whether w'x > 0 on all generators, which span the space; False if the file has no such w."""
+    if "w" not in part or len(part["w"]) != cone.dim:
+        return False
+    rays = given_generators(cone)
+    pointed = Condition("w'x > 0", BilinearForms(exact_rows([part["w"]]), None, rays), ">")
+    spanning = independent(rays, rays.rows_as_integers(np.arange(rays.shape[0])))
+    return pointed.verdict() is True and len(spanning) == cone.dim
