@@ -12,14 +12,13 @@ In discrete time A - I takes the place of A.  A "no" has a witness too: some x i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from itertools import tee
-from operator import itemgetter
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -295,10 +294,13 @@ def lyapunov_on(
         return LyapunovCertificate.settle(positivity=positivity, witness=positivity.witness)
     if not positivity:
         return LyapunovCertificate.settle(positivity=positivity)
-    first, again = tee(ScaledProblem.both(positivity.A, positivity.X, positivity.discrete))
-    found = _by_doubles(positivity, first)
+    first, *again = tee(ScaledProblem.both(positivity.A, positivity.X, positivity.discrete), 3)
+    fastest = _fastest(positivity, first) if rate == "max" else None
+    if fastest is not None:
+        return fastest
+    found = _by_doubles(positivity, again[0])
     found = _exactly(positivity) if found is None else found
-    return _fastest(found, again) if rate == "max" and found else found
+    return _fastest(positivity, again[1], found) or found if rate == "max" and found else found
 
 
 def _by_doubles(positivity: PositivityCertificate, problems: Iterable[ScaledProblem]) -> LyapunovCertificate | None:
@@ -361,30 +363,52 @@ def by_vector(positivity: PositivityCertificate, v: Matrix, **more: Any) -> Lyap
     return LyapunovCertificate.settle(positivity=positivity, v=v, decay_rate=rate, **more)
 
 
-def _fastest(found: LyapunovCertificate, problems: Iterable[ScaledProblem]) -> LyapunovCertificate:
-    """The same with the v of the largest rate found, and the x of the smallest bound."""
-    p, best, slow = found.positivity, (found.decay_rate, exactly(found, "v")), (float("inf"), None)
-    for lefts, rights in _perron_vectors(p, problems):
-        proven = [(proven_rate(v[None], p.A, p.X.exact_rays, p.discrete), v) for v in lefts if _is_lyapunov(v[None], p)]
-        best = max([best, *proven], key=itemgetter(0))
-        for x in rights if proven and p.generator_proof is None else ():
-            bound = proven_bound(p.A, p.X, p.discrete, x[None])
-            slow = slow if bound is None else min(slow, (bound, x), key=itemgetter(0))
-            if slow[0] <= best[0] * (1 + _TIGHT):
-                break
-        if slow[0] <= best[0] * (1 + _CLOSE_ENOUGH) or (proven and p.generator_proof is not None):
-            break
-    return by_vector(p, best[1], decay_rate_bound=slow[0], slow_direction=slow[1])
+def _fastest(
+    p: PositivityCertificate, problems: Iterable[ScaledProblem], found: LyapunovCertificate | None = None
+) -> LyapunovCertificate | None:
+    """The v of the largest rate, and the x of the smallest bound, close to the Perron vectors; None without a v.
 
-
-def _perron_vectors(
-    p: PositivityCertificate, problems: Iterable[ScaledProblem]
-) -> Iterator[tuple[Iterable[Matrix], Iterable[Matrix]]]:
-    """Candidates for v and x, at first close to the Perron vectors: by doubles, then exact at rates beside them."""
+    By doubles, then exact at rates beside them, if stability is proven.
+    """
+    best = _Best() if found is None else _Best(found.decay_rate, exactly(found, "v"))
     for problem in problems:
-        yield map(Matrix, problem.left_perron_vectors()), problem.right_perron_vectors()
-    exact = {stable: [_scaled(found)] for stable, found in around_the_rate(p.A, p.X, p.discrete).items()}
-    yield exact.get(True, []), exact.get(False, [])
+        best = _improved(p, best, map(Matrix, problem.left_perron_vectors()), problem.right_perron_vectors())
+        if best.is_closed:
+            break
+    else:
+        if best.v is None:
+            return None
+        exact = {stable: [_scaled(vector)] for stable, vector in around_the_rate(p.A, p.X, p.discrete).items()}
+        best = _improved(p, best, exact.get(True, []), exact.get(False, []))
+    return None if best.v is None else by_vector(p, best.v, decay_rate_bound=best.bound, slow_direction=best.x)
+
+
+class _Best(NamedTuple):
+    """The largest rate with its v, and the smallest bound with its x."""
+
+    rate: float = 0.0
+    v: Matrix | None = None
+    bound: float = float("inf")
+    x: Matrix | None = None
+    is_closed: bool = False
+
+
+def _improved(p: PositivityCertificate, best: _Best, lefts: Iterable[Matrix], rights: Iterable[Matrix]) -> _Best:
+    """The best of what was known and of some more vectors."""
+    proven = [v for v in lefts if _is_lyapunov(v[None], p)]
+    for v in proven:
+        rate = proven_rate(v[None], p.A, p.X.exact_rays, p.discrete)
+        if best.v is None or rate > best.rate:
+            best = best._replace(rate=rate, v=v)
+    if p.generator_proof is not None:
+        return best._replace(is_closed=bool(proven))
+    for x in rights if proven else ():
+        bound = proven_bound(p.A, p.X, p.discrete, x[None])
+        if bound is not None and bound < best.bound:
+            best = best._replace(bound=bound, x=x)
+        if best.bound <= best.rate * (1 + _TIGHT):
+            break
+    return best._replace(is_closed=best.bound <= best.rate * (1 + _CLOSE_ENOUGH))
 
 
 def _at_rate(positivity: PositivityCertificate, rate: Fraction) -> LyapunovCertificate:
