@@ -84,3 +84,10 @@ def test_beside_the_rate_on_a_cone_with_many_facets(seed):
     for ahead in (-1e-12, 0, 1e-30, 1e-18, 1e-12, 1e-3):
         certificate = kp.linear_lyapunov(A.tolist(), X, rate=rate * (1 + Fraction(ahead)))
         assert certificate.status is (kp.Status.REFUTED if ahead > 0 else kp.Status.PROVED) and certificate.check()
+
+
+@pytest.mark.parametrize("entries", [[[-5e-324, 0], [5e-324, -5e-324]], [[-5e-324]], [[-1e-310, 0], [1e-312, -3e-310]]])
+def test_the_smallest_doubles_have_a_largest_rate(entries):
+    """Steps between shifts do not vanish."""
+    c = kp.linear_lyapunov(entries, kp.orthant(len(entries)), rate="max")
+    assert c and c.check() and 0 <= c.decay_rate <= -entries[0][0] <= c.decay_rate_bound

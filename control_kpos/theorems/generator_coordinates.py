@@ -21,6 +21,7 @@ from ..cones.polyhedral import has_open_facets
 from ..cones.product import ProductCone
 from ..errors import TooLargeError
 from ..exact.matrix import Index, Integers, Matrix, integers_of_doubles
+from ..exact.rounding import SMALLEST_NORMAL
 from ..exact.sparse_integers import SparseIntegers, mantissas
 from ..proof.portable_cones import opposite_facets
 from .perron_pair import Cones, Decision, Memory, decide, strong_parts
@@ -211,7 +212,7 @@ def _proposals(
     pencil: Pencil, ends: dict[bool, tuple[float, Decision]], about: float, width: float, size: float
 ) -> Iterator[float]:
     """Shifts to decide: beside the estimate, outwards, beside the quotient of the vectors of both sides, and halves."""
-    step = max(0.4 * width, _ESTIMATE * size)
+    step = max(0.4 * width, _ESTIMATE * size, SMALLEST_NORMAL)  # steps of 0 would never end
     limit = _FARTHEST * max(abs(about) + size, step)
     while not ends and step < limit:
         yield about + step
