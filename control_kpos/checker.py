@@ -1096,7 +1096,9 @@ def gain_bound(e: Said, limit: int) -> None:
     X, bound = cone(e["X"], limit), doubles(e["bound"])
     F = given(e["F"], len(bound), X.dim)
     need(all(b >= 0 for b in bound), "a bound is not negative")
-    need(all(abs(a) <= bound[i] * size(e, x) for x in X.rays for i, a in image(F, x).items()), "|F x| <= bound")
+    for x in X.rays:
+        most = size(e, x)
+        need(all(abs(a) <= bound[i] * most for i, a in image(F, x).items()), "|F x| <= bound")
 
 
 def feedback(e: Said, limit: int) -> None:
@@ -1125,8 +1127,12 @@ def any_size(e: Said, limit: int) -> None:
 
 
 def not_any_size(e: Said, limit: int) -> None:
-    """`local`, the network of one node of each type with W = diag(weight K), is refuted, by the same witness."""
+    """`local`, the network of one node of each type with W = diag(weight K), is refuted, by the same witness.
+
+    It is not positive or not stable: that it is not dissipative for some supplies says nothing about others.
+    """
     data, _ = self_loops(e, limit, "REFUTED")
+    need(data["witness"]["record"] not in ("NodeNotDissipative", "NoWeights"), "whatever the supplies")
     need(e.get("witness") in (None, data["witness"]), "the witness is that of the self-loops")
 
 
@@ -1136,6 +1142,7 @@ def self_loops(e: Said, limit: int, status: str) -> tuple[Json, int]:
     need(local["claim"] == "network" and local["status"] == status, "the self-loops decide")
     verify(local, limit)
     data, weight, (m, n) = local["data"], numbers(e["weight"])[0], (len(link), len(link[0]))
+    need("own_links_closed" not in data, "W are links of the network")
     count = cone(data["Y"], limit).dim // n
     K, W = matrix({"matrix": link}, m, n), matrix(data["W"], count * m, count * n)
     loops = [{j * m + i: weight * a for i, a in column.items() if weight} for j in range(count) for column in K]

@@ -208,6 +208,9 @@ CERTIFICATES = {
     "cone with ports": ports,
     "cone and vector for a family": lambda: kp.find_cone(FAMILY).certificate,
     "feedback, gain bound": lambda: designed(gain_bound=[100.0]),
+    "feedback, gain bound of no gain": lambda: (
+        kp.state_feedback(kp.ConeStateSpace([[-1, 0], [0, -2]], [[1], [0]], [[1, 0]], 0), gain_bound=1).certificate
+    ),
     "feedback, common vector": lambda: designed(vertices=two_vertices()),
     "feedback, disturbance gain": lambda: designed(gain_bound=[50.0], disturbance=([[0], [1]], [[1, 0]])),
     "Jacobians, common vector": lambda: kp.differential_positivity(FAMILY, kp.orthant(2)),

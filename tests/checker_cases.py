@@ -275,6 +275,8 @@ BY_HAND = {
     "bound less at generators as they stand": (leading(16, "1/16", leading=False), "WRONG"),
     "bound just above an eighth": (leading(9, "0x1.dp-4"), "PROVED"),
     "bound at who knows what": (leading(9, 1, leading="yes"), "UNREADABLE"),
+    "no gain at who knows what": (leading(9, 1, leading="yes", F={"matrix": [[0, 0]]}), "UNREADABLE"),
+    "no gain at leading entries": (leading(9, 0, F={"matrix": [[0, 0]]}), "PROVED"),
     "disturbance gain": (scalar("disturbance gain"), "PROVED"),
     "disturbance gain of another supply": (scalar("disturbance gain", q=-2, r=2, v=2), "WRONG"),
     "disturbance gains, the same": (two_inputs(["1/3", "1/3"]), "PROVED"),

@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 import certified
+import checker_claims
 import checker_pieces
 import pytest
 import tampering
@@ -21,7 +22,7 @@ from control_kpos.errors import CertificateFileError
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
-HAND = BY_HAND | checker_pieces.CASES
+HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES
 
 
 @pytest.fixture(scope="module")

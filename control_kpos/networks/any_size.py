@@ -44,6 +44,7 @@ from .model import NetworkModel, gather
 from .network import ConeNetwork
 from .nodes import NodeStack
 from .spectrum.port_solves import PortSystem
+from .witnesses import NodeNotDissipative, NoWeights
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -110,6 +111,8 @@ class OutWeightCertificate(Certificate):
         return [Condition("t = a r, a >= 0", BilinearForms(apart[None], None, Matrix.identity(apart.shape[0])), "==")]
 
     def refutation(self) -> Sequence[Condition] | None:
+        if isinstance(self.local.witness, (NodeNotDissipative, NoWeights)):
+            return None  # only about these supplies
         refuted = self.local.status is Status.REFUTED and self._proves_loops
         return self.local._own_conditions if refuted else None
 
@@ -355,7 +358,7 @@ def scale_free_certificate(
         local = certify_as_given(model)
     else:
         local = certify_rates_as_given(model, Matrix.from_fractions(np.full(count, -bound)), Matrix(np.ones(count)))
-        if not local and bound > 0:
+        if not local:
             whole = certify_as_given(model)
             local = whole if whole.status is Status.REFUTED else local
     return OutWeightCertificate.settle(local=local, weight=_plain(bound), link=_plain(shape), witness=local.witness)
