@@ -1300,6 +1300,7 @@ def main(path: str | Path) -> int:
         expect(Path(path).is_file(), "it is not a regular file, or does not exist")
         text = Path(path).read_text(encoding="utf-8")
         c = json.loads(text, parse_float=whole, parse_constant=whole, parse_int=whole, object_pairs_hook=unique)
+        json.dumps(c, ensure_ascii=False).encode()  # refuses halves of pairs of characters, which nobody could print
         expect(c["format"] == "kpos-certificate/1" and c.keys() <= KEYS, "of another format")
         data = json.dumps(c["data"], sort_keys=True, separators=(",", ":"))
         digest = "sha256:" + hashlib.sha256(data.encode()).hexdigest()

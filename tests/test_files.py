@@ -309,3 +309,87 @@ def test_cones_that_are_read_as_others_give_equal_certificates(X, tmp_path):
     certificate = kp.linear_lyapunov(-np.eye(X.dim), X)
     certificate.save(tmp_path / "c.json")
     assert load_certificate(tmp_path / "c.json") == certificate
+
+
+def changed_by(name, change, path):
+    """A saved certificate in which a function changed the content."""
+    EVERY[name]().save(path)
+    content = json.loads(path.read_text())
+    change(content)
+    path.write_text(json.dumps(tampering.redigested(content)))
+
+
+def at(*path):
+    """What sets the entry at a path below `data`."""
+    *inner, value = path
+
+    def change(content):
+        tampering.at(content["data"], inner[:-1])[inner[-1]] = value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("stable, tightest rate", at("decay_rate_bound", {"fraction": "2"})),
+        ("stable", at("decay_rate", {"array": [1]})),
+        ("stable, at a rate", at("required_rate", {"double": (0.25).hex()})),
+        ("dissipative", at("decay_rate", {"array": [1]})),
+        ("network", at("decay_rate", {"fraction": "1/3"})),
+        ("network, unstable", at("witness", "fields", "rate", {"array": [0]})),
+        ("bracket", at("lower", {"array": [-2]})),
+        ("bracket", at("upper", {"fraction": "-1"})),
+        ("any number of nodes, exact link", at("weight", {"array": [1]})),
+        ("not any feedback", at("rate", {"array": [0]})),
+        ("not positive", at("witness", "fields", "ray", {"double": 1})),
+        ("stable", at("v", "more", 1)),
+        ("network, discrete", at("dt", {"double": "inf"})),
+        ("network, discrete", at("dt", {"double": "nan"})),
+    ],
+)
+def test_numbers_of_another_kind_are_refused(name, change, tmp_path, capsys):
+    changed_by(name, change, tmp_path / "c.json")
+    with pytest.raises(CertificateFileError):
+        load_certificate(tmp_path / "c.json")
+    assert main(["check", str(tmp_path / "c.json")]) == 2
+    assert capsys.readouterr().out.startswith("UNREADABLE")
+
+
+@pytest.mark.parametrize("path", [("claim",), ("status",), ("proof", "omitted"), ("data", "decay_rate", "double")])
+def test_half_characters_are_refused_in_words(path, tmp_path, capsys):
+    EVERY["stable"]().save(tmp_path / "c.json")
+    content = json.loads((tmp_path / "c.json").read_text())
+    tampering.at(content, path[:-1])[path[-1]] = "\ud800"
+    refused(tmp_path / "c.json", json.dumps(tampering.redigested(content)))
+    assert main(["check", str(tmp_path / "c.json")]) == 2
+    capsys.readouterr().out.encode()
+
+
+def test_characters_outside_of_the_first_plane_stay(tmp_path):
+    nodes = [kp.ConeStateSpace([[-1]], [[1]], [[1]], 0, name=name) for name in ("\U0001f600", "é")]
+    certificate = kp.feedback_interconnect(nodes, [[0, 0], [0, 0]]).certificate
+    certificate.save(tmp_path / "c.json")
+    assert load_certificate(tmp_path / "c.json") == certificate and checker.main(tmp_path / "c.json") == 0
+
+
+@pytest.mark.parametrize("rate", ["inf", "nan"])
+def test_what_is_read_as_undecided_can_be_saved_again(rate, tmp_path):
+    def forged(content):
+        content["status"] = "UNDECIDED"
+        content["data"]["witness"]["fields"]["rate"] = {"double": rate}
+
+    changed_by("network, unstable", forged, tmp_path / "c.json")
+    certificate = load_certificate(tmp_path / "c.json")
+    assert certificate.status is kp.Status.UNDECIDED
+    certificate.save(tmp_path / "c.json")
+    assert checker.main(tmp_path / "c.json") == 1
+
+
+def test_underflow_is_no_error_in_files(tmp_path):
+    with np.errstate(all="raise"):
+        X = kp.PolyhedralCone([[1, 1, 1], [1, -1, 2.0**-1074], [-1, 1, 1], [-1, -1, 1]])
+        certificate = kp.linear_lyapunov(np.diag([-1, -1, 0.5]), X)
+        certificate.save(tmp_path / "c.json")
+        again = load_certificate(tmp_path / "c.json")
+        assert again == certificate and again.check() and again.status is kp.Status.REFUTED

@@ -71,7 +71,7 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
             raise DataError("no node has a link to itself that could be closed.")
         return closed
     dt = contents["dt"]
-    if dt is not None and not (isinstance(dt, (bool, int, float)) and dt >= 0):
+    if dt is not None and not (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf):
         raise DataError("dt is not a time base.")
     if any(
         not ((part >= 0) & (part < 2**31) & (part == np.round(part))).all()

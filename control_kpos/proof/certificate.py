@@ -213,7 +213,7 @@ class Certificate(ABC):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "claim" in cls.__dict__:
-            register_claim(cls.claim, cls.restore)
+            register_claim(cls)
 
     @classmethod
     @np.errstate(all="ignore")
@@ -303,6 +303,7 @@ class Certificate(ABC):
         except (ValueError, TypeError, IndexError, AttributeError, ArithmeticError):
             return False  # data that do not even fit together prove nothing
 
+    @np.errstate(all="ignore")
     def save(self, path: str | PathLike[str]) -> None:
         """Write the certificate (format ``kpos-certificate/1``); see `load_certificate`.
 
@@ -323,6 +324,8 @@ class Certificate(ABC):
         dict
             Empty if the data suffice; {"omitted": reason} if the claim cannot be checked without the package.
         """
+        if self.status is Status.UNDECIDED:
+            return {"omitted": "nothing is proven"}
         try:
             return self.evidence()
         except ProofOmittedError as reason:
@@ -335,6 +338,7 @@ class Certificate(ABC):
     def __bool__(self) -> bool:
         return self.status is Status.PROVED
 
+    @np.errstate(all="ignore")
     def __eq__(self, other: object) -> bool:
         """True if both are of one kind and state the same about the same numbers, as files hold them."""
         if self is other or type(self) is not type(other):

@@ -28,6 +28,24 @@ _SHORT_DECIMAL = 10**15
 _DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{0,30}))?p([+-][0-9]{1,4})")
 _TEXT = re.compile(r"-?([0-9]{1,4000}(\.[0-9]{1,4000}|/[0-9]{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
 
+# Keys of the objects that stand for a value.
+_OBJECTS = [
+    *({key} for key in ("double", "fraction", "fractions", "array", "tuple", "matrix", "cone", "certificate")),
+    {"sparse", "shape"},
+    {"record", "fields"},
+]
+# What stands in fields that are no matrices, vectors or cones, by their annotations.
+_KINDS: dict[Any, tuple[type, ...]] = {
+    "float": (float,),
+    "Fraction": (Fraction,),
+    "float | Fraction": (float, Fraction),
+    "Rate": (float, Fraction),
+    "Fraction | None": (Fraction,),
+    "int": (int,),
+    "bool": (bool,),
+    "str": (str,),
+}
+
 _records: dict[str, type] = {}
 
 T = TypeVar("T")
@@ -187,6 +205,8 @@ class Decoder:
             if isinstance(value, list):
                 raise CertificateFileError("a bare list has no meaning here.")
             return value
+        if set(value) not in _OBJECTS:
+            raise CertificateFileError(f"an object with the keys {sorted(value)} has no meaning here.")
         if "double" in value:
             return _special_double(value["double"])
         if "fraction" in value:
@@ -203,10 +223,10 @@ class Decoder:
             return self.decode_cone(value["cone"], self.limit)
         if "certificate" in value:
             return self.decode_claim(value["certificate"], self)
-        if "record" in value:
-            content = {key: self.value(item) for key, item in value["fields"].items()}
-            return _records[value["record"]](**content)
-        raise CertificateFileError(f"an object with the keys {sorted(value)} has no meaning here.")
+        content = {key: self.value(item) for key, item in value["fields"].items()}
+        kind = _records[value["record"]]
+        require_kinds(kind, content)
+        return kind(**content)
 
     def _array(self, entries: Any) -> NDArray[np.float64]:
         if isinstance(entries, np.ndarray):
@@ -248,6 +268,17 @@ class Decoder:
         if out.nnz != len(data):
             raise CertificateFileError("a sparse matrix has an entry twice.")
         return Matrix(out)
+
+
+def require_kinds(cls: Any, values: dict[str, Any]) -> None:
+    """Refuse numbers, marks and text of another kind than the fields of a dataclass that they are for.
+
+    A number that is stated as a double is read as one, and as nothing else.
+    """
+    for field in fields(cls):
+        kinds, value = _KINDS.get(field.type), values.get(field.name, field.default)
+        if kinds and value is not field.default and type(value) not in kinds:
+            raise CertificateFileError(f"{field.name} is {str(value)[:60]!r}, which is of another kind ({field.type}).")
 
 
 def exact_rows(rows: Any) -> Matrix:

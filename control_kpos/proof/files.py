@@ -15,11 +15,12 @@ import os
 import secrets
 import stat
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from os import PathLike
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from ..cones.hull import ALLOWANCE, Allowance
 from ..errors import (
@@ -36,7 +37,7 @@ from .archive import (
     read_archive,
     write_archive,
 )
-from .encoding import Decoder, Encoder
+from .encoding import Decoder, Encoder, require_kinds
 from .portable_cones import decode_cone, encode_cone
 
 FORMAT = "kpos-certificate/1"
@@ -51,12 +52,12 @@ _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data",
 # Folders imported on demand; they register their claims when they are.
 _FOLDERS_WITH_CLAIMS = tuple(f"control_kpos.{name}" for name in ("networks", "design", "find", "nonlinear"))
 
-_restorers: dict[str, Callable[[dict[str, Any]], Any]] = {}
+_restorers: dict[str, Any] = {}
 
 
-def register_claim(claim: str, restore: Callable[[dict[str, Any]], Any]) -> None:
-    """Let `restore` rebuild certificates of a claim from the data in their file."""
-    _restorers[claim] = restore
+def register_claim(kind: Any) -> None:
+    """Let a class of certificates rebuild those of its claim from the data in their file."""
+    _restorers[kind.claim] = kind
 
 
 def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
@@ -89,6 +90,7 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
         raise
 
 
+@np.errstate(all="ignore")
 def load_certificate(path: str | PathLike[str], *, trusted: bool = False) -> Any:
     """Read a certificate and recompute its verdict from the data in the file.
 
@@ -189,9 +191,12 @@ def require_regular(path: str | PathLike[str]) -> None:
 
 def _parse(text: str) -> Any:
     try:
-        return json.loads(
+        content = json.loads(
             text, parse_float=_refuse, parse_constant=_refuse, parse_int=_short_integer, object_pairs_hook=_unique
         )
+        if "\\u" in text:  # half of a pair of characters is no text: nobody could print it
+            json.dumps(content, ensure_ascii=False).encode()
+        return content
     except CertificateFileError:
         raise
     except (json.JSONDecodeError, RecursionError, ValueError, MemoryError) as error:
@@ -278,7 +283,9 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
     for name, value in data.items():
         if type(value) in (int, str) and name not in _BARE:
             raise CertificateFileError(f"{name} is {str(value)[:60]!r}, which has no meaning there.")
-    certificate = _restorers[claim]({key: decoder.value(value) for key, value in data.items()})
+    contents = {key: decoder.value(value) for key, value in data.items()}
+    require_kinds(_restorers[claim], contents)
+    certificate = _restorers[claim].restore(contents)
     if certificate.status.name != content["status"]:
         raise FalseClaimError(
             f"the file says {str(content['status'])[:60]}, but its data give {certificate.status.name} for {claim!r}."
