@@ -32,10 +32,13 @@ from .theorems.stability import LyapunovCertificate, linear_lyapunov
 if TYPE_CHECKING:
     from .design import (
         DesignResult,
+        OptimalCostCertificate,
+        OptimalFeedback,
         Tradeoff,
         gain_rate_tradeoff,
         network_feedback,
         observer_gain,
+        optimal_feedback,
         output_feedback,
         scale_free_feedback,
         state_feedback,
@@ -90,6 +93,8 @@ __all__ = [
     "NodeNotDissipative",
     "NodeViolation",
     "NotProperConeError",
+    "OptimalCostCertificate",
+    "OptimalFeedback",
     "OutWeightCertificate",
     "PlaneViolation",
     "PolyhedralCone",
@@ -118,6 +123,7 @@ __all__ = [
     "lorentz",
     "network_feedback",
     "observer_gain",
+    "optimal_feedback",
     "orthant",
     "output_feedback",
     "phase_portrait",
@@ -140,8 +146,8 @@ _ON_DEMAND = {
     name: room
     for room, names in {
         ".design": (
-            "DesignResult Tradeoff gain_rate_tradeoff network_feedback observer_gain output_feedback "
-            "scale_free_feedback state_feedback"
+            "DesignResult OptimalCostCertificate OptimalFeedback Tradeoff gain_rate_tradeoff network_feedback "
+            "observer_gain optimal_feedback output_feedback scale_free_feedback state_feedback"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

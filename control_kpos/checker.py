@@ -1150,6 +1150,117 @@ def self_loops(e: Said, limit: int, status: str) -> tuple[Json, int]:
     return data, count
 
 
+# -- linear cost
+
+CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
+
+
+@dataclass
+class LinearCost:
+    """x' = A x + B mu with the cost s'x + r'mu; every column i of B belongs to a block g = owner[i] with a row l_g.
+
+    Kinds of blocks: a CONTROL |mu_i| <= l'x; a GROUP mu >= 0, 1'mu <= l'x; the same with equality, SHARED; a
+    DISTURBANCE |w_j| <= l'x that maximises.  m_g(y) is the best of sum_i y_i mu_i over the block for l_g'x = 1.  With
+    the discount beta, or rho in continuous time, A' p - rho p and B'p stand for beta A'p - p and beta B'p below.
+    """
+
+    A: Matrix
+    B: Matrix
+    limits: Matrix
+    X: Cone
+    s: Vector
+    r: Vector
+    kinds: list[int]
+    owner: list[int]
+    beta: Fraction
+    rho: Fraction
+
+
+def best(c: LinearCost, g: int, y: Vector) -> Fraction:
+    """m_g(y)."""
+    mine = [y.get(i, Fraction(0)) for i, block in enumerate(c.owner) if block == g]
+    if c.kinds[g] in (CONTROL, DISTURBANCE):
+        return abs(mine[0]) if c.kinds[g] == DISTURBANCE else -abs(mine[0])
+    return min(mine) if c.kinds[g] == SHARED else min(Fraction(0), *mine)
+
+
+def pushed(c: LinearCost, y: Vector, policy: list[Fraction] | None = None) -> Vector:
+    """sum_g m_g(y) l_g; with a policy, what it makes of the controls in the place of the best."""
+    out = {g: best(c, g, y) for g in range(len(c.kinds))}
+    if policy is not None:
+        out = {g: a for g, a in out.items() if c.kinds[g] == DISTURBANCE}
+        for i, g in enumerate(c.owner):
+            if c.kinds[g] != DISTURBANCE:
+                out[g] = out.get(g, Fraction(0)) + policy[i] * y.get(i, Fraction(0))
+    return pullback({g: a for g, a in out.items() if a}, c.limits)
+
+
+def residual(c: LinearCost, p: Vector, policy: list[Fraction] | None = None, *, costs: int = 1) -> Vector:
+    """D(p) = s + A'p - rho p + sum_g m_g(r + B'p) l_g; without costs s = 0 and r = 0."""
+    y = total((costs, c.r), (c.beta, pullback(p, c.B)))
+    moved = total((c.beta, pullback(p, c.A)), (-c.rho, p))
+    return total((costs, c.s), (1, moved), (1, pushed(c, y, policy)))
+
+
+def linear_cost(e: Said, limit: int) -> LinearCost:
+    """The data, with  l_g'x >= 0,  s'x + r'mu > 0,  and A x + B mu in X, for all admissible mu and x in X.
+
+    On the facets h of a simplicial cone: h'A x + sum_g m_g(B'h) l_g'x >= 0, disturbances counted as controls; in
+    continuous time if h'x = 0.
+    """
+    X, discrete = cone(e["X"], limit), e["discrete"]
+    kinds, owner = ([index(k) for k in e[name]["tuple"]] for name in ("kinds", "owner"))
+    alone = {CONTROL, DISTURBANCE}
+    need(set(owner) == set(range(len(kinds))) and max(kinds, default=0) <= DISTURBANCE, "blocks and their kinds")
+    need(all(owner.count(g) == 1 for g, kind in enumerate(kinds) if kind in alone), "blocks of one column")
+    expect(type(discrete) is bool, "discrete is neither true nor false")
+    (discount,) = numbers(e["discount"])
+    need(0 < discount <= 1 if discrete else discount >= 0, "a discount")
+    A, B, L = given(e["A"], X.dim, X.dim), given(e["B"], X.dim, len(owner)), given(e["limits"], len(kinds), X.dim)
+    s, r = (
+        {i: x[0] for i, x in enumerate(given(e[name], 1, size)) if x}
+        for name, size in (("s", X.dim), ("r", len(owner)))
+    )
+    need(all(kinds[owner[i]] != DISTURBANCE for i in r), "a disturbance costs nothing")
+    out = LinearCost(
+        A, B, L, X, s, r, kinds, owner, *((discount, Fraction(1)) if discrete else (Fraction(1), discount))
+    )
+    need(all(above(pullback({g: Fraction(1)}, L), X) for g in range(len(kinds))), "l'x >= 0")
+    need(all(dot(total((1, s), (1, pushed(out, r))), x) > 0 for x in X.rays), "s'x + r'mu > 0")
+    expect(len(X.rays) == X.dim, "invariance under all inputs is checked on simplicial cones")
+    tamed = replace(out, kinds=[CONTROL if kind == DISTURBANCE else kind for kind in kinds])
+    for j, h in enumerate(X.inverse):  # the facets
+        kept = total((1, pullback(h, A)), (1, pushed(tamed, pullback(h, B))))
+        need(all(dot(kept, x) >= 0 for k, x in enumerate(X.rays) if discrete or k != j), "A x + B mu in X")
+    return out
+
+
+def optimal_cost(e: Said, limit: int) -> None:
+    """lower'x <= the optimal cost from x <= the cost of the policy <= upper'x on X.
+
+    upper'x >= 0,  D(upper)'x <= 0 for the policy,  D(lower)'x >= 0.  mu_i = policy_i l_g'x is admissible.
+    """
+    c = linear_cost(e, limit)
+    policy, (lower, upper) = numbers(e["policy"]), (entries(doubles(e[name]), c.X.dim) for name in ("lower", "upper"))
+    need(len(policy) == len(c.owner) and all(a in (-1, 0, 1) for a in policy), "a policy")
+    for g, kind in enumerate(c.kinds):
+        mine = [a for a, block in zip(policy, c.owner, strict=True) if block == g]
+        need(kind in (CONTROL, DISTURBANCE) or min(mine) >= 0, "mu >= 0 in a group")
+        need(kind in (CONTROL, DISTURBANCE) or sum(mine) <= 1, "1'mu <= l'x")
+        need(kind != SHARED or sum(mine) == 1, "1'mu = l'x")
+    need(above(upper, c.X), "upper'x >= 0")
+    need(above(total((-1, residual(c, upper, policy))), c.X), "D(upper)'x <= 0")
+    need(above(residual(c, lower), c.X), "D(lower)'x >= 0")
+
+
+def infinite_cost(e: Said, limit: int) -> None:
+    """No policy has a finite cost from inside X: d'x >= 0, not always 0, and D(d)'x >= 0 without costs."""
+    c, (_, w) = linear_cost(e, limit), record(e, "witness", "GrowingCost")
+    d = entries(doubles(w["d"]), c.X.dim)
+    need(above(d, c.X) and bool(d), "d'x >= 0")
+    need(above(residual(c, d, costs=0), c.X), "d'x does not fall")
+
+
 # -- files
 
 PROOFS: dict[str, Callable[[System, Said], str | None]] = {
@@ -1196,6 +1307,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("invariant-cone", "REFUTED"): no_cone,
     ("feedback exists", "REFUTED"): no_feedback,
     ("invariant gain exists", "REFUTED"): no_invariant_gain,
+    ("optimal cost", "PROVED"): optimal_cost,
+    ("optimal cost", "REFUTED"): infinite_cost,
 }
 
 

@@ -120,6 +120,14 @@ def at_a_third(discrete=False):
     return kp.network_feedback([third(discrete)] * 2, [[0, 0.25], [0.25, 0]], rate="1/3").certificate
 
 
+def optimal(A=None, B=None, s=(3, 1), r=None, limits=((2, 1),), X=PAPER, discrete=None, **more):
+    A, B = A or [["0.7", "0.1"], ["-0.2", "0.3"]], B or [[0], ["0.2"]]
+    discrete = A[0][0] in (2, "0.7") if discrete is None else discrete
+    X = None if discrete is False or "discount" in more else X
+    plant = kp.ConeStateSpace(A, B, np.eye(2), 0 * np.ones(np.shape(B)), discrete, X=X)
+    return kp.optimal_feedback(plant, s, ["0.1"] * len(B[0]) if r is None else r, limits, **more)
+
+
 CERTIFICATES = {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
     "positive, decimals": lambda: kp.state_positivity([[0, 1], ["-21.3", "-12.9"]], PAPER),
@@ -252,6 +260,24 @@ CERTIFICATES = {
     "any number of nodes, paper": lambda: kp.scale_free_certificate(kp.examples.mass_spring_node(), weight=21),
     "any number of nodes, at a rate": lambda: kp.scale_free_feedback(third(), 1, rate="1/3").certificate,
     "any number of nodes, not stable": lambda: kp.scale_free_certificate(node(-2), weight=3),
+    "optimal cost": lambda: optimal().certificate,
+    "optimal cost, continuous, with a discount": lambda: (
+        optimal(
+            [["-1/3", 0.5], [0.25, -2]], [[0.125], [-0.25]], s=["1/3", 1], limits=[["1/7", 0.5]], discount="1/3"
+        ).certificate
+    ),
+    "optimal cost, groups and a disturbance": lambda: (
+        optimal(
+            [["1/2", "1/4"], [0, "1/4"]],
+            [[0, -0.125], [0.25, 0]],
+            X=None,
+            r=[1, "-1/3"],
+            groups=[[0, 1]],
+            disturbance=([["1/7"], [0]], [[0.5, 0]]),
+            discrete=True,
+        ).certificate
+    ),
+    "optimal cost, not finite": lambda: optimal([[2, 0], [0, 0.5]], [[0.5], [0]], limits=[[1, 0]], X=None).certificate,
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
     "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,
     "not any cone, beside": lambda: kp.find_cone([["1/3", 1, 0], [-1, "1/3", 0], [0, 0, "1/3"]]).certificate,

@@ -143,6 +143,23 @@ CALLS |= {  # design
         {"sys": OUTPUT_PLANT, **DEMANDS, "X": X2, "structure": None, "vertices": None, "ports": False},
     ),
     "observer_gain": (kp.observer_gain, {"sys": OUTPUT_PLANT, **DEMANDS, "X": X2}),
+    "optimal_feedback": (
+        kp.optimal_feedback,
+        {
+            "sys": SIMPLE,
+            "s": [2],
+            "r": [1],
+            "limits": [[0.5]],
+            "X": None,
+            "controls": [[1]],
+            "groups": [[0]],
+            "use_all": False,
+            "disturbance": ([[1]], [[0.25]]),
+            "discount": 0.5,
+            "time_limit": 2.0,
+            "progress": None,
+        },
+    ),
     "network_feedback": (
         kp.network_feedback,
         {

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import certified
 import checker_claims
+import checker_costs
 import checker_pieces
 import pytest
 import tampering
@@ -22,7 +23,7 @@ from control_kpos.errors import CertificateFileError
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
-HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES
+HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS
 
 
 @pytest.fixture(scope="module")

@@ -50,6 +50,10 @@ def gain_of(**data):
     return kp.induced_gain(**data)
 
 
+def best(**changes):
+    return kp.optimal_feedback(**{"sys": plant([[-1]]), "s": [1], "r": [0], "limits": [[0.125]]} | changes).certificate
+
+
 def closed(design):
     return design.certificate.loops[0] if hasattr(design.certificate, "loops") else design.certificate
 
@@ -209,6 +213,19 @@ EXACT = {
             True,
         ),
     },
+    "optimal_feedback": {
+        "sys": lambda: (best(sys=plant([["-1/3"]])).A, [[-THIRD]]),
+        "s": lambda: (best(s=["1/3"]).s, SIDES),
+        "r": lambda: (best(r=["1/3"]).r, SIDES),
+        "limits": lambda: (best(limits=[["1/3"]]).limits, SIDES),
+        "X": lambda: (
+            best(sys=kp.ConeStateSpace(MINUS, TWO, TWO, 0), s=[1, 1], r=[0, 0], limits=[[0, 0]] * 2, X=CONE).X,
+            SAME,
+        ),
+        "disturbance": lambda: (best(disturbance=([["1/9"]], SIDE)).limits, [[Fraction(1, 8)], [THIRD]]),
+        "discount": lambda: (best(discount="1/3").discount, THIRD),
+        "controls": lambda: (best(controls=SIDE).B, SIDES),
+    },
     "gain_rate_tradeoff": {
         "rates": lambda: (kp.gain_rate_tradeoff(THIRDS, ["1/3"], certify=True).designs[0].weakened_rate, THIRD)
     },
@@ -365,10 +382,20 @@ for _method in ("gain", "linearize", "sample"):  # the same for networks
 # Arguments that are no data: what they are.
 NO_DATA = {
     "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"},
-    "yes or no": {"discrete", "uniform", "ports", "strict", "inverse", "trusted", "certify", "dominant_direction"}
+    "yes or no": {
+        "discrete",
+        "uniform",
+        "ports",
+        "strict",
+        "inverse",
+        "trusted",
+        "certify",
+        "dominant_direction",
+        "use_all",
+    }
     | {"show_legend", "warn_infinite", "use_prefix_suffix", "states"},
     "whole numbers": {"n", "nu", "ny", "k", "max_rays", "seed", "restarts", "pieces", "refine", "node", "types"}
-    | {"facets", "n_nodes", "degree"},
+    | {"facets", "n_nodes", "degree", "groups"},
     "seconds, and who hears of them": {"time_limit", "progress"},
     "signals by place or name": {"inputs", "outputs"},
     "a timebase, which python-control keeps in doubles": {"dt"},

@@ -3,15 +3,20 @@
 from .feedback import observer_gain, output_feedback, state_feedback
 from .network.scale_free import scale_free_feedback
 from .network.search import network_feedback
+from .optimal.certificate import OptimalCostCertificate
+from .optimal.search import OptimalFeedback, optimal_feedback
 from .result import DesignResult
 from .tradeoff import Tradeoff, gain_rate_tradeoff
 
 __all__ = [
     "DesignResult",
+    "OptimalCostCertificate",
+    "OptimalFeedback",
     "Tradeoff",
     "gain_rate_tradeoff",
     "network_feedback",
     "observer_gain",
+    "optimal_feedback",
     "output_feedback",
     "scale_free_feedback",
     "state_feedback",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -18,6 +18,7 @@ from ..exact.budget import OutOfBudgetError, begin, budget, ended_by, reason, se
 from ..exact.intake import seconds
 from ..exact.programs import Solution, failure, guarded, program_effort, solve, vetted
 from ..progress import Reporter, Target
+from ..proof.answer import Answer
 from ..proof.certificate import Status
 from .result import DesignResult
 
@@ -35,6 +36,7 @@ EFFORT = {
 _INTERIOR_EFFORT = 3e3
 
 SolverChoice = str | Callable[..., Any] | None
+A = TypeVar("A", bound=Answer)
 
 
 def operations(what: str, time_limit: float | None) -> float:
@@ -48,12 +50,13 @@ def operations(what: str, time_limit: float | None) -> float:
 
 def within(
     time_limit: float | None,
-    design: Callable[[Programs], DesignResult],
+    design: Callable[[Programs], A],
     what: str = "one system",
     *,
+    answer: type[A] = DesignResult,
     solver: SolverChoice = None,
     progress: Target = False,
-) -> DesignResult:
+) -> A:
     """The design; UNDECIDED, with a word about it, if the limit ends it or floating point fails.
 
     Parameters
@@ -65,6 +68,8 @@ def within(
         of doubles does not converge.  Numbers that overflow are candidates without proof, not worth a warning.
     what : str
         Key of `EFFORT`.
+    answer : type
+        Of the result.
     solver, progress
         As in `state_feedback`.
     """
@@ -75,10 +80,10 @@ def within(
                 result = design(Programs(solver, report))
         except OutOfBudgetError:
             message = f"{reason()} ended the design, or does not allow its next step."
-            return DesignResult(status=Status.UNDECIDED, message=message)
+            return answer(status=Status.UNDECIDED, message=message)
         except np.linalg.LinAlgError as error:
             message = f"floating point fails on these numbers ({error}); choose other units, or a less flat cone."
-            return DesignResult(status=Status.UNDECIDED, message=message)
+            return answer(status=Status.UNDECIDED, message=message)
         limit = ended_by()
         if result.status is Status.UNDECIDED and limit and limit not in result.message:
             return replace(result, message=f"{result.message.rstrip('.')}; {limit} ended the design.")

@@ -1,0 +1,1 @@
+"""Optimal control with linear cost under limits that grow with the state."""

@@ -1,0 +1,187 @@
+"""Policies for linear cost, in floating point: policy iteration, and the linear program.
+
+For fixed coefficients c of the columns the closed loop is A_c = A + B diag(c) L with L the limits of their blocks, and
+p solves s + L'(c r) + (A_c - I)'p = 0.  The next c are those that reach m_g(r + B'p).  From a stable policy every next
+one is stable, p decreases, and a p that comes back is optimal; p lies in int X* if and only if A_c is stable, so that
+every solve checks itself.  A problem with a strong discount has a stable policy always: from there the discount is
+taken back step by step.  Against disturbances every step of the controls is followed by steps of the disturbance, in
+which p rises (Hoffman and Karp 1966).  Nothing here is trusted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...exact.budget import spend
+from ...exact.matrix import Matrix
+from ...exact.program import Block, Program, Solver
+from .problem import CONTROL, DISTURBANCE, GROUP, Floats, Index, LinearCost
+
+# Policies tried for one discount, and discounts; sizes of r + B'p below which both signs are as good.
+_STEPS, _DISCOUNTS, _TIES = 100, 60, 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A policy and its cost.
+
+    Attributes
+    ----------
+    policy : ndarray of int, shape (m,)
+    p : ndarray, shape (n,)
+    steps : int
+        Linear systems solved.
+    """
+
+    policy: Index
+    p: Floats
+    steps: int
+
+
+class Policies:
+    """Policy iteration for a problem.
+
+    Parameters
+    ----------
+    problem : LinearCost
+    """
+
+    def __init__(self, problem: LinearCost) -> None:
+        self.problem, self.rays = problem, np.asarray(problem.X.rays, dtype=float)
+        self.steps = 0
+        drift, B = problem.discounted
+        self.drift, self.B = np.asarray(drift.values), np.asarray(B.values)
+        self.s, self.r = problem.s.values[0], problem.r.values[0]
+        self.limits = np.asarray(problem.limits.values)[problem.owner]
+        self.disturbed = problem.kinds[problem.owner] == DISTURBANCE
+
+    def optimal(self) -> Found | None:
+        """A policy that no other one betters, as computed; None if none with a finite cost was found."""
+        start = self._stable_policy()
+        return None if start is None else self._improved(*start, 0.0)
+
+    def cost(self, policy: Index, brake: float = 0.0) -> Floats | None:
+        """p of a policy for x' = (A - brake I) x + ...; None if its closed loop is not stable."""
+        n = len(self.s)
+        spend(n**3 / 10 + 1e4)
+        self.steps += 1
+        loop = self.drift + self.B @ (policy[:, None] * self.limits) - brake * np.eye(n)
+        try:
+            p = np.linalg.solve(loop.T, -(self.s + (policy * self.r) @ self.limits))
+        except np.linalg.LinAlgError:
+            return None
+        return p if np.isfinite(p).all() and (self.rays @ p > 0).all() else None
+
+    def worst(self, policy: Index, brake: float = 0.0) -> tuple[Index, Floats] | None:
+        """The policy against the disturbance that costs most, and its p, which rises from one to the next."""
+        p = self.cost(policy, brake)
+        for _ in range(_STEPS if self.disturbed.any() else 0):
+            if p is None:
+                return None
+            wanted = np.where(self.disturbed, self._wanted(p), policy)
+            # what is as bad as before stays
+            wanted = np.where(self.disturbed & (wanted == 0), policy, wanted)
+            if (wanted == policy).all():
+                break
+            policy, p = wanted, self.cost(wanted, brake)
+        return None if p is None else (policy, p)
+
+    def _wanted(self, p: Floats) -> Index:
+        """What reaches m_g(r + B'p), with 0 for ties."""
+        y, size = self.r + p @ self.B, np.abs(self.r) + np.abs(p) @ np.abs(self.B)
+        return self.problem.policy(np.where(np.abs(y) > _TIES * size, y, 0.0))
+
+    def _improved(self, policy: Index, p: Floats, brake: float) -> Found:
+        """Policy iteration from a stable policy."""
+        kind = self.problem.kinds[self.problem.owner]
+        for _ in range(_STEPS):
+            wanted = self._wanted(p)
+            # what is as good as before stays
+            better = np.where(self.disturbed | ((wanted == 0) & (kind == CONTROL)), policy, wanted)
+            if (better == policy).all():
+                break
+            found = self.worst(better, brake)
+            if found is None or not (self.rays @ (found[1] - p) < 1e-12 * np.abs(self.rays) @ np.abs(p)).any():
+                break
+            policy, p = found
+        return Found(policy, p, self.steps)
+
+    def _stable_policy(self) -> tuple[Index, Floats] | None:
+        """A policy of finite cost: one of two simple ones, or by discounts that are taken back."""
+        greedy = self.problem.policy(self.problem.X.facets.sum(axis=0) @ self.B)
+        for start in (self.problem.policy(np.zeros(len(self.r))), greedy):
+            found = self.worst(start)
+            if found is not None:
+                return found
+        acting = float(np.abs(self.B).sum() * np.abs(self.limits).max(initial=0.0))
+        brake = 2 * (float(np.abs(self.drift).sum(axis=1).max()) + acting)
+        found = self.worst(greedy, brake)
+        for _ in range(_DISCOUNTS):
+            if found is None:
+                return None
+            here = self._improved(*found, brake)
+            free = self.worst(here.policy)
+            if free is not None:
+                return free
+            brake, found = self._weaker(here.policy, brake)
+        return None
+
+    def _weaker(self, policy: Index, brake: float) -> tuple[float, tuple[Index, Floats] | None]:
+        """The weakest of several brakes under which the policy is stable."""
+        for part in (0.5, 0.8, 0.95, 0.99):
+            found = self.worst(policy, part * brake)
+            if found is not None:
+                return part * brake, found
+        return brake, None
+
+
+def by_linear_program(problem: LinearCost, lp: Solver) -> Floats | None:
+    """p of max p'x0 subject to D(p) in X*, x0 in int X; None if it has no finite optimum."""
+    program, inside = _program(problem, "p", 0.0), np.asarray(problem.X.rays, dtype=float).sum(axis=0)
+    if program is None:
+        return None
+    program.below(0.0, p=-inside[None, :], value=-np.ones((1, 1)))  # value is at least -p'x0
+    answer = program.solve(lp)
+    return answer["p"] if answer else None
+
+
+def growing_vector(problem: LinearCost, lp: Solver) -> Floats | None:
+    """d in X* with d'x on average 1 that does not fall, as far as possible; None if there seems to be none."""
+    zeros = {name: Matrix.zeros(*getattr(problem, name).shape) for name in ("s", "r")}
+    program, rays = _program(replace(problem, **zeros), "d", -1.0), np.asarray(problem.X.rays, dtype=float)
+    if program is None:
+        return None
+    program.below(0.0, d=-rays)
+    program.equal(1.0, d=rays.mean(axis=0)[None, :])
+    answer = program.solve(lp)
+    return answer["d"] if answer else None
+
+
+def _program(problem: LinearCost, name: str, spared: float) -> Program | None:
+    """D(p)'x + spared value >= 0 on the generators x with m_g(r + B'p) as variables, and the value to be minimised.
+
+    None with disturbances, for which D is not concave.
+    """
+    if (problem.kinds == DISTURBANCE).any():
+        return None
+    rays, (drift, B) = np.asarray(problem.X.rays, dtype=float), problem.discounted
+    blocks, kind = len(problem.kinds), problem.kinds[problem.owner]
+    free = {"low": -np.inf}
+    program = Program(
+        **{name: Block(rays.shape[1], **free)}, best=Block(blocks, **free), value=Block(1, cost=1.0, **free)
+    )
+    seen = rays @ np.asarray(problem.limits.values).T
+    program.below(
+        rays @ problem.s.values[0],
+        **{name: -rays @ np.asarray(drift.values).T},
+        best=-seen,
+        value=np.full(len(rays), spared),
+    )
+    owned = np.eye(blocks)[problem.owner]
+    columns, r, both = np.asarray(B.values).T, problem.r.values[0], kind == CONTROL
+    program.below(r, **{name: -columns}, best=owned)
+    program.below(-r[both], **{name: columns[both]}, best=owned[both])
+    program.below(0.0, best=np.eye(blocks)[problem.kinds == GROUP])
+    return program

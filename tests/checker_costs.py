@@ -1,0 +1,121 @@
+"""Tiny certificate files by hand about optimal costs, true and just not true."""
+
+from checker_cases import HALF, double
+
+
+def cheapest(A=0, B=1, *, s=2, r=1, limits=1, kinds=0, discrete=True, discount=1, status="PROVED", **answer):
+    """x+ = A x + B mu on the half-line with one block; p = (s - |r + B p| l) + A p."""
+    columns = B if isinstance(B, list) else [B]
+    costs = r if isinstance(r, list) else [r]
+    data = {name: {"matrix": [row]} for name, row in (("A", [A]), ("B", columns), ("s", [s]), ("r", costs))}
+    data |= {"limits": {"matrix": [[limits]]}, "X": HALF, "discrete": discrete, "discount": {"fraction": discount}}
+    data |= {"owner": {"tuple": [0] * len(columns)}, "kinds": {"tuple": [kinds]}, "witness": None}
+    if status == "PROVED":
+        policy, low, high = answer["policy"], answer["low"], answer["high"]
+        data |= {"policy": {"tuple": policy}} | {
+            k: {"array": [double(x)]} for k, x in (("lower", low), ("upper", high))
+        }
+    else:
+        fields = {"d": {"array": [double(answer["d"])]}}
+        data |= {"witness": {"record": "GrowingCost", "fields": fields}} | dict.fromkeys(("policy", "lower", "upper"))
+    return {"claim": "optimal cost", "status": status, "data": data | answer.get("more", {}), "proof": {}}
+
+
+def two_states(A, low=0, high=4, owner=(0, 1), *, discrete=True):
+    """Two controlled states, with limits of a quarter of the first and of the second."""
+    plane = {"cone": [[2, HALF["cone"][0][1]]]}
+    data = {"A": {"matrix": A}, "B": {"matrix": [[1, 0], [0, 1]]}, "s": {"matrix": [[1, 1]]}, "r": {"matrix": [[0, 0]]}}
+    data |= {"limits": {"matrix": [["1/4", 0], [0, "1/4"]]}, "X": plane, "witness": None, "discrete": discrete}
+    data |= {"owner": {"tuple": list(owner)}, "kinds": {"tuple": [0, 0]}, "policy": {"tuple": [-1, -1]}}
+    data |= {"discount": {"fraction": int(discrete)}}
+    data |= {name: {"array": [double(x), double(x)]} for name, x in (("lower", low), ("upper", high))}
+    return {"claim": "optimal cost", "status": "PROVED", "data": data, "proof": {}}
+
+
+COSTS = {
+    "optimal cost": (cheapest(1, "1/2", policy=[-1], low=2, high=2), "PROVED"),
+    "optimal cost, wide": (cheapest(1, "1/2", policy=[-1], low=1, high=3), "PROVED"),
+    "optimal cost, lower too high": (cheapest(1, "1/2", policy=[-1], low=3, high=3), "WRONG"),
+    "optimal cost, upper too low": (cheapest(1, "1/2", policy=[-1], low=1, high=1), "WRONG"),
+    "optimal cost, dear policy": (cheapest(1, "1/2", policy=[1], low=2, high=2), "WRONG"),
+    "optimal cost, policy beyond its limit": (cheapest(1, "1/2", policy=[-2], low=1, high=2), "WRONG"),
+    "optimal cost, half a policy": (cheapest(1, "1/2", policy=["-1/2"], low=1, high=8), "WRONG"),
+    "optimal cost, policy of two": (cheapest(1, "1/2", policy=[-1, 0], low=2, high=2), "WRONG"),
+    "optimal cost, negative limit": (cheapest(1, "1/2", limits=-1, policy=[-1], low=0, high=8), "WRONG"),
+    "optimal cost, just inside": (cheapest("1/2", "1/2", policy=[-1], low=1, high=1), "PROVED"),
+    "optimal cost, out of the cone": (cheapest("1/4", "1/2", policy=[-1], low=0, high=1), "WRONG"),
+    "optimal cost, a stage for nothing": (cheapest(1, "1/2", s=1, policy=[-1], low=0, high=0), "WRONG"),
+    "optimal cost, upper below 0": (cheapest(1, "1/2", policy=[1], low=-6, high=-6), "WRONG"),
+    "optimal cost, upper 0": (cheapest(1, 0, s=2, r=2, limits=1, policy=[-1], low=0, high=0), "WRONG"),
+    "optimal cost, continuous": (
+        cheapest(-1, policy=[-1], low="1/2", high="1/2", discrete=False, discount=0),
+        "PROVED",
+    ),
+    "optimal cost, rate": (cheapest(-1, s=4, policy=[-1], low=1, high=1, discrete=False, discount=1), "PROVED"),
+    "optimal cost, rate below 0": (
+        cheapest(-3, s=4, policy=[-1], low=1, high=1, discrete=False, discount=-1),
+        "WRONG",
+    ),
+    "optimal cost, factor": (cheapest(1, "1/2", s="5/2", discount="1/2", policy=[-1], low=2, high=2), "PROVED"),
+    "optimal cost, factor 0": (cheapest(1, "1/2", discount=0, policy=[-1], low=0, high=8), "WRONG"),
+    "optimal cost, factor above 1": (cheapest(1, "1/2", s=8, discount=2, policy=[-1], low=0, high=64), "WRONG"),
+    "optimal cost, factor above 1, cheap": (cheapest("1/4", "1/4", discount=2, policy=[-1], low=0, high=8), "WRONG"),
+    "optimal cost, time unknown": (cheapest(1, "1/2", policy=[-1], low=2, high=2, discrete=1), "UNREADABLE"),
+    "optimal cost, group": (cheapest(1, "-1/2", kinds=1, policy=[1], low=6, high=6), "PROVED"),
+    "optimal cost, group idle": (cheapest("1/2", "-1/4", kinds=1, policy=[0], low=4, high=4), "PROVED"),
+    "optimal cost, group below 0": (cheapest(1, "-1/2", r=3, kinds=1, policy=[-1], low=0, high=0), "WRONG"),
+    "optimal cost, group of two": (
+        cheapest(1, ["-1/4", "-1/4"], r=[1, 1], kinds=1, policy=[0, 1], low=12, high=12),
+        "PROVED",
+    ),
+    "optimal cost, group twice": (
+        cheapest(1, ["-1/4", "-1/4"], r=[1, 1], kinds=1, policy=[1, 1], low=0, high=8),
+        "WRONG",
+    ),
+    "optimal cost, group all used": (cheapest("1/2", "-1/4", kinds=2, policy=[1], low=4, high=4), "PROVED"),
+    "optimal cost, a dear group used": (
+        cheapest("1/2", "-1/4", s=3, r=3, kinds=2, policy=[1], low=8, high=8),
+        "PROVED",
+    ),
+    "optimal cost, group not all used": (cheapest("1/2", "-1/4", kinds=2, policy=[0], low=4, high=4), "WRONG"),
+    "optimal cost, disturbance": (cheapest("1/2", "1/4", r=0, kinds=3, policy=[0], low=8, high=8), "PROVED"),
+    "optimal cost, disturbance ignored": (cheapest("1/2", "1/4", r=0, kinds=3, policy=[-1], low=4, high=4), "WRONG"),
+    "optimal cost, disturbance with a price": (cheapest("1/2", "1/4", kinds=3, policy=[0], low=0, high=64), "WRONG"),
+    "optimal cost, disturbed out": (cheapest("1/8", "1/4", r=0, kinds=3, policy=[0], low=0, high=4), "WRONG"),
+    "optimal cost, unknown kind": (cheapest(1, "1/2", kinds=4, policy=[-1], low=2, high=2), "WRONG"),
+    "optimal cost, a block too far": (
+        cheapest(1, "1/2", policy=[-1], low=2, high=2, more={"owner": {"tuple": [1]}}),
+        "WRONG",
+    ),
+    "optimal cost, two controls in a block": (
+        cheapest(1, ["1/4", "1/4"], r=[0, 0], policy=[-1, -1], low=0, high=8),
+        "WRONG",
+    ),
+    "optimal cost, a block without columns": (
+        cheapest(
+            1,
+            "1/2",
+            policy=[-1],
+            low=2,
+            high=2,
+            more={"kinds": {"tuple": [0, 1]}, "limits": {"matrix": [[1], [0]]}},
+        ),
+        "WRONG",
+    ),
+    "optimal cost, two states": (two_states([["1/2", "1/4"], ["1/4", "1/2"]], 2, 2), "PROVED"),
+    "optimal cost, two limits": (two_states([["1/2", "1/8"], ["1/4", "1/2"]]), "PROVED"),
+    "optimal cost, limits of the other": (two_states([["1/2", "1/8"], ["1/4", "1/2"]], owner=(1, 0)), "WRONG"),
+    "optimal cost, two states in continuous time": (
+        two_states([[-2, "1/4"], ["1/4", -2]], owner=(1, 0), discrete=False),
+        "PROVED",
+    ),
+    "optimal cost, pushed out in continuous time": (
+        two_states([[-2, "1/8"], ["1/4", -2]], owner=(1, 0), discrete=False),
+        "WRONG",
+    ),
+    "no finite cost": (cheapest(2, "1/2", status="REFUTED", d=1), "REFUTED"),
+    "no finite cost, just": (cheapest("3/2", "1/2", status="REFUTED", d=1), "REFUTED"),
+    "a finite cost": (cheapest("5/4", "1/2", status="REFUTED", d=1), "WRONG"),
+    "no finite cost, no vector": (cheapest(2, "1/2", status="REFUTED", d=0), "WRONG"),
+    "no finite cost, vector outside": (cheapest(0, 0, status="REFUTED", d=-1), "WRONG"),
+}
