@@ -1102,12 +1102,52 @@ def gain_bound(e: Said, limit: int) -> None:
 
 
 def feedback(e: Said, limit: int) -> None:
-    """One gain does all that was asked: every part is PROVED, by a proof of its own."""
-    loops, others = (e[k]["tuple"] for k in ("loops", "others"))
+    """One gain does all that was asked: every part is PROVED, by a proof of its own, see `together`."""
+    loops, others = ([part["certificate"] for part in e[k]["tuple"]] for k in ("loops", "others"))
     need(len(loops) > 0, "there is a closed loop")
+    for part in loops:
+        need(part["claim"] == "stable", "closed loops are stable")
     for part in loops + others:
-        need(part["certificate"]["status"] == "PROVED", "all parts are proved")
-        verify(part["certificate"], limit // len(loops + others))
+        need(part["status"] == "PROVED", "all parts are proved")
+        verify(part, limit // len(loops + others))
+    X = cone(loops[0]["data"]["X"], limit)
+    closed = [given(loop["data"]["A"], X.dim, X.dim) for loop in loops]
+    for part in loops + others:
+        together(part, X, closed, loops[0]["data"]["discrete"], limit)
+
+
+def together(part: Json, X: Cone, closed: list[Matrix], discrete: bool, limit: int) -> None:
+    """A part is about X and the time of the closed loops, or a bound on the gain at the generators of X.
+
+    What is `positive` is one of them with ports.  In a `common vector` are the transposed of all, and in a
+    `disturbance gain` those of one, on the dual cone: nonnegative on X, and if X has n generators, each of them on one.
+    """
+    claim, data = part["claim"], part["data"]
+    need(claim in ("stable", "positive", "gain bound", "common vector", "disturbance gain"), "it is about a gain")
+    own = cone(data["X"], limit)
+    need(claim == "gain bound" or data["discrete"] == discrete, "all parts are about one time")
+    if claim in ("stable", "positive", "gain bound"):
+        need(directions(own) == directions(X), "all parts are about one cone")
+        need(claim != "positive" or given(data["A"], X.dim, X.dim) in closed, "the ports are those of a closed loop")
+        return
+    need(own.dim == X.dim and all(above(f, X) for f in own.rays), "the dual cone is nonnegative on the cone")
+    edges = len(X.rays) > X.dim or all(len(pullback(f, X.rays)) == 1 for f in own.rays)
+    need(edges, "the dual cone is the whole of it")
+    turned = [transposed(A) for A in closed]
+    if claim == "common vector":
+        need([given(A, X.dim, X.dim) for A in data["A"]["tuple"]] == turned, "all closed loops have the vector")
+    else:
+        need(given(data["A"], X.dim, X.dim) in turned, "the gain is that of a closed loop")
+
+
+def directions(C: Cone) -> list[list[tuple[int, Fraction]]]:
+    """The generators, whatever their lengths and their order."""
+    return sorted(sorted(total((1 / sum(sizes(x).values(), Fraction(0)), x)).items()) for x in C.rays)
+
+
+def transposed(M: Matrix) -> Matrix:
+    """M' of a square matrix."""
+    return [{j: column[i] for j, column in enumerate(M) if i in column} for i in range(len(M))]
 
 
 def any_size(e: Said, limit: int) -> None:
@@ -1312,6 +1352,10 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
 }
 
 
+NETWORKS = ("network", "network abscissa")
+# Entries that mean something in some claims only.
+BELONGS = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
+BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
 PROOF = {*"PNLKM", *("normal", "member", "z", "d", "G"), *(f"w{name}" for name in "xuyzsbWC")}
 KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
@@ -1325,6 +1369,8 @@ def verify(c: Json, limit: int) -> str:
     need((claim, status) in ALONE or claim in (PROOFS if status == "PROVED" else REFUTATIONS), "nothing shows this")
     e = Said({name: proof[name] for name in PROOF & proof.keys()} | c["data"])
     e.seen |= PROOF - c["data"].keys()
+    strange = [name for name, claims in BELONGS.items() if e.get(name) is not None and claim not in claims]
+    need(not strange, f"{', '.join(strange)} can say nothing here")
     note = None
     if (claim, status) in ALONE:
         ALONE[claim, status](e, limit)
@@ -1387,7 +1433,7 @@ def family(claim: str, e: Said, limit: int) -> list[System]:
     """The systems that the data are about: one, or those of a family."""
     expect(e.get("source", "vertices") in ("vertices", "enclosed", "sampled"), "the source is unknown")
     cones = [cone(e.get(name), limit) for name in "XUY"]
-    if claim in ("network", "network abscissa"):
+    if claim in NETWORKS:
         repeated(e, cones, limit)
     members = e["A"]["tuple"] if "tuple" in e["A"] else [e["A"]]
     radii = e["radii"]["tuple"] if "radii" in e else [None] * len(members)

@@ -157,9 +157,10 @@ def two_nodes(q, r, y):
     return with_nodes(out, [1, 1, 1], [1, 1, 1])
 
 
-def feedback(*parts, status="PROVED"):
-    loops = {"tuple": [{"certificate": part} for part in parts]}
-    return {"claim": "feedback", "status": status, "data": {"loops": loops, "others": {"tuple": []}}, "proof": {}}
+def feedback(*loops, status="PROVED", others=()):
+    kinds = {"loops": loops, "others": others}
+    data = {name: {"tuple": [{"certificate": part} for part in parts]} for name, parts in kinds.items()}
+    return {"claim": "feedback", "status": status, "data": data, "proof": {}}
 
 
 def bound(F, b, status="PROVED"):
@@ -367,7 +368,7 @@ BY_HAND = {
     "one node in excess, one at rest": (two_nodes([0, -1], [1, 1], [1, 0]), "REFUTED"),
     "one node in excess, one in need": (two_nodes([-1, -1], [1, 1], [1, 0]), "WRONG"),
     "no supply rate": (scalar("dissipative", q=None), "UNREADABLE"),
-    "all parts": (feedback(scalar("stable"), scalar("positive")), "PROVED"),
+    "all parts": (feedback(scalar("stable"), others=[scalar("positive")]), "PROVED"),
     "a part that is not": (feedback(scalar("stable"), scalar("stable", A=1)), "WRONG"),
     "a part refuted": (feedback(scalar("stable"), scalar("stable", "REFUTED", A=0, **direction(1))), "WRONG"),
     "all parts, refuted": (feedback(scalar("stable"), status="REFUTED"), "WRONG"),

@@ -1,7 +1,9 @@
 """Tiny certificate files by hand about parts that do not belong together, and about claims that are not theirs."""
 
-from checker_cases import moved, scalar, surplus, with_nodes
-from checker_pieces import any_number
+from fractions import Fraction
+
+from checker_cases import bound, changed, common, family, feedback, moved, scalar, surplus, with_nodes
+from checker_pieces import PLANE, TOP, WEDGE, any_number, plane
 
 
 def two_ways(closed):
@@ -16,10 +18,91 @@ def refuted(W, **more):
     return any_number(scalar("network", "REFUTED", W=W, **more), W, status="REFUTED")
 
 
+def loop(X=PLANE, claim="stable", **data):
+    """x' = -2 x in the plane, on a cone."""
+    out = plane([[-2, 0], [0, -2]], X, claim, **({"v": {"array": [1, 0]}} if claim == "stable" else {}) | data)
+    count = len(X["cone"][0][1]["rays"])
+    return out | {"proof": {"P": {"matrix": [[-2 * (i == j) for j in range(count)] for i in range(count)]}}}
+
+
+def vector(X=WEDGE, A=-2, count=1, **data):
+    """The common vector (1, 0) of x' = A x on the dual of a cone."""
+    out = loop(X, "common vector", v={"array": [1, 0]}, **data)
+    P = {"matrix": [[A * (i == j) for j in range(len(out["proof"]["P"]["matrix"]))] for i in range(2)]}
+    return changed(out, A={"tuple": [{"matrix": [[A, 0], [0, A]]}] * count}) | {"proof": {"P": [P] * count}}
+
+
+def beside(*others, loops=None):
+    return feedback(*([loop(WEDGE)] if loops is None else loops), others=others)
+
+
+def wedge_bound(a, b):
+    """No gain on the wedge between (a, -b) and (a, b)."""
+    out = bound([0], [0])
+    Z = [[str(Fraction(1, 2 * a)), str(Fraction(-1, 2 * b))], [str(Fraction(1, 2 * a)), str(Fraction(1, 2 * b))]]
+    return changed(out, X={"cone": [[1, {"rays": [[a, -b], [a, b]], "w": [1, 0], "Z": Z}]]}, F={"matrix": [[0, 0]]})
+
+
+STEP = scalar("stable", A="1/2", discrete=True)
+BOUND = {"radii": {"tuple": [{"array": [[1]]}]}}
+SHEAR = {"matrix": [[-2, 1], [0, -2]]}
+TURNED = {"matrix": [[-2, 0], [1, -2]]}
+NARROW = {"cone": [[1, {"rays": [[2, 1], [2, -1]], "w": [1, 0], "Z": [["1/4", "1/2"], ["1/4", "-1/2"]]}]]}
+WIDE = {"cone": [[1, {"rays": [[1, 2], [1, -2]], "w": [1, 0], "Z": [["1/2", "1/4"], ["1/2", "-1/4"]]}]]}
+LINE = scalar("stable")
+
+# A' is in the file of the vector
+SHEARED = changed(loop(), A=TURNED, v={"array": [2, 1]}) | {"proof": {"P": None}}
+COVERED = (("stable", None), ("positive", None), ("dissipative", None), ("network", 1))
+
 CASES = {
     "a network with its own links closed": (two_ways(True), "PROVED"),
     "the same network with its links": (two_ways(False), "WRONG"),
     "any size, own links closed": (any_number(two_ways(True), 1, ((1,), (0,))), "WRONG"),
     "any size, not for these supplies": (refuted(0, r=0, **moved(0, 1, 0)), "WRONG"),
     "any size, not with any weights": (refuted(2, **surplus(1)), "WRONG"),
+    "a vector on the dual cone": (beside(vector()), "PROVED"),
+    "a vector on the dual of a cone of three": (beside(vector(), loops=[loop(TOP)]), "PROVED"),
+    "a vector on a part of the dual cone": (beside(vector(NARROW)), "WRONG"),
+    "a vector on more than the dual cone": (beside(vector(WIDE)), "WRONG"),
+    "a vector on more than the dual of a cone of three": (beside(vector(WIDE), loops=[loop(TOP)]), "WRONG"),
+    "a vector of another matrix": (beside(vector(A=-1000)), "WRONG"),
+    "a vector of more matrices": (beside(vector(count=2)), "WRONG"),
+    "a vector on another line": (beside(family([-2], "common vector")), "WRONG"),
+    "a gain from disturbances": (feedback(LINE, others=[scalar("disturbance gain")]), "PROVED"),
+    "a gain from disturbances of another": (feedback(LINE, others=[scalar("disturbance gain", A=-3)]), "WRONG"),
+    "ports of another": (feedback(LINE, others=[scalar("positive", A=-3)]), "WRONG"),
+    "ports of one of two": (feedback(LINE, scalar("stable", A=-1), others=[scalar("positive", A=-1)]), "PROVED"),
+    "another loop": (feedback(LINE, others=[scalar("stable", A=-1)]), "PROVED"),
+    "another loop on another cone": (feedback(LINE, others=[loop()]), "WRONG"),
+    "loops on two cones": (feedback(loop(), loop(WEDGE)), "WRONG"),
+    "loops in two times": (feedback(LINE, STEP), "WRONG"),
+    "a loop in discrete time": (feedback(STEP, STEP), "PROVED"),
+    "a loop that is positive": (feedback(scalar("positive")), "WRONG"),
+    "a feedback as a loop": (feedback(feedback(LINE)), "WRONG"),
+    "a feedback beside a loop": (feedback(LINE, others=[feedback(LINE)]), "WRONG"),
+    "a bound beside a loop": (feedback(LINE, others=[bound([1], [1])]), "PROVED"),
+    "a bound on another cone": (beside(bound([1], [1])), "WRONG"),
+    "turned loops": (
+        beside(
+            changed(vector(PLANE), v={"array": [1, 1]}, A={"tuple": [SHEAR]}) | {"proof": {"P": [None]}},
+            loops=[SHEARED],
+        ),
+        "PROVED",
+    ),
+    "loops not turned": (
+        beside(
+            changed(vector(PLANE), v={"array": [1, 1]}, A={"tuple": [TURNED]}) | {"proof": {"P": [None]}},
+            loops=[SHEARED],
+        ),
+        "WRONG",
+    ),
+    **{f"bounds that nothing covers, {claim}": (changed(scalar(claim, W=W), **BOUND), "WRONG") for claim, W in COVERED},
+    "bounds that nothing covers, common vector": (changed(common([-2], 0), **BOUND), "WRONG"),
+    "own links that are not closed": (changed(scalar("network", W=1), own_links_closed=False), "UNREADABLE"),
+    "a bound on the same cone": (beside(wedge_bound(2, 2)), "PROVED"),
+    "a bound on a narrower cone": (beside(wedge_bound(2, 1)), "WRONG"),
+    "enclosed": (changed(family([-2]), source="enclosed"), "PROVED"),
+    "enclosed, but no Jacobian": (changed(scalar("stable"), source="enclosed"), "WRONG"),
+    "a link of no network": (scalar("dissipative", W=1), "WRONG"),
 }

@@ -18,6 +18,7 @@ from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, ClaimWithRate
+from ..proof.encoding import only
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
 from ..theorems.decay_rates import proven_rate, transposed_drift
@@ -109,10 +110,30 @@ class FeedbackCertificate(Demand):
         return self.loops + self.others
 
     def conditions(self) -> list[Condition]:
-        """None of its own; raises if there is no closed loop."""
+        """None of its own; raises if there is no closed loop, or a part that is about something else."""
         if not self.loops:
             raise DataError("a feedback without a closed loop proves nothing.")
+        if not all(isinstance(loop, LyapunovCertificate) for loop in self.loops):
+            raise DataError("the closed loops of a feedback must be proven to be stable.")
+        if not all(map(self._is_about_these, self.parts())):
+            raise DataError("all parts of a feedback must be about its closed loops, one cone and one time.")
         return []
+
+    def _is_about_these(self, part: Certificate) -> bool:
+        """True if a part is about the cone, the time and, as far as it has any, the matrices of the closed loops."""
+        X, discrete, closed = self.loops[0].X, self.loops[0].discrete, [loop.A for loop in self.loops]
+        if isinstance(part, GainBoundCertificate):
+            return part.X == X
+        if isinstance(part, CommonVectorCertificate):
+            same = len(part.loops) == len(closed)
+            pairs = zip(part.loops, closed, strict=False)
+            return same and all(_is_alike(p, X, discrete) and _is_same(p.A, A) for p, A in pairs)
+        if isinstance(part, LyapunovCertificate):  # the plant in a network, if it is none of the loops
+            return _is_alike(part, X, discrete)
+        own = part.positivity if isinstance(part, DisturbanceCertificate) else part
+        if not isinstance(own, PositivityCertificate):
+            return False
+        return _is_alike(own, X, discrete) and any(_is_same(own.A, A) for A in closed)
 
     def evidence(self) -> dict[str, Any]:
         """Nothing: every part comes with a proof of its own."""
@@ -143,6 +164,14 @@ class FeedbackCertificate(Demand):
         slowest = min(self.loops, key=lambda loop: loop.decay_rate)
         rest = " ".join(part.explain() for part in self.others)
         return f"All {len(self.loops)} vertices are proven; the slowest: {slowest.explain()} {rest}"
+
+
+def _is_alike(part: LyapunovCertificate | PositivityCertificate, X: Cone, discrete: bool) -> bool:
+    return part.X == X and part.discrete == discrete
+
+
+def _is_same(M: Matrix, N: Matrix) -> bool:
+    return M is N or (M.shape == N.shape and not (M.dense().fractions() != N.dense().fractions()).any())
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -216,6 +245,7 @@ class CommonVectorCertificate(Demand, ClaimWithRate):
         contents : dict
             By the names in files.
         """
+        only(contents, ("A", "X", "discrete", "v", "decay_rate", "required_rate"))
         X, discrete = contents["X"].dual, contents["discrete"]
         loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
         rates = {name: contents[name] for name in ("decay_rate", "required_rate") if name in contents}
@@ -306,6 +336,7 @@ class DisturbanceCertificate(Demand):
         contents : dict
             By the names in files.
         """
+        only(contents, (*"ABCDXUYvqr", "discrete"))
         if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
             raise DataError("the supply rate must be gamma 1'u - 1'y.")
         a, b, c, d = (contents[name].T for name in "ACBD")

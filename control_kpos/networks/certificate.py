@@ -30,6 +30,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.rows import frozen
 from ..proof.certificate import Certificate, ClaimWithRate, Fractions, Status, Vector, VectorPair, exactly
+from ..proof.encoding import only
 from . import conditions as on
 from . import files
 from .blocks import Floats
@@ -128,6 +129,7 @@ class ClaimOnNetwork(Certificate):
             By the names in files.
         """
         own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+        only(contents, {*own, *files.NAMES})
         model = own.get("model") or files.rebuild(contents)
         own = {**own, "model": model}
         if not model.has_feedthrough:

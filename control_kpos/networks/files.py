@@ -32,6 +32,8 @@ from .witnesses import (
 )
 
 _KINDS = ("X", "U", "Y")
+# The names that `describe` gives to the parts of a network.
+NAMES = (*BLOCKS, *_KINDS, "W", "discrete", "dt", "sizes", "stack", "cones", "names", "own_links_closed")
 _DENSE = 4 * 10**6
 # What has to lie in a cone for each kind of witness.
 _PLACED = {"growth": "xzWC", "loop": "yWC", "motion": "xzu", "weights": "y"}

@@ -8,7 +8,7 @@ with a decimal point occurs, so no reader can round.  The page certificate_forma
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
@@ -179,6 +179,19 @@ def encode_triplets(entries: list[tuple[int, int, Any]], shape: tuple[int, ...])
 
 
 # -- reading
+
+
+def only(contents: dict[str, Any], names: Collection[str]) -> None:
+    """Refuse the contents of a file if there is anything but these entries and None.
+
+    Raises
+    ------
+    CertificateFileError
+        Another entry, which would say nothing.
+    """
+    for name in contents.keys() - set(names):
+        if contents[name] is not None:
+            raise CertificateFileError(f"{name[:60]} has no meaning there.")
 
 
 class Decoder:
