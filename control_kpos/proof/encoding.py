@@ -290,7 +290,8 @@ def require_kinds(cls: Any, values: dict[str, Any]) -> None:
     """
     for field in fields(cls):
         kinds, value = _KINDS.get(field.type), values.get(field.name, field.default)
-        if kinds and value is not field.default and type(value) not in kinds:
+        absent = value is None and str(field.type).endswith("| None")
+        if kinds and value is not field.default and not absent and type(value) not in kinds:
             raise CertificateFileError(f"{field.name} is {str(value)[:60]!r}, which is of another kind ({field.type}).")
 
 
