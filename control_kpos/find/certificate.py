@@ -167,6 +167,9 @@ class ConeCertificate(Certificate):
         if not contents["A"]:
             raise DataError("there is no matrix.")
         matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")
+        for M, k, name in ((inner, 1, "U"), (outer, 0, "Y")):
+            if M is not None and contents.get(name) != orthant(M.shape[k]):
+                raise DataError(f"{name} must be an orthant.")
         inner = None if inner is None else inner.T
         if rest["by_facets"]:
             matrices, inner, outer = matrices.T, outer, inner

@@ -117,6 +117,8 @@ class ClaimOnNetwork(Certificate):
     def contents(self) -> dict[str, Any]:
         """The network as one large system, and the fields."""
         own = {key: value for key, value in self.data().items() if key != "model"}
+        if not self.model.has_feedthrough:
+            own["loop_weights"] = None  # there is no loop
         return {**files.describe(self.model), **own}
 
     @classmethod
@@ -132,8 +134,6 @@ class ClaimOnNetwork(Certificate):
         only(contents, {*own, *files.NAMES})
         model = own.get("model") or files.rebuild(contents)
         own = {**own, "model": model}
-        if not model.has_feedthrough:
-            own["loop_weights"] = None
         draft = cls(**own)
         for name, total in zip("vrq", model.totals, strict=True):
             if vars(draft)[name] is not None and exactly(draft, name).shape != (total,):

@@ -150,6 +150,8 @@ class Fractions:
         given = fractions if len(self.names) > 1 else (fractions,)
         for k, name in enumerate(self.names):
             held, part = vars(record)[name], given[k] if k < len(given) else ()
+            if held is None and part:
+                raise DataError(f"exact numbers stand where {name} has none.")
             if held is not None:
                 exact = _of_fractions(part)
                 same = np.array_equal(exact.values, held.values)

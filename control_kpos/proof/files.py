@@ -45,6 +45,8 @@ MAX_FILE_BYTES = 2 * 10**9
 # Work that cones in files of unknown origin may ask for: half a second, and a microsecond or so for each byte.
 _FREE_WORK = 4 * 10**6
 _WORK_PER_BYTE = 20
+# What proofs rest on, and refutations never.
+_FOR_PROOFS = ("v", "sigma", "slow_direction", "rays", "multipliers", "pointing", "right_inverse", "shares")
 # Data that stand there as numbers or text.
 _BARE = ("dt", "source")
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
@@ -290,11 +292,29 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
         raise FalseClaimError(
             f"the file says {str(content['status'])[:60]}, but its data give {certificate.status.name} for {claim!r}."
         )
+    for name in _unread(certificate, {name for name, value in data.items() if value is not None}):
+        raise CertificateFileError(
+            f"{name[:60]} can say nothing in a certificate for {claim!r} that is {content['status']}."
+        )
     for name in unproven_rates(certificate):
         raise FalseClaimError(
             f"the file states a {name} of {getattr(certificate, name):g}, which its data do not prove."
         )
     return certificate
+
+
+def _unread(certificate: Any, names: set[str]) -> list[str]:
+    """Names of entries from which nothing follows.
+
+    They have no place among the contents; nor among the fields, which files of version 0.1 have; or a witness stands
+    beside them that needs them not.
+    """
+    known = (certificate.contents(), certificate.data())
+    rest = min(
+        (names - {name for name, x in some.items() if x is not None or "exact" in name} for some in known), key=len
+    )
+    beside = names.intersection(_FOR_PROOFS) if certificate.witness is not None else set[str]()
+    return sorted(rest | beside)
 
 
 def unproven_rates(certificate: Any) -> list[str]:
