@@ -117,8 +117,8 @@ class ClaimOnNetwork(Certificate):
     def contents(self) -> dict[str, Any]:
         """The network as one large system, and the fields."""
         own = {key: value for key, value in self.data().items() if key != "model"}
-        if not self.model.has_feedthrough:
-            own["loop_weights"] = None  # there is no loop
+        if not self.model.has_feedthrough or not isinstance(self.witness, NetworkInstability | None):
+            own["loop_weights"] = None  # there is no loop, or the witness does not need it
         return {**files.describe(self.model), **own}
 
     @classmethod
