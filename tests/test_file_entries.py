@@ -164,10 +164,11 @@ def test_entries_that_are_null_may_stay(tmp_path):
         assert load_certificate(tmp_path / "c.json").check()
 
 
-def test_weights_of_a_loop_stand_where_they_are_needed(tmp_path):
+def test_weights_of_a_loop_stand_where_they_are_needed(tmp_path, capsys):
     """With feedthrough: beside a node that does not satisfy its supply rate nothing is said of the loop."""
     node = kp.ConeStateSpace([[-1]], [[1]], [[1]], [[0.1]])
     c = kp.feedback_interconnect([node] * 2, [[0, 0.1], [0.1, 0]], supply_rates=[([-1], [0.01])] * 2).certificate
     assert c.status is kp.Status.REFUTED
     c.save(tmp_path / "rates.json")
     assert kp.load_certificate(tmp_path / "rates.json") == c and checker.main(tmp_path / "rates.json") == 1
+    assert capsys.readouterr().out.startswith("REFUTED")
