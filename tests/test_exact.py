@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from control_kpos.exact import signs as kernel
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix, integers_of_doubles
 from control_kpos.exact.signs import (
@@ -350,6 +351,17 @@ def test_entries_that_round_to_zero_are_not_zero():
     right = exact_matrix([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [1, 1, 1, 0], [0, 0, 0, 1], [2, 1, 1, 0]], "right")
     for middle in (None, exact_matrix(np.eye(4), "middle")):
         assert BilinearForms(small, middle, right).signs().tolist() == [[1, 0, -1, 0, 1, 1]]
+
+
+@pytest.mark.parametrize("rows", [1, 2, 7])
+def test_integers_of_sparse_rows_are_taken_in_pieces(rows, monkeypatch):
+    """0.1 + 0.2 - 0.3 is positive, by less than floating point resolves; every piece holds one row."""
+    monkeypatch.setattr(kernel, "_CHUNK", 1)
+    monkeypatch.setattr(kernel, "_SMALL", 0)
+    expected = np.array([(-1, 0, 1)[i % 3] for i in range(rows)])
+    left = expected[:, None] * np.array([0.1, 0.2, -0.3]) + (expected == 0)[:, None] * np.array([1, -1, 0])
+    sparse = Matrix(sp.csr_array(left)), None, Matrix(sp.csr_array(np.ones((1, 3))))
+    np.testing.assert_array_equal(BilinearForms(*sparse).signs().toarray()[:, 0], expected)
 
 
 def test_sparse_entries_as_large_as_their_radius_count():
