@@ -100,6 +100,9 @@ def check_file(path: Path) -> int:
     except (CertificateFileError, OSError) as error:
         _say(f"UNREADABLE {error}")
         return UNREADABLE
+    if independent.status == "UNREADABLE":
+        _say(f"UNREADABLE {path}: {independent.text}")
+        return UNREADABLE
     _say(f"{certificate.status.name} {certificate.explain()}")
     _say(independent.text)
     agreed = independent.status in (certificate.status.name, "")

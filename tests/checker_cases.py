@@ -40,7 +40,13 @@ def with_nodes(out, *nodes):
     data |= {"sizes": {"array": [list(node) for node in nodes]}, "stack": {"array": list(range(len(nodes)))}}
     data |= {"cones": {"tuple": kinds}, "names": None, "dt": int(data["discrete"])}
     data |= {name: {"cone": [[sum(n), half]]} for name, n in zip("XUY", zip(*nodes, strict=True), strict=True)}
+    data |= {"sigma": {"array": [1] * len(nodes)}} if data.get("v") and out["claim"] == "network" else {}
     return out
+
+
+def nothing(m, n):
+    """A matrix of zeros."""
+    return {"sparse": [], "shape": [m, n]}
 
 
 def asked(required, status="PROVED", claim="stable", **more):
@@ -94,7 +100,7 @@ def surplus(y, **more):
 def sized(*sizes):
     """A network that says how many states, inputs and outputs its nodes have."""
     out = scalar("network", W=1)
-    out["data"]["sizes"] = {"array": list(sizes)}
+    out["data"]["sizes"] = {"array": [list(sizes[k : k + 3]) for k in range(0, len(sizes), 3)]}
     return out
 
 
@@ -233,11 +239,11 @@ def two_inputs(r):
 BY_HAND = {
     "stable": (scalar("stable", decay=2), "PROVED"),
     "at a rate it does not have": (scalar("stable", decay="2.0000001"), "WRONG"),
-    "at a negative rate": (scalar("stable", decay=-1), "WRONG"),
+    "at a negative rate": (scalar("stable", decay=-1), "UNREADABLE"),
     "at the rate that was asked for": (asked(2), "PROVED"),
     "a little below the rate that was asked for": (asked("2.0000001"), "WRONG"),
-    "a rate that nobody asks for": (asked(-1), "WRONG"),
-    "no rate at all": (asked(0), "WRONG"),
+    "a rate that nobody asks for": (asked(-1), "UNREADABLE"),
+    "no rate at all": (asked(0), "UNREADABLE"),
     "not at the rate that was asked for": (asked("2.1", "REFUTED", **direction(1, 2)), "REFUTED"),
     "only at the rate that was asked for": (asked(2, "REFUTED", **direction(1, 2)), "WRONG"),
     "at that rate with something left": (asked("2.5", "REFUTED", **direction(1, "2.5")), "REFUTED"),
@@ -247,7 +253,7 @@ BY_HAND = {
         scalar("stable", "REFUTED", required_rate={"fraction": "2.1"}, **direction(1, 2)),
         "WRONG",
     ),
-    "unstable, at a rate that nobody asks for": (asked(-1, "REFUTED", A=1, **direction(1)), "WRONG"),
+    "unstable, at a rate that nobody asks for": (asked(-1, "REFUTED", A=1, **direction(1)), "UNREADABLE"),
     "constant": (scalar("stable", A=0), "WRONG"),
     "constant in discrete time": (scalar("stable", A=1, discrete=True), "WRONG"),
     "stable in discrete time": (scalar("stable", A="1/2", discrete=True, decay="1/2"), "PROVED"),
@@ -257,7 +263,7 @@ BY_HAND = {
     "too little supply": (scalar("dissipative", r="0.999"), "WRONG"),
     "just enough supply": (typed("dissipative", r=ABOVE, q=MINUS_THIRD), "PROVED"),
     "too little by less than a rounding": (typed("dissipative", r=A_THIRD, q=MINUS_THIRD), "WRONG"),
-    "supply that is not its own rounding": (typed("dissipative", r=("1/2", "1/3"), q=MINUS_THIRD), "WRONG"),
+    "supply that is not its own rounding": (typed("dissipative", r=("1/2", "1/3"), q=MINUS_THIRD), "UNREADABLE"),
     "too much by less than a rounding": (
         typed("dissipative", "REFUTED", r=ABOVE, q=MINUS_THIRD, **moved(1, 1)),
         "WRONG",
@@ -279,9 +285,9 @@ BY_HAND = {
     "no gain at who knows what": (leading(9, 1, leading="yes", F={"matrix": [[0, 0]]}), "UNREADABLE"),
     "no gain at leading entries": (leading(9, 0, F={"matrix": [[0, 0]]}), "PROVED"),
     "disturbance gain": (scalar("disturbance gain"), "PROVED"),
-    "disturbance gain of another supply": (scalar("disturbance gain", q=-2, r=2, v=2), "WRONG"),
+    "disturbance gain of another supply": (scalar("disturbance gain", q=-2, r=2, v=2), "UNREADABLE"),
     "disturbance gains, the same": (two_inputs(["1/3", "1/3"]), "PROVED"),
-    "disturbance gains, not quite the same": (two_inputs(["1/3", "0.33333333333333333"]), "WRONG"),
+    "disturbance gains, not quite the same": (two_inputs(["1/3", "0.33333333333333333"]), "UNREADABLE"),
     "feedthrough needs supply": (scalar("dissipative", D=1), "WRONG"),
     "feedthrough has supply": (scalar("dissipative", D=1, r=2), "PROVED"),
     "zero is no witness": (scalar("stable", "REFUTED", A=1, **direction(0)), "WRONG"),
@@ -306,7 +312,7 @@ BY_HAND = {
     "balanced nodes": (scalar("network", W=1), "PROVED"),
     "nodes at the rate that was asked for": (asked(1, claim="network", W=1), "PROVED"),
     "nodes a little below the rate that was asked for": (asked("1.0000001", claim="network", W=1), "WRONG"),
-    "nodes at a rate that nobody asks for": (asked(-1, claim="network", W=1), "WRONG"),
+    "nodes at a rate that nobody asks for": (asked(-1, claim="network", W=1), "UNREADABLE"),
     "nodes that grow, at any rate": (
         asked(1, "REFUTED", "network", A=-1, W=1, **flow(1, 1, 1)),
         "REFUTED",
@@ -326,18 +332,18 @@ BY_HAND = {
     "own links closed, at the decay they leave": (closed_twice("3.3548387"), "PROVED"),
     "own links closed, at more": (closed_twice("3.355"), "WRONG"),
     "nodes without a time base": (changed(scalar("network", W=1), dt=None), "PROVED"),
-    "nodes in another time": (changed(scalar("network", W=1), dt=1), "WRONG"),
-    "nodes in backward time": (changed(scalar("network", A=0, W=0, q=0, discrete=True), dt=-1), "WRONG"),
+    "nodes in another time": (changed(scalar("network", W=1), dt=1), "UNREADABLE"),
+    "nodes in backward time": (changed(scalar("network", A=0, W=0, q=0, discrete=True), dt=-1), "UNREADABLE"),
     "nodes of half a kind": (changed(scalar("network", W=1), stack={"array": ["0x1.0p-1"]}), "UNREADABLE"),
     "nodes of two kinds each": (changed(scalar("network", W=1), stack={"array": [0, 0]}), "UNREADABLE"),
     "nodes with a fourth cone": (kinds({"tuple": [{"cone": []}] * 4}), "UNREADABLE"),
     "nodes of a kind that there is not": (kinds({"tuple": [HALF] * 3}, {"tuple": [HALF] * 3}), "UNREADABLE"),
-    "nodes with other cones": (kinds({"tuple": [TWICE, HALF, HALF]}), "WRONG"),
+    "nodes with other cones": (kinds({"tuple": [TWICE, HALF, HALF]}), "UNREADABLE"),
     "a node that leaves": (leaving([1, 0]), "REFUTED"),
     "a node that leaves through another": (leaving([1, 1]), "WRONG"),
     "a node that does not leave": (leaving([-1, 0], 1), "WRONG"),
-    "an entry that nobody knows": (changed(scalar("stable"), more=1), "WRONG"),
-    "an entry that nobody knows in a witness": (extended(), "WRONG"),
+    "an entry that nobody knows": (changed(scalar("stable"), more=1), "UNREADABLE"),
+    "an entry that nobody knows in a witness": (extended(), "UNREADABLE"),
     "nodes out of balance": (scalar("network", W=2), "WRONG"),
     "contracting loop": (scalar("network", D="1/2", r="1.5", W="1/2", **weights(1, "1/2")), "PROVED"),
     "loop of gain one": (scalar("network", D=1, r=2, W="1/2", **weights("1/2", 1)), "WRONG"),
@@ -372,7 +378,7 @@ BY_HAND = {
     "a part that is not": (feedback(scalar("stable"), scalar("stable", A=1)), "WRONG"),
     "a part refuted": (feedback(scalar("stable"), scalar("stable", "REFUTED", A=0, **direction(1))), "WRONG"),
     "all parts, refuted": (feedback(scalar("stable"), status="REFUTED"), "WRONG"),
-    "no parts": (feedback(), "WRONG"),
+    "no parts": (feedback(), "UNREADABLE"),
     "gain at its bound": (bound(["-3"], [3]), "PROVED"),
     "gain above its bound": (bound(["3.1"], [3]), "WRONG"),
     "gain below its bound": (bound(["-3.1"], [3]), "WRONG"),
@@ -385,7 +391,7 @@ BY_HAND = {
     "common vector with its rate": (common([-1, -2], 1, "1"), "PROVED"),
     "common vector, a rate beyond": (common([-1, -2], 2), "WRONG"),
     "common vector, a required rate beyond": (common([-1, -2], 0, "3/2"), "WRONG"),
-    "common vector, a rate below 0": (common([-1, -2], -1), "WRONG"),
+    "common vector, a rate below 0": (common([-1, -2], -1), "UNREADABLE"),
     "common vector without vector": (family([1, 2], v=None, claim="common vector"), "UNREADABLE"),
     "family with a proof missing": (family([-1, -2], proofs=[None]), "UNREADABLE"),
     "empty family": (family([]), "UNREADABLE"),

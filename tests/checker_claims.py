@@ -1,15 +1,15 @@
-"""Tiny certificate files by hand about parts that do not belong together, and about claims that are not theirs."""
+"""Certificate files by hand about parts that do not belong together, claims that are not theirs, and no feedback."""
 
 from fractions import Fraction
 
-from checker_cases import bound, changed, common, family, feedback, moved, scalar, surplus, with_nodes
+from checker_cases import HALF, bound, changed, common, family, feedback, moved, nothing, scalar, surplus, with_nodes
 from checker_pieces import PLANE, TOP, WEDGE, any_number, plane
 
 
 def two_ways(closed):
     """One state that hears itself through the first of two inputs, with supply that pays for the others only."""
     out = with_nodes(scalar("network", W=0), [1, 2, 1])
-    out["data"] |= {"B": {"matrix": [[1, 1]]}, "D": None, "W": {"matrix": [[1], [0]]}}
+    out["data"] |= {"B": {"matrix": [[1, 1]]}, "D": nothing(1, 2), "W": {"matrix": [[1], [0]]}}
     out["data"] |= {"r": {"array": [10, 1]}, "q": {"array": [0]}} | ({"own_links_closed": True} if closed else {})
     return out
 
@@ -58,31 +58,31 @@ COVERED = (("stable", None), ("positive", None), ("dissipative", None), ("networ
 CASES = {
     "a network with its own links closed": (two_ways(True), "PROVED"),
     "the same network with its links": (two_ways(False), "WRONG"),
-    "any size, own links closed": (any_number(two_ways(True), 1, ((1,), (0,))), "WRONG"),
+    "any size, own links closed": (any_number(two_ways(True), 1, ((1,), (0,))), "UNREADABLE"),
     "any size, not for these supplies": (refuted(0, r=0, **moved(0, 1, 0)), "WRONG"),
     "any size, not with any weights": (refuted(2, **surplus(1)), "WRONG"),
     "a vector on the dual cone": (beside(vector()), "PROVED"),
     "a vector on the dual of a cone of three": (beside(vector(), loops=[loop(TOP)]), "PROVED"),
-    "a vector on a part of the dual cone": (beside(vector(NARROW)), "WRONG"),
-    "a vector on more than the dual cone": (beside(vector(WIDE)), "WRONG"),
-    "a vector on more than the dual of a cone of three": (beside(vector(WIDE), loops=[loop(TOP)]), "WRONG"),
-    "a vector of another matrix": (beside(vector(A=-1000)), "WRONG"),
-    "a vector of more matrices": (beside(vector(count=2)), "WRONG"),
-    "a vector on another line": (beside(family([-2], "common vector")), "WRONG"),
+    "a vector on a part of the dual cone": (beside(vector(NARROW)), "UNREADABLE"),
+    "a vector on more than the dual cone": (beside(vector(WIDE)), "UNREADABLE"),
+    "a vector on more than the dual of a cone of three": (beside(vector(WIDE), loops=[loop(TOP)]), "UNREADABLE"),
+    "a vector of another matrix": (beside(vector(A=-1000)), "UNREADABLE"),
+    "a vector of more matrices": (beside(vector(count=2)), "UNREADABLE"),
+    "a vector on another line": (beside(family([-2], "common vector")), "UNREADABLE"),
     "a gain from disturbances": (feedback(LINE, others=[scalar("disturbance gain")]), "PROVED"),
-    "a gain from disturbances of another": (feedback(LINE, others=[scalar("disturbance gain", A=-3)]), "WRONG"),
-    "ports of another": (feedback(LINE, others=[scalar("positive", A=-3)]), "WRONG"),
+    "a gain from disturbances of another": (feedback(LINE, others=[scalar("disturbance gain", A=-3)]), "UNREADABLE"),
+    "ports of another": (feedback(LINE, others=[scalar("positive", A=-3)]), "UNREADABLE"),
     "ports of one of two": (feedback(LINE, scalar("stable", A=-1), others=[scalar("positive", A=-1)]), "PROVED"),
     "another loop": (feedback(LINE, others=[scalar("stable", A=-1)]), "PROVED"),
     "another loop on another cone": (feedback(LINE, others=[loop()]), "WRONG"),
     "loops on two cones": (feedback(loop(), loop(WEDGE)), "WRONG"),
-    "loops in two times": (feedback(LINE, STEP), "WRONG"),
+    "loops in two times": (feedback(LINE, STEP), "UNREADABLE"),
     "a loop in discrete time": (feedback(STEP, STEP), "PROVED"),
-    "a loop that is positive": (feedback(scalar("positive")), "WRONG"),
-    "a feedback as a loop": (feedback(feedback(LINE)), "WRONG"),
-    "a feedback beside a loop": (feedback(LINE, others=[feedback(LINE)]), "WRONG"),
+    "a loop that is positive": (feedback(scalar("positive")), "UNREADABLE"),
+    "a feedback as a loop": (feedback(feedback(LINE)), "UNREADABLE"),
+    "a feedback beside a loop": (feedback(LINE, others=[feedback(LINE)]), "UNREADABLE"),
     "a bound beside a loop": (feedback(LINE, others=[bound([1], [1])]), "PROVED"),
-    "a bound on another cone": (beside(bound([1], [1])), "WRONG"),
+    "a bound on another cone": (beside(bound([1], [1])), "UNREADABLE"),
     "turned loops": (
         beside(
             changed(vector(PLANE), v={"array": [1, 1]}, A={"tuple": [SHEAR]}) | {"proof": {"P": [None]}},
@@ -95,14 +95,76 @@ CASES = {
             changed(vector(PLANE), v={"array": [1, 1]}, A={"tuple": [TURNED]}) | {"proof": {"P": [None]}},
             loops=[SHEARED],
         ),
-        "WRONG",
+        "UNREADABLE",
     ),
-    **{f"bounds that nothing covers, {claim}": (changed(scalar(claim, W=W), **BOUND), "WRONG") for claim, W in COVERED},
-    "bounds that nothing covers, common vector": (changed(common([-2], 0), **BOUND), "WRONG"),
+    **{
+        f"bounds that nothing covers, {claim}": (changed(scalar(claim, W=W), **BOUND), "UNREADABLE")
+        for claim, W in COVERED
+    },
+    "bounds that nothing covers, common vector": (changed(common([-2], 0), **BOUND), "UNREADABLE"),
     "own links that are not closed": (changed(scalar("network", W=1), own_links_closed=False), "UNREADABLE"),
     "a bound on the same cone": (beside(wedge_bound(2, 2)), "PROVED"),
-    "a bound on a narrower cone": (beside(wedge_bound(2, 1)), "WRONG"),
+    "a bound on a narrower cone": (beside(wedge_bound(2, 1)), "UNREADABLE"),
     "enclosed": (changed(family([-2]), source="enclosed"), "PROVED"),
-    "enclosed, but no Jacobian": (changed(scalar("stable"), source="enclosed"), "WRONG"),
-    "a link of no network": (scalar("dissipative", W=1), "WRONG"),
+    "enclosed, but no Jacobian": (changed(scalar("stable"), source="enclosed"), "UNREADABLE"),
+    "names that are no text": (changed(scalar("network", W=1), names={"tuple": [1]}), "UNREADABLE"),
+    "nodes with names": (changed(scalar("network", W=1), names={"tuple": ["one"]}), "PROVED"),
+    "a family of none that says nothing": (changed(family([]), discrete=None, v=None, decay_rate=None), "UNREADABLE"),
+    "a link of no network": (scalar("dissipative", W=1), "UNREADABLE"),
 }
+
+# -- no feedback, in discrete time unless said
+
+
+def hopeless(A, B=0, l=1, d=0, rate=0, gain=None, free=((1,),), discrete=True):
+    data = {"A": {"tuple": [{"matrix": [[A]]}]}, "B": {"tuple": [{"matrix": [[B]]}]}, "X": HALF, "discrete": discrete}
+    data |= {
+        "rate": {"double": rate},
+        "gain_bound": gain and {"array": [gain]},
+        "free": {"array": [list(row) for row in free]},
+    }
+    combined = {"L": {"tuple": [{"matrix": [[l]]}]}, "G": None, "d": {"matrix": [[d]]}}
+    data |= {"coupling": None, "ports": None, "witness": {"record": "Functionals", "fields": combined}}
+    return {"claim": "feedback exists", "status": "REFUTED", "data": data, "proof": {}}
+
+
+def rigid(A, B, R=1, pattern=1, discrete=True):
+    """Vertices of one state each, and an output."""
+    data = {k: {"tuple": [{"matrix": [[x]]} for x in rows]} for k, rows in (("A", A), ("B", B))}
+    data |= {"R": {"matrix": [[R]]}, "pattern": {"array": [[pattern]]}, "X": HALF, "discrete": discrete}
+    data["witness"] = {"record": "Functionals", "fields": {"L": {"tuple": [{"matrix": [[1]]} for _ in A]}}}
+    return {"claim": "invariant gain exists", "status": "REFUTED", "data": data, "proof": {}}
+
+
+PORTS = [{"matrix": [[1]]}, {"matrix": [[0]]}, HALF]
+NO_FEEDBACK = {
+    "no input": (hopeless(-1), "REFUTED"),
+    "ports of four": (changed(hopeless(-1), ports={"tuple": [*PORTS, None]}), "UNREADABLE"),
+    "ports without a cone": (changed(hopeless(-1), ports={"tuple": [None, *PORTS[1:]]}), "UNREADABLE"),
+    "marked by two": (hopeless(-1, free=((2,),)), "UNREADABLE"),
+    "marked by two in the pattern": (rigid([-1], [0], pattern=2), "UNREADABLE"),
+    "no input, on the boundary": (hopeless(0), "WRONG"),
+    "not in continuous time": (hopeless(-1, discrete=False), "WRONG"),
+    "functional outside": (hopeless(1, l=-1), "WRONG"),
+    "does not shrink": (hopeless(2, l=0, d=1), "REFUTED"),
+    "does not shrink by a little": (hopeless(1, l=0, d=1), "REFUTED"),
+    "shrinks": (hopeless("1/2", l=0, d=1), "WRONG"),
+    "shrinks, but not at the rate": (hopeless("1/2", l=0, d=1, rate="1/2"), "REFUTED"),
+    "weak input": (hopeless(-1, B=1, gain="1/2"), "REFUTED"),
+    "input as strong as needed": (hopeless(-1, B=1, gain=1), "WRONG"),
+    "input strong enough": (hopeless(-1, B=1, gain=2), "WRONG"),
+    "input without bound": (hopeless(-1, B=1), "WRONG"),
+    "input not to be used": (hopeless(-1, B=1, free=((0,),)), "REFUTED"),
+    "negative gain": (hopeless(-1, B=1, gain=-1), "UNREADABLE"),
+    "pattern of another size": (hopeless(-1, free=((1,), (1,))), "UNREADABLE"),
+    "no input at all": (changed(hopeless(-1), B={"tuple": [None]}), "UNREADABLE"),
+    "nothing to gain": (rigid([-1], [0]), "REFUTED"),
+    "nothing to gain on the boundary": (rigid([0], [0]), "WRONG"),
+    "a gain that helps": (rigid([-1], [1]), "WRONG"),
+    "a gain that helps, negative": (rigid([-1], [1], R=-1), "WRONG"),
+    "a gain that may not": (rigid([-1], [1], pattern=0), "REFUTED"),
+    "a gain that helps one": (rigid([-1, -1], [1, -1]), "REFUTED"),
+    "a gain that helps both": (rigid([-1, -1], [1, 1]), "WRONG"),
+}
+
+CASES |= NO_FEEDBACK

@@ -1,6 +1,6 @@
 """Tiny certificate files by hand about optimal costs, true and just not true."""
 
-from checker_cases import HALF, double
+from checker_cases import HALF, changed, double
 
 
 def cheapest(A=0, B=1, *, s=2, r=1, limits=1, kinds=0, discrete=True, discount=1, status="PROVED", **answer):
@@ -38,9 +38,9 @@ COSTS = {
     "optimal cost, lower too high": (cheapest(1, "1/2", policy=[-1], low=3, high=3), "WRONG"),
     "optimal cost, upper too low": (cheapest(1, "1/2", policy=[-1], low=1, high=1), "WRONG"),
     "optimal cost, dear policy": (cheapest(1, "1/2", policy=[1], low=2, high=2), "WRONG"),
-    "optimal cost, policy beyond its limit": (cheapest(1, "1/2", policy=[-2], low=1, high=2), "WRONG"),
-    "optimal cost, half a policy": (cheapest(1, "1/2", policy=["-1/2"], low=1, high=8), "WRONG"),
-    "optimal cost, policy of two": (cheapest(1, "1/2", policy=[-1, 0], low=2, high=2), "WRONG"),
+    "optimal cost, policy beyond its limit": (cheapest(1, "1/2", policy=[-2], low=1, high=2), "UNREADABLE"),
+    "optimal cost, half a policy": (cheapest(1, "1/2", policy=["-1/2"], low=1, high=8), "UNREADABLE"),
+    "optimal cost, policy of two": (cheapest(1, "1/2", policy=[-1, 0], low=2, high=2), "UNREADABLE"),
     "optimal cost, negative limit": (cheapest(1, "1/2", limits=-1, policy=[-1], low=0, high=8), "WRONG"),
     "optimal cost, just inside": (cheapest("1/2", "1/2", policy=[-1], low=1, high=1), "PROVED"),
     "optimal cost, out of the cone": (cheapest("1/4", "1/2", policy=[-1], low=0, high=1), "WRONG"),
@@ -54,42 +54,52 @@ COSTS = {
     "optimal cost, rate": (cheapest(-1, s=4, policy=[-1], low=1, high=1, discrete=False, discount=1), "PROVED"),
     "optimal cost, rate below 0": (
         cheapest(-3, s=4, policy=[-1], low=1, high=1, discrete=False, discount=-1),
-        "WRONG",
+        "UNREADABLE",
     ),
     "optimal cost, factor": (cheapest(1, "1/2", s="5/2", discount="1/2", policy=[-1], low=2, high=2), "PROVED"),
-    "optimal cost, factor 0": (cheapest(1, "1/2", discount=0, policy=[-1], low=0, high=8), "WRONG"),
-    "optimal cost, factor above 1": (cheapest(1, "1/2", s=8, discount=2, policy=[-1], low=0, high=64), "WRONG"),
-    "optimal cost, factor above 1, cheap": (cheapest("1/4", "1/4", discount=2, policy=[-1], low=0, high=8), "WRONG"),
+    "optimal cost, factor 0": (cheapest(1, "1/2", discount=0, policy=[-1], low=0, high=8), "UNREADABLE"),
+    "optimal cost, factor above 1": (cheapest(1, "1/2", s=8, discount=2, policy=[-1], low=0, high=64), "UNREADABLE"),
+    "optimal cost, factor above 1, cheap": (
+        cheapest("1/4", "1/4", discount=2, policy=[-1], low=0, high=8),
+        "UNREADABLE",
+    ),
     "optimal cost, time unknown": (cheapest(1, "1/2", policy=[-1], low=2, high=2, discrete=1), "UNREADABLE"),
     "optimal cost, group": (cheapest(1, "-1/2", kinds=1, policy=[1], low=6, high=6), "PROVED"),
     "optimal cost, group idle": (cheapest("1/2", "-1/4", kinds=1, policy=[0], low=4, high=4), "PROVED"),
-    "optimal cost, group below 0": (cheapest(1, "-1/2", r=3, kinds=1, policy=[-1], low=0, high=0), "WRONG"),
+    "optimal cost, group below 0": (cheapest(1, "-1/2", r=3, kinds=1, policy=[-1], low=0, high=0), "UNREADABLE"),
     "optimal cost, group of two": (
         cheapest(1, ["-1/4", "-1/4"], r=[1, 1], kinds=1, policy=[0, 1], low=12, high=12),
         "PROVED",
     ),
     "optimal cost, group twice": (
         cheapest(1, ["-1/4", "-1/4"], r=[1, 1], kinds=1, policy=[1, 1], low=0, high=8),
-        "WRONG",
+        "UNREADABLE",
     ),
     "optimal cost, group all used": (cheapest("1/2", "-1/4", kinds=2, policy=[1], low=4, high=4), "PROVED"),
     "optimal cost, a dear group used": (
         cheapest("1/2", "-1/4", s=3, r=3, kinds=2, policy=[1], low=8, high=8),
         "PROVED",
     ),
-    "optimal cost, group not all used": (cheapest("1/2", "-1/4", kinds=2, policy=[0], low=4, high=4), "WRONG"),
+    "optimal cost, group not all used": (cheapest("1/2", "-1/4", kinds=2, policy=[0], low=4, high=4), "UNREADABLE"),
     "optimal cost, disturbance": (cheapest("1/2", "1/4", r=0, kinds=3, policy=[0], low=8, high=8), "PROVED"),
     "optimal cost, disturbance ignored": (cheapest("1/2", "1/4", r=0, kinds=3, policy=[-1], low=4, high=4), "WRONG"),
-    "optimal cost, disturbance with a price": (cheapest("1/2", "1/4", kinds=3, policy=[0], low=0, high=64), "WRONG"),
+    "optimal cost, disturbance with a price": (
+        cheapest("1/2", "1/4", kinds=3, policy=[0], low=0, high=64),
+        "UNREADABLE",
+    ),
     "optimal cost, disturbed out": (cheapest("1/8", "1/4", r=0, kinds=3, policy=[0], low=0, high=4), "WRONG"),
-    "optimal cost, unknown kind": (cheapest(1, "1/2", kinds=4, policy=[-1], low=2, high=2), "WRONG"),
+    "optimal cost, unknown kind": (cheapest(1, "1/2", kinds=4, policy=[-1], low=2, high=2), "UNREADABLE"),
     "optimal cost, a block too far": (
         cheapest(1, "1/2", policy=[-1], low=2, high=2, more={"owner": {"tuple": [1]}}),
-        "WRONG",
+        "UNREADABLE",
     ),
     "optimal cost, two controls in a block": (
         cheapest(1, ["1/4", "1/4"], r=[0, 0], policy=[-1, -1], low=0, high=8),
-        "WRONG",
+        "UNREADABLE",
+    ),
+    "no finite cost, a group without columns": (
+        changed(cheapest(2, "1/2", status="REFUTED", d=1), kinds={"tuple": [0, 1]}, limits={"matrix": [[1], [1]]}),
+        "UNREADABLE",
     ),
     "optimal cost, a block without columns": (
         cheapest(
@@ -100,7 +110,7 @@ COSTS = {
             high=2,
             more={"kinds": {"tuple": [0, 1]}, "limits": {"matrix": [[1], [0]]}},
         ),
-        "WRONG",
+        "UNREADABLE",
     ),
     "optimal cost, two states": (two_states([["1/2", "1/4"], ["1/4", "1/2"]], 2, 2), "PROVED"),
     "optimal cost, two limits": (two_states([["1/2", "1/8"], ["1/4", "1/2"]]), "PROVED"),

@@ -1,5 +1,6 @@
 """Proofs that no gain exists are true, and certificates of designs do not survive a change of their data."""
 
+import itertools
 from dataclasses import replace
 from fractions import Fraction
 
@@ -12,8 +13,9 @@ from certified import third
 import control_kpos as kp
 from control_kpos import checker
 from control_kpos.design.certificates import GainBoundCertificate
-from control_kpos.design.refusal import Multipliers, PairMultipliers
+from control_kpos.design.contradiction import Functionals, Multipliers, NoFeedback
 from control_kpos.exact.intake import exact_matrix
+from control_kpos.exact.matrix import Matrix
 
 PAPER = [[0, 1], [1, -2]]
 PLANT = ct.ss([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
@@ -80,14 +82,27 @@ def test_perturbed_multipliers_prove_nothing():
     c = refuted()
     w = c.witness
     assert c.check()
-    for name in ("closed", "drift", "positive"):
-        group = list(getattr(w, name))
-        for i in range(len(group)):
-            changed = replace(w, **{name: tuple(group[:i] + [group[i] + Fraction(1, 10**9)] + group[i + 1 :])})
-            assert not replace(c, witness=changed).check()
-    zero = Multipliers(*(tuple(Fraction(0) for _ in g) for g in (w.closed, w.drift, w.positive)))
+    for name in ("L", "d"):
+        for k, sign in itertools.product(range(4 if name == "L" else 2), (1, -1)):
+            part = (w.L[0] if name == "L" else w.d).fractions()
+            part.ravel()[k] += sign * Fraction(1, 10**9)
+            part = Matrix.from_fractions(part)
+            assert not replace(c, witness=replace(w, **{name: (part,) if name == "L" else part})).check()
+    zero = Functionals((Matrix.zeros(2, 2),), Matrix.zeros(2, 1))
     assert not replace(c, witness=zero).check()
-    assert not replace(c, witness=Multipliers((), (), ())).check()
+    for other in (Functionals(()), Functionals(w.L), Functionals(w.L, w.d, w.d), Functionals(w.L, w.L[0])):
+        assert not replace(c, witness=other).check()
+
+
+def test_multipliers_of_facets_combine_to_functionals():
+    """As in files of version 0.1."""
+    c, one = refuted(), Fraction(1)
+    data = {name: value for name, value in c.data().items() if name != "witness"}
+    # (A + B F) e1 has the components 0 and F_11 - 1: drift of the first facet, which nothing makes negative
+    again = NoFeedback.refuted(**data, witness=Multipliers((0 * one,) * 2, (one, 0 * one), (0 * one,) * 2))
+    assert again.status.name == c.status.name == "REFUTED" and isinstance(again.witness, Functionals)
+    none = NoFeedback.refuted(**data, witness=Multipliers((0 * one,) * 2, (0 * one,) * 2, (one,) * 2))
+    assert none.status.name == "UNDECIDED"
 
 
 def test_refutation_is_about_its_own_data():
@@ -102,10 +117,9 @@ def test_refuted_invariance_does_not_survive_perturbation():
     turn = ct.ss([[0, -5, 0], [5, 0, 0], [0, 0, -1]], [[0], [0], [1]], np.eye(3), 0)
     c = kp.state_feedback(turn, X=square, structure=[[1, 0, 0]]).certificate
     assert c.status is kp.Status.REFUTED and c.check()
-    weights = list(c.witness.weights)
-    weights[0] += 1
-    assert not replace(c, witness=PairMultipliers(tuple(weights))).check()
-    assert not replace(c, witness=PairMultipliers(tuple(-w for w in c.witness.weights))).check()
+    (l,) = (part.fractions() for part in c.witness.L)
+    for other in (-l, 0 * l, l[:, ::-1], l[:, 1:]):
+        assert not replace(c, witness=Functionals((Matrix.from_fractions(other),))).check()
 
 
 def test_gain_bound_is_exact():

@@ -7,9 +7,9 @@ import planted
 import pytest
 
 import control_kpos as kp
+from control_kpos.design.contradiction import Functionals
 from control_kpos.design.plant import read_plant
 from control_kpos.design.polyhedral.program import GainProgram
-from control_kpos.design.refusal import Multipliers
 from control_kpos.design.running import Programs
 
 PAPER = [[0, 1], [1, -2]]
@@ -83,7 +83,7 @@ def test_two_steps_fail_where_one_program_succeeds():
 def test_no_gain_makes_the_mass_spring_positive_on_the_orthant(plant):
     d = kp.state_feedback(plant, X=kp.orthant(2))
     assert d.status is kp.Status.REFUTED and d.check() and d.F is None and d.closed_loop is None
-    assert isinstance(d.witness, Multipliers)
+    assert isinstance(d.witness, Functionals)
     assert "impossible" in d.explain()
 
 

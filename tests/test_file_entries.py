@@ -103,6 +103,112 @@ def test_underflow_is_no_error_in_files(tmp_path):
         assert again == certificate and again.check() and again.status is kp.Status.REFUTED
 
 
+DOUBLE = (
+    [{"double": "0x1.8p+1"}, {"double": 3}, {"double": "3.0"}],
+    [
+        *(
+            3,
+            "3",
+            {"fraction": 3},
+            {"array": [3]},
+            {"fractions": [3]},
+            {"double": "10/3"},
+            {"double": "2.9"},
+            {"double": [3]},
+        ),
+        *(
+            {"double": {"double": 3}},
+            {"double": True},
+            {"double": None},
+            {"double": 3, "more": 1},
+            [3],
+            {},
+            {"double": "1e0"},
+        ),
+    ],
+)
+FRACTION = (
+    [{"fraction": "1/3"}, {"fraction": "0x1/0x3"}, {"fraction": "0.25"}],
+    [
+        *(
+            "1/3",
+            {"double": "0x1p-2"},
+            {"fractions": ["1/3"]},
+            {"array": [0]},
+            {"fraction": ["1/3"]},
+            {"fraction": "1/-3"},
+            [1],
+        ),
+    ],
+)
+VECTOR_OF_TWO = (
+    [{"array": [1, 1]}, {"array": ["0x1p+0", "1.0"]}],
+    [
+        *(
+            [1, 1],
+            {"array": [[1, 1]]},
+            {"array": [[1], [1]]},
+            {"array": [1, [1]]},
+            {"array": [1]},
+            {"array": [1, "4/3"]},
+        ),
+        *(
+            {"fractions": [1, 1]},
+            {"matrix": [[1, 1]]},
+            {"tuple": [1, 1]},
+            {"array": [1, 1], "more": 1},
+            {"array": [1, "nan"]},
+        ),
+    ],
+)
+MATRIX_OF_TWO = (
+    [
+        {"matrix": [[-2, 1], ["1/2", "-2.0"]]},
+        {"sparse": [[0, 0, -2], [0, 1, 1], [1, 0, "0.5"], [1, 1, -2]], "shape": [2, 2]},
+    ],
+    [
+        *(
+            [[-2, 1], [0, -2]],
+            {"array": [[-2, 1], [0, -2]]},
+            {"matrix": [[[-2, 1], [0, -2]]]},
+            {"matrix": [[-2, 1], [0]]},
+        ),
+        *({"sparse": [[0, 0, -2], [0, 0, -2]], "shape": [2, 2]}, {"sparse": [[0, 0, "-7/3"]], "shape": [2, 2]}),
+        *({"sparse": [[0, 0, -2], [1, 1, -2]], "shape": [2, 3]}, {"sparse": [[0, 0, -2], [1, 1, -2]]}),
+    ],
+)
+
+
+@pytest.mark.parametrize(
+    ("entry", "form", "accepted"),
+    [
+        (entry, form, k == 0)
+        for entry, kinds in (
+            ("decay_rate", DOUBLE),
+            ("required_rate", FRACTION),
+            ("v", VECTOR_OF_TWO),
+            ("A", MATRIX_OF_TWO),
+        )
+        for k, forms in enumerate(kinds)
+        for form in forms
+    ],
+)
+def test_both_readers_have_one_grammar(entry, form, accepted, tmp_path, capsys):
+    """A matrix, a vector and rates of a system that decays at 3: what is read is decided alike, or refused."""
+    kp.linear_lyapunov([[-4, 1], [1, -4]], kp.orthant(2), rate="1/3").save(tmp_path / "c.json")
+    content = json.loads((tmp_path / "c.json").read_text())
+    content["data"] |= {"decay_rate": {"double": 0}, "required_rate": {"fraction": "1/4"}, "v": {"array": [1, 1]}}
+    content["data"][entry] = form
+    (tmp_path / "c.json").write_text(json.dumps(tampering.redigested(content)))
+    status = 0 if accepted else 2
+    assert checker.main(tmp_path / "c.json") == status == main(["check", str(tmp_path / "c.json")])
+    if not accepted:
+        with pytest.raises(CertificateFileError) as refusal:
+            load_certificate(tmp_path / "c.json")
+        assert type(refusal.value) is CertificateFileError
+    capsys.readouterr()
+
+
 LOCAL = ("local", "certificate", "data")
 COMMON = ("others", "tuple", 0, "certificate", "data")
 GAIN = ("others", "tuple", 1, "certificate", "data")

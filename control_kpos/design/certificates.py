@@ -18,7 +18,7 @@ from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, ClaimWithRate
-from ..proof.encoding import only
+from ..proof.encoding import require_kinds
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
 from ..theorems.decay_rates import proven_rate, transposed_drift
@@ -166,6 +166,13 @@ class FeedbackCertificate(Demand):
         return f"All {len(self.loops)} vertices are proven; the slowest: {slowest.explain()} {rest}"
 
 
+def _require_vector(cls: Any, v: Any) -> None:
+    """Raise an error unless v can be the x of a certificate."""
+    require_kinds(cls, {"x": v})
+    if v.ndim != 1:
+        raise DataError("v is a vector.")
+
+
 def _is_alike(part: LyapunovCertificate | PositivityCertificate, X: Cone, discrete: bool) -> bool:
     return part.X == X and part.discrete == discrete
 
@@ -233,7 +240,7 @@ class CommonVectorCertificate(Demand, ClaimWithRate):
             "X": first.X.dual,
             "discrete": first.discrete,
             "v": self.x,
-            **{name: rate for name, rate in rates.items() if rate},
+            **{name: rate for name, rate in rates.items() if rate is not None},
         }
 
     @classmethod
@@ -245,7 +252,7 @@ class CommonVectorCertificate(Demand, ClaimWithRate):
         contents : dict
             By the names in files.
         """
-        only(contents, ("A", "X", "discrete", "v", "decay_rate", "required_rate"))
+        _require_vector(cls, contents["v"])
         X, discrete = contents["X"].dual, contents["discrete"]
         loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
         rates = {name: contents[name] for name in ("decay_rate", "required_rate") if name in contents}
@@ -336,7 +343,7 @@ class DisturbanceCertificate(Demand):
         contents : dict
             By the names in files.
         """
-        only(contents, (*"ABCDXUYvqr", "discrete"))
+        _require_vector(cls, contents["v"])
         if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
             raise DataError("the supply rate must be gamma 1'u - 1'y.")
         a, b, c, d = (contents[name].T for name in "ACBD")

@@ -48,8 +48,8 @@ def exact_inequalities(plant: Plant, *, as_given: bool = False) -> Inequalities:
     if plant.gain_bound is not None:
         tolerance = 1 + Fraction(1, 10**9)
         bound = np.array([Fraction(b) * tolerance for b in plant.gain_bound.tolist()], dtype=object)
-        lengths = _lengths(plant.X, rays) if as_given else leading_sizes(rays)
-        q = q.with_closed(*gain_rows(q.n, q.m, lengths, bound))
+        sizes = lengths(plant.X, rays) if as_given else leading_sizes(rays)
+        q = q.with_closed(*gain_rows(q.n, q.m, sizes, bound))
     if plant.ports:
         C, D = (M.fractions() for M in plant.system.matrices[2:])
         q = q.with_closed(*output_rows(C, D, outer_facets(plant.system.Y), rays))
@@ -61,11 +61,11 @@ def outer_facets(Y: Cone) -> Rationals:
     return Y.exact_facets.rows_as_integers(np.arange(Y.n_facets))
 
 
-def _lengths(X: Cone, integer_rays: Rationals) -> Rationals:
-    """Integer ray k = lengths[k] * rays[k], up to the rounding of rays[k]: a bound on F x_k, for the integer ray."""
+def lengths(X: Cone, exact_rays: Rationals) -> Rationals:
+    """Exact ray k = lengths[k] * rays[k], up to the rounding of rays[k]: a bound on F x_k, for the exact ray."""
     rays = np.asarray(X.rays, dtype=float)
     largest = np.argmax(np.abs(rays), axis=1)
-    return np.array([Fraction(integer_rays[k, j]) / Fraction(rays[k, j]) for k, j in enumerate(largest)], dtype=object)
+    return np.array([Fraction(exact_rays[k, j]) / Fraction(rays[k, j]) for k, j in enumerate(largest)], dtype=object)
 
 
 def exact_geometry(plant: Plant) -> tuple[Integers, Integers]:

@@ -117,8 +117,8 @@ class ConeCertificate(Certificate):
         if within is not None:
             out.append(Condition("c'x >= 0", _forms(within, rays), ">="))
         if self.v is not None:
-            if self.by_facets:
-                raise DataError("a Lyapunov vector is proven on generators; by_facets has none.")
+            if self.by_facets or np.shape(self.v) != (rays.shape[1],):
+                raise DataError("a Lyapunov vector is proven on generators, and fits them; by_facets has none.")
             out.append(Condition("v'x > 0", _forms(_row(self.v), rays), ">"))
             out += [self._decrease(s, self.v, rays) for s in range(self.matrices.shape[0])]
         return out
@@ -166,12 +166,13 @@ class ConeCertificate(Certificate):
         rest = {key: value for key, value in contents.items() if key not in "ABCXUY"}
         if not contents["A"]:
             raise DataError("there is no matrix.")
-        matrices, inner, outer = Matrix.stack(contents["A"]), contents.get("B"), contents.get("C")
+        matrices = Matrix.stack([A.dense() for A in contents["A"]])
+        inner, outer = contents.get("B"), contents.get("C")
         for M, k, name in ((inner, 1, "U"), (outer, 0, "Y")):
             if M is not None and contents.get(name) != orthant(M.shape[k]):
                 raise DataError(f"{name} must be an orthant.")
         inner = None if inner is None else inner.T
-        if rest["by_facets"]:
+        if rest.get("by_facets"):
             matrices, inner, outer = matrices.T, outer, inner
         rays = given_generators(contents["X"])
         return cls.settle(matrices=matrices, rays=rays, contains=inner, within=outer, **rest)

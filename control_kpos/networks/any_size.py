@@ -30,7 +30,7 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_matrix, exact_number, require_shape, vector
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Certificate, Status, exactly
+from ..proof.certificate import Certificate, Status, exactly, states_the_same
 from ..proof.weights import ProofOmittedError
 from ..systems.statespace import ConeStateSpace
 from ..theorems.stability import LyapunovCertificate
@@ -86,10 +86,17 @@ class OutWeightCertificate(Certificate):
         contents : dict
             By field.
         """
-        return cls.settle(**{**contents, "witness": contents["local"].witness})
+        if len(contents["link"].shape) != 2:
+            raise DataError("link is a matrix.")
+        witness = contents["local"].witness
+        if contents.get("witness") is not None and not states_the_same(contents["witness"], witness):
+            raise DataError("the witness is that of the self-loops.")
+        return cls.settle(**{**contents, "witness": witness})
 
     def conditions(self) -> Sequence[Condition]:
         model = self.local.model
+        if self.weight < 0:
+            raise DataError("weight must not be negative.")
         r = exactly(self.local, "r").values
         if model.n_nodes > 1 and (np.ptp(r) or not np.all(r > 0)):
             raise DataError("the node types must have one r > 0 in common.")
@@ -113,8 +120,9 @@ class OutWeightCertificate(Certificate):
     def refutation(self) -> Sequence[Condition] | None:
         if isinstance(self.local.witness, (NodeNotDissipative, NoWeights)):
             return None  # only about these supplies
-        refuted = self.local.status is Status.REFUTED and self._proves_loops
-        return self.local._own_conditions if refuted else None
+        if not self._proves_loops:
+            raise DataError("the local certificate is not about self-loops of this weight.")
+        return self.local._own_conditions if self.local.status is Status.REFUTED else None
 
     @property
     def _loops(self) -> Matrix:

@@ -30,10 +30,8 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.rows import frozen
 from ..proof.certificate import Certificate, ClaimWithRate, Fractions, Status, Vector, VectorPair, exactly
-from ..proof.encoding import only
 from . import conditions as on
 from . import files
-from .blocks import Floats
 from .model import NetworkModel
 from .own_links import own_links_closed, same_network
 from .witnesses import (
@@ -86,6 +84,8 @@ class NodeVector(Vector):
 
     def hold(self, value: Any) -> Any:
         """See `Vector`."""
+        if isinstance(value, np.ndarray) and value.ndim > 2:
+            raise DataError("the vectors of all nodes stand in an array of at most two dimensions.")
         flat = np.ravel(value) if isinstance(value, np.ndarray) else np.concatenate([np.ravel(part) for part in value])
         return super().hold(flat)
 
@@ -109,10 +109,8 @@ class ClaimOnNetwork(Certificate):
     def is_consistent(self) -> bool:
         """True if links of nodes to themselves were closed rightly, should they have been."""
         origin = self.model.origin
-        if origin is None:
-            return True
-        closed = own_links_closed(replace(origin))
-        return closed is not None and same_network(closed, self.model)
+        closed = self.model if origin is None else own_links_closed(replace(origin))
+        return super().is_consistent() and closed is not None and same_network(closed, self.model)
 
     def contents(self) -> dict[str, Any]:
         """The network as one large system, and the fields."""
@@ -131,7 +129,6 @@ class ClaimOnNetwork(Certificate):
             By the names in files.
         """
         own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
-        only(contents, {*own, *files.NAMES})
         model = own.get("model") or files.rebuild(contents)
         own = {**own, "model": model}
         draft = cls(**own)
@@ -198,7 +195,7 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
 
     def refutation(self) -> Sequence[Condition] | None:
         if isinstance(self.witness, NoWeights):
-            rows = no_weights(self.model, exactly(self, "q"), exactly(self, "r"), self.witness.y)
+            rows = no_weights(self.model, exactly(self, "q"), exactly(self, "r"), exactly(self.witness, "y"))
             return [*positive_parts(self.model), *rows]
         return refute(self.model, self.witness, self.loop)
 
@@ -308,13 +305,13 @@ def dissipation(
     return out
 
 
-def no_weights(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> list[Condition]:
+def no_weights(model: NetworkModel, q: Matrix, r: Matrix, y: Matrix) -> list[Condition]:
     """y in Y with q_j'y_j + r_j'(W y)_j >= 0 for every node j, and > 0 for one: then no sigma > 0 exists."""
     forms = on.supply_by_node(model, q, r, y)
     largest = np.zeros(forms.values.shape, dtype=bool)
     largest[int(np.argmax(forms.values[:, 0])), 0] = True
     somewhere = Condition("q'y + r'W y > 0 somewhere", forms, ">", largest)
-    return [*on.emitted(model, Matrix(y)), Condition("q'y + r'W y >= 0", forms, ">="), somewhere]
+    return [*on.emitted(model, y), Condition("q'y + r'W y >= 0", forms, ">="), somewhere]
 
 
 def rates_of(certificate: Any) -> dict[str, Any]:

@@ -252,7 +252,7 @@ def _exact_image(generators: Matrix, coupling: Matrix) -> Matrix:
     return Matrix.from_fractions(np.concatenate([y, y @ w.T], axis=1))
 
 
-def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> BilinearForms:
+def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Matrix) -> BilinearForms:
     """q_j'y_j + r_j'(W y)_j for every node j: forms (N, 1)."""
     Q, M = model.totals[2], model.totals[1]
     rates, places = after(q, r), (_nodes(model), np.arange(Q + M))
@@ -262,7 +262,7 @@ def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Floats) -> Bili
         table = np.zeros((model.n_nodes, Q + M), dtype=object)
         table[places] = rates.fractions()[0]
         left = Matrix.from_fractions(table)
-    return BilinearForms(left, _sent_and_received(model), Matrix(y[None, :]))
+    return BilinearForms(left, _sent_and_received(model), y[None])
 
 
 def _sent_and_received(model: NetworkModel) -> Matrix:

@@ -72,7 +72,7 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         if closed is None:
             raise DataError("no node has a link to itself that could be closed.")
         return closed
-    dt = contents["dt"]
+    dt = contents.get("dt")
     if dt is not None and not (isinstance(dt, (bool, int, float)) and 0 <= dt < np.inf):
         raise DataError("dt is not a time base.")
     if any(
@@ -81,9 +81,12 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
     ):
         raise DataError("sizes and stack are not whole numbers.")
     sizes, stack = contents["sizes"].astype(np.intp), contents["stack"].astype(np.intp)
-    cones, names = contents["cones"], contents["names"]
+    cones, names = contents["cones"], contents.get("names")
     if sizes.shape != (len(stack), 3) or not np.array_equal(np.unique(stack), np.arange(len(cones))):
         raise DataError("sizes and stack do not describe nodes.")
+    named = isinstance(names, tuple) and len(names) == len(stack) and all(isinstance(name, str) for name in names)
+    if names is not None and not named:
+        raise DataError("names are text, one for every node.")
     offsets = np.concatenate([np.zeros((1, 3), dtype=np.intp), np.cumsum(sizes, axis=0)])
     members = [np.flatnonzero(stack == g) for g in range(len(cones))]
     stacks = []
@@ -92,9 +95,9 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
             raise DataError("the sizes of the nodes are not those of their cones.")
         places = [offsets[index, kind][:, None] + np.arange(C.dim) for kind, C in enumerate((X, U, Y))]
         a, b, c, d = (take_blocks(contents[name], places[i], places[j]) for name, (i, j) in BLOCKS.items())
-        own = tuple(str(names[j]) for j in index) if names else ()
-        stacks.append(NodeStack(a, b, c, d, X, U, Y, contents["dt"], own))
-    model = NetworkModel(tuple(stacks), tuple(members), contents["W"], contents["dt"])
+        own = () if names is None else tuple(names[j] for j in index)
+        stacks.append(NodeStack(a, b, c, d, X, U, Y, dt, own))
+    model = NetworkModel(tuple(stacks), tuple(members), contents["W"], dt)
     if contents["W"].shape != model.totals[1:]:
         raise DataError("W has not the inputs and outputs of the nodes.")
     alike = all(product_cone(model, kind) == contents[name] for kind, name in enumerate(_KINDS))
@@ -215,7 +218,7 @@ def _motion(model: NetworkModel, witness: Any) -> tuple[str, Any, Any, Any, Frac
         y, u = (part.fractions() for part in witness.vectors)
         return "loop", x, u, y, rate
     if isinstance(witness, NoWeights):
-        return "weights", x, u, Matrix(witness.y).fractions(), rate
+        return "weights", x, u, exactly(witness, "y").fractions(), rate
     if isinstance(witness, NodeNotDissipative):
         for whole, kind, name in ((x, 0, "x"), (u, 1, "u")):
             first, own = int(model.offsets[kind][witness.node]), exactly(witness.violation, name).fractions()

@@ -18,7 +18,7 @@ from ..proof.inclusion import PositivityViolation
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
 from ..theorems.positivity import PositivityCertificate
 from . import conditions as on
-from .blocks import Floats, Index, take_blocks
+from .blocks import Index, take_blocks
 from .model import NetworkModel
 
 LoopWeights: TypeAlias = "tuple[Matrix, Matrix] | None"
@@ -178,7 +178,7 @@ class NoWeights:
         Outputs y in Y with q_j'y_j + r_j'(W y)_j >= 0 for every node j, and > 0 for one.
     """
 
-    y: Floats
+    y: Vector = Vector(required=True)
 
     def __str__(self) -> str:
         return (

@@ -96,6 +96,8 @@ class DifferentialCertificate(Certificate):
         """The inequalities that prove the claim."""
         if self.radii.shape != self.centres.shape or not (self.radii >= 0).all():
             raise DataError("every Jacobian needs a radius, and radii are not negative.")
+        if self.v is not None and np.shape(self.v) != (self.X.dim,):
+            raise DataError("v does not fit the cone.")
         out = [invariance(self, s) for s in range(self.centres.shape[0])]
         if self.v is not None:
             v = Matrix(self.v[None, :])
@@ -129,9 +131,9 @@ class DifferentialCertificate(Certificate):
         """The largest h'J x over the Jacobians of a violation; None if there are no such Jacobians or numbers."""
         X, n = self.X, self.X.dim
         if w.centre.shape != (n, n) or w.radius.shape != (n, n) or not (w.radius >= 0).all():
-            return None
+            raise DataError("centre and radius of a violation do not fit the cone, or a radius is negative.")
         if w.point is not None and np.shape(w.point) != (n,):
-            return None
+            raise DataError("the point of a violation does not fit the cone.")
         member = self._member(w)
         if (member is None and w.point is None) or not (0 <= w.facet < X.n_facets and 0 <= w.ray < X.n_rays):
             return None
@@ -166,7 +168,7 @@ class DifferentialCertificate(Certificate):
         if rest.get("source", "vertices") not in _SOURCES:
             raise DataError(f"source is {rest['source']!r}; it must be one of {', '.join(_SOURCES)}.")
         if "A" in rest:
-            rest["centres"] = Matrix.stack(rest.pop("A"))
+            rest["centres"] = Matrix.stack([A.dense() for A in rest.pop("A")])
             rest["radii"] = np.array(rest["radii"]) if "radii" in rest else np.zeros(rest["centres"].shape)
         shape = rest["centres"].shape
         if not shape[0] or rest["radii"].shape != shape or not (rest["radii"] >= 0).all():

@@ -24,7 +24,7 @@ from ..errors import DataError
 from ..exact.condition import Condition, all_hold, residuals
 from ..exact.matrix import Matrix
 from .encoding import Encoder
-from .files import register_claim, save_certificate
+from .files import register_claim, save_certificate, unproven_rates
 from .portable_cones import encode_cone
 from .weights import ProofOmittedError
 
@@ -251,8 +251,8 @@ class Certificate(ABC):
         return self.witness if self.status is Status.REFUTED else None
 
     def is_consistent(self) -> bool:
-        """True if the numbers it states, such as a decay rate, are those that its data prove."""
-        return True
+        """True if its conditions are about all numbers that it states."""
+        return not unproven_rates(self)
 
     def parts(self) -> Sequence[Certificate]:
         """Certificates that this one rests on."""
@@ -381,12 +381,6 @@ class Certificate(ABC):
         return cls.settle(**contents)
 
 
-def is_tight(conditions: Sequence[Condition], name: str) -> bool:
-    """True if an inequality has no more to spare than the rounding of another machine: its number is the largest."""
-    found = [c for c in conditions if c.name == name]
-    return any((np.abs(c.residual) <= _SAME_RESIDUAL * c.scale).any() for c in found)
-
-
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class ClaimWithRate(Certificate):
     """A claim that includes a decay rate, exactly as it was given, if one was asked for: a positive `required_rate`."""
@@ -412,6 +406,11 @@ def _stated(certificate: Any, encoder: Encoder) -> dict[str, Any]:
     """What a file says of a certificate, but for its proof."""
     data = {key: encoder.value(value) for key, value in certificate.contents().items()}
     return {"claim": certificate.claim, "status": certificate.status.name, "data": data}
+
+
+def states_the_same(one: Any, other: Any) -> bool:
+    """True if two records are the same in files."""
+    return _ENCODER.value(one) == _ENCODER.value(other)
 
 
 def _generators_of(cone: Any) -> list[Any]:

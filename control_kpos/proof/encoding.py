@@ -8,7 +8,7 @@ with a decimal point occurs, so no reader can round.  The page certificate_forma
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
@@ -34,17 +34,35 @@ _OBJECTS = [
     {"sparse", "shape"},
     {"record", "fields"},
 ]
-# What stands in fields that are no matrices, vectors or cones, by their annotations.
-_KINDS: dict[Any, tuple[type, ...]] = {
+# What stands in fields, by their annotations, which may end in "| None".
+_KINDS: dict[str, tuple[type, ...]] = {
     "float": (float,),
     "Fraction": (Fraction,),
     "float | Fraction": (float, Fraction),
     "Rate": (float, Fraction),
-    "Fraction | None": (Fraction,),
     "int": (int,),
     "bool": (bool,),
     "str": (str,),
+    "Matrix": (Matrix,),
+    "Cone": (Cone,),
+    "Floats | Matrix": (np.ndarray, Matrix),
+    **dict.fromkeys(("NodeVector", "Array"), (np.ndarray, tuple)),
+    **dict.fromkeys(("Vector", "Floats", "NDArray[np.float64]"), (np.ndarray,)),
+    **dict.fromkeys(
+        ("VectorPair", "Fractions", "tuple[int, ...]", "tuple[Fraction, ...]", "tuple[Matrix, ...]"), (tuple,)
+    ),
 }
+# And in tuples.
+_ITEMS: dict[str, tuple[type, ...]] = {
+    "tuple[int, ...]": (int,),
+    "tuple[Fraction, ...]": (Fraction,),
+    "tuple[Matrix, ...]": (Matrix,),
+    "Fractions": (Fraction, tuple),
+    "VectorPair": (np.ndarray, tuple),
+    **dict.fromkeys(("NodeVector", "Array"), (np.ndarray,)),
+}
+
+_PART = {"claim", "status", "data", "proof"}
 
 _records: dict[str, type] = {}
 
@@ -74,6 +92,11 @@ def register_record(cls: type[T]) -> type[T]:
     """
     _records[cls.__name__] = cls
     return cls
+
+
+def is_record(value: Any) -> bool:
+    """True for what a class of this kind is of."""
+    return type(value) in _records.values()
 
 
 # -- writing
@@ -181,19 +204,6 @@ def encode_triplets(entries: list[tuple[int, int, Any]], shape: tuple[int, ...])
 # -- reading
 
 
-def only(contents: dict[str, Any], names: Collection[str]) -> None:
-    """Refuse the contents of a file if there is anything but these entries and None.
-
-    Raises
-    ------
-    CertificateFileError
-        Another entry, which would say nothing.
-    """
-    for name in contents.keys() - set(names):
-        if contents[name] is not None:
-            raise CertificateFileError(f"{name[:60]} has no meaning there.")
-
-
 class Decoder:
     """The inverse of `Encoder` for one file.
 
@@ -229,17 +239,27 @@ class Decoder:
         if "array" in value:
             return self._array(value["array"])
         if "tuple" in value:
-            return tuple(self.value(item) for item in value["tuple"])
+            return self._tuple(value["tuple"])
         if "matrix" in value or "sparse" in value:
             return self.matrix(value)
         if "cone" in value:
             return self.decode_cone(value["cone"], self.limit)
         if "certificate" in value:
+            if set(value["certificate"]) != _PART:
+                raise CertificateFileError("a certificate inside another has a claim, a status, data and a proof.")
             return self.decode_claim(value["certificate"], self)
-        content = {key: self.value(item) for key, item in value["fields"].items()}
         kind = _records[value["record"]]
+        names = {field.name for field in fields(kind)}
+        said = {key: x for key, x in value["fields"].items() if key not in getattr(kind, "computed", ())}
+        content = {key: self.value(x) for key, x in said.items() if x is not None or key in names}
         require_kinds(kind, content)
         return kind(**content)
+
+    def _tuple(self, items: Any) -> tuple[Any, ...]:
+        out = tuple(self.value(item) for item in items)
+        if out and all(isinstance(item, Fraction) for item in out):
+            raise CertificateFileError("several fractions stand in fractions.")
+        return out
 
     def _array(self, entries: Any) -> NDArray[np.float64]:
         if isinstance(entries, np.ndarray):
@@ -284,15 +304,21 @@ class Decoder:
 
 
 def require_kinds(cls: Any, values: dict[str, Any]) -> None:
-    """Refuse numbers, marks and text of another kind than the fields of a dataclass that they are for.
+    """Refuse values of another kind than the fields of a dataclass that they are for.
 
     A number that is stated as a double is read as one, and as nothing else.
     """
     for field in fields(cls):
-        kinds, value = _KINDS.get(field.type), values.get(field.name, field.default)
-        absent = value is None and str(field.type).endswith("| None")
-        if kinds and value is not field.default and not absent and type(value) not in kinds:
+        value, kind = values.get(field.name, field.default), str(field.type).removesuffix(" | None")
+        if value is field.default or (value is None and kind != field.type):
+            continue
+        items = value if isinstance(value, tuple) else ()
+        if not (_is_any(value, _KINDS.get(kind)) and all(_is_any(item, _ITEMS.get(kind)) for item in items)):
             raise CertificateFileError(f"{field.name} is {str(value)[:60]!r}, which is of another kind ({field.type}).")
+
+
+def _is_any(value: Any, kinds: tuple[type, ...] | None) -> bool:
+    return kinds is None or (isinstance(value, kinds) and (type(value) is not bool or bool in kinds))
 
 
 def exact_rows(rows: Any) -> Matrix:

@@ -16,6 +16,7 @@ import secrets
 import stat
 import sys
 from contextlib import suppress
+from dataclasses import fields
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from ..errors import (
     CertificateFileError,
     FalseClaimError,
     KposError,
+    NotProperConeError,
     TooLargeError,
 )
 from ..exact.intake import file_path, flag
@@ -37,7 +39,7 @@ from .archive import (
     read_archive,
     write_archive,
 )
-from .encoding import Decoder, Encoder, require_kinds
+from .encoding import Decoder, Encoder, is_record, require_kinds
 from .portable_cones import decode_cone, encode_cone
 
 FORMAT = "kpos-certificate/1"
@@ -142,6 +144,8 @@ def load_certificate(path: str | PathLike[str], *, trusted: bool = False) -> Any
         if str(path) in str(error):
             raise
         raise type(error)(f"{path}: {error}") from None
+    except NotProperConeError as error:  # nothing about it is written wrongly
+        raise FalseClaimError(f"{path}: {error}") from None
     except TooLargeError as error:
         raise CertificateFileError(f"{path} is too much work: {error} If you trust it, say trusted=True.") from None
     except (
@@ -285,10 +289,16 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
     for name, value in data.items():
         if type(value) in (int, str) and name not in _BARE:
             raise CertificateFileError(f"{name} is {str(value)[:60]!r}, which has no meaning there.")
-    contents = {key: decoder.value(value) for key, value in data.items()}
+    names = {field.name for field in fields(_restorers[claim])}
+    contents = {key: decoder.value(value) for key, value in data.items() if value is not None or key in names}
     require_kinds(_restorers[claim], contents)
     certificate = _restorers[claim].restore(contents)
+    witness = certificate.witness
+    if witness is not None and not is_record(witness):
+        raise CertificateFileError(f"the witness is {str(witness)[:60]!r}, which is none.")
     if certificate.status.name != content["status"]:
+        if content["status"] in ("PROVED", "REFUTED") and is_empty(certificate):
+            raise CertificateFileError(f"it holds nothing that could make {str(claim)!r} {content['status']}.")
         raise FalseClaimError(
             f"the file says {str(content['status'])[:60]}, but its data give {certificate.status.name} for {claim!r}."
         )
@@ -297,10 +307,15 @@ def _decode_claim(content: Any, decoder: Decoder) -> Any:
             f"{name[:60]} can say nothing in a certificate for {claim!r} that is {content['status']}."
         )
     for name in unproven_rates(certificate):
-        raise FalseClaimError(
-            f"the file states a {name} of {getattr(certificate, name):g}, which its data do not prove."
-        )
+        kind = CertificateFileError if certificate and name == "decay_rate" else FalseClaimError  # a rate below 0
+        raise kind(f"the file states a {name} of {getattr(certificate, name):g}, which its data do not prove.")
     return certificate
+
+
+def is_empty(certificate: Any) -> bool:
+    """True if a certificate is undecided because a vector is missing, with no witness in its place."""
+    parts_hold = all(part.status.name == "PROVED" for part in certificate.parts())
+    return certificate.witness is None and not certificate._own_conditions and parts_hold
 
 
 def _unread(certificate: Any, names: set[str]) -> list[str]:

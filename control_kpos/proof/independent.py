@@ -19,8 +19,8 @@ class Verdict:
     Attributes
     ----------
     status : str
-        "PROVED" or "REFUTED", "WRONG" for a file that does not prove what it says, "" where the file has
-        nothing that can be checked without the package.
+        "PROVED" or "REFUTED", "WRONG" for a file that does not prove what it says, "UNREADABLE" for one that is not
+        written as the format says, "" where the file has nothing that can be checked without the package.
     text : str
         In words.
     """
@@ -42,7 +42,9 @@ def verdict(path: str | PathLike[str]) -> Verdict:
         note = checker.verify(content, _LONGEST)
     except checker.Wrong as reason:
         return Verdict("WRONG", f"The independent checker disagrees: not proven: {reason}.")
-    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError, RuntimeError, MemoryError) as reason:
+    except (checker.Omitted, RecursionError, MemoryError) as reason:
         return Verdict("", f"Not checked independently of control_kpos: {reason}.")
+    except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as reason:
+        return Verdict("UNREADABLE", f"The independent checker cannot read it: {reason}.")
     confirmed = "The independent checker confirms it in rational arithmetic"
     return Verdict(str(content["status"]), f"{confirmed} ({note})." if note else f"{confirmed}.")

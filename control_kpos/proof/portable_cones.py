@@ -161,6 +161,8 @@ def decode_cone(runs: Any, limit: int) -> Cone:
     dim = 0
     for count, part in runs:
         n = len(part["rays"][0])
+        if set(part) - {"rays", "w", "Z"}:
+            raise CertificateFileError("a cone has rays, w and Z, and nothing else.")
         if type(count) is not int or not 0 < count * n <= limit - dim:
             raise CertificateFileError(f"{str(count)[:60]} cones in dimension {n} are absurd for a file of this size.")
         dim += count * n

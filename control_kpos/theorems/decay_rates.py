@@ -74,8 +74,9 @@ def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:
 
 
 def slow_conditions(A: Matrix, X: Cone, discrete: bool, row: Matrix, bound: float) -> list[Condition]:
-    """x in X and A x + bound x in X, on the facets of X."""
+    """x != 0, x in X and A x + bound x in X, on the facets of X."""
     return [
+        Condition("slow direction is not 0", BilinearForms(row, None, row), ">"),
         Condition(SLOW_IN, BilinearForms(row, None, X.exact_facets), ">="),
         Condition(SLOW, transposed_drift(row, A, X, discrete, bound), ">="),
     ]
@@ -92,7 +93,7 @@ def proven_bound(A: Matrix, X: Cone, discrete: bool, row: Matrix) -> float | Non
         largest = max(_quotients(row, A.T, X.exact_facets, discrete), default=None)
         proposed += [] if largest is None else [_rounded(largest, up=True)]
     for bound in proposed:
-        if np.any(row.values) and all_hold(slow_conditions(A, X, discrete, row, bound)):
+        if all_hold(slow_conditions(A, X, discrete, row, bound)):
             return bound
     return None
 

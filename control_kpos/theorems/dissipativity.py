@@ -27,7 +27,7 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Fractions, Status, Vector, exactly, is_tight
+from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.encoding import register_record
 from ..proof.inclusion import PositivityViolation
 from ..proof.weights import (
@@ -128,13 +128,6 @@ class DissipativityCertificate(ClaimOnPositivity):
         if self.witness is None and (self.v is None or self.r is None):
             return Status.UNDECIDED, ()  # nothing was found that could be proven
         return super()._evaluate()
-
-    def is_consistent(self) -> bool:
-        """True if the rate is the one that v proves, here or as another machine rounds."""
-        if self.v is None:
-            return True
-        rate = proven_rate(self.positivity.system(), exactly(self, "v")[None], self.supply[0])
-        return self.decay_rate == rate or is_tight(self._own_conditions, _RATE)
 
     def refutation(self) -> Sequence[Condition] | None:
         """The inequalities on the witness."""

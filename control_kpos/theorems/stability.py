@@ -29,7 +29,7 @@ from ..exact.condition import Condition, all_hold
 from ..exact.intake import exact_number
 from ..exact.matrix import Integers, Matrix, bit_length
 from ..exact.signs import BilinearForms
-from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly, is_tight
+from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
@@ -142,18 +142,6 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
         if self.witness is None and self.v is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
         return super()._evaluate()
-
-    def is_consistent(self) -> bool:
-        """True if both rates are those that v and the slow direction prove, here or as another machine rounds."""
-        if self.v is None:
-            return True
-        rate = proven_rate(exactly(self, "v")[None], self.A, self.X.exact_rays, self.discrete)
-        bound: float | None = float("inf")
-        if self.slow_direction is not None:
-            x = exactly(self, "slow_direction")[None]
-            bound = proven_bound(self.A, self.X, self.discrete, x)
-        found = ((self.decay_rate == rate, _RATE), (self.decay_rate_bound == bound, SLOW))
-        return all(same or is_tight(self._own_conditions, name) for same, name in found)
 
     def refutation(self) -> Sequence[Condition] | None:
         """The inequalities on the witness."""

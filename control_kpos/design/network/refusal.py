@@ -27,9 +27,10 @@ from ...proof.certificate import Status
 from ...systems.system import System
 from ...theorems.decay_rates import Rate
 from ..accept import undecided
+from ..contradiction import NoFeedback
 from ..limits import proven_limit, refused_at
 from ..plant import Plant, read_plant
-from ..refusal import NoFeedback, decide
+from ..refusal import decide
 from ..result import DesignResult, Nearest
 from ..running import EFFORT, Programs
 from ..simplicial.program import Failure

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ...cards import floored, raised
-from ...errors import DataError
+from ...errors import DataError, FalseClaimError
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...proof.certificate import Status
@@ -93,7 +93,7 @@ class AbscissaCertificate(ClaimOnNetwork):
         """
         restored = super().restore(contents)
         if not restored and (restored.lower, restored.upper) != (-np.inf, np.inf):
-            raise DataError("the ends of a bracket are stated without a proof.")
+            raise FalseClaimError("the ends of a bracket are stated without a proof.")
         return restored
 
     def evidence(self) -> dict[str, Any]:
