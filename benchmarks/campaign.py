@@ -75,6 +75,7 @@ KERNEL = {
 }
 POSITIVITY = {
     "index < rows.shape[0] -> ": "a row that is not there is refused when it is used",
+    "B is not None and U is not None -> ": "B and its cone U come together",
     "broken_by: '==' -> '<='": "h'x is not negative on the cone",
 }
 STABILITY = {
