@@ -71,3 +71,17 @@ def test_numbers_at_the_ends_of_doubles_over_a_denominator(value, bits):
 def test_integers_of_doubles_are_exact(value):
     ints, exponent = integers_of_doubles(np.array([value, 0.75]))
     assert [Fraction(int(i)) * Fraction(2) ** int(exponent.item()) for i in ints] == [Fraction(value), Fraction(3, 4)]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.integers(-(2**70), 2**70), min_size=1, max_size=4), st.integers(0, 1100), st.integers(0, 1100))
+def test_quotients_by_powers_of_two_are_those_of_fractions(numbers, longer, bits):
+    integers = np.array([k << longer for k in numbers], dtype=object)
+    try:
+        expected = [k / 2**bits for k in integers.tolist()]
+    except OverflowError:
+        return
+    made = Matrix.over(integers, 2**bits)
+    assert made.values.tolist() == expected
+    assert made.fractions().tolist() == [Fraction(k, 2**bits) for k in integers.tolist()]
+    assert made.is_double is all(Fraction(a) == Fraction(k, 2**bits) for a, k in zip(expected, integers, strict=True))

@@ -42,7 +42,7 @@ class Condition:
 
     @cached_property
     def _failing(self) -> NDArray[np.bool_]:
-        bad = ~np.isin(self._signs, _ALLOWED[self.relation])
+        bad = np.logical_and.reduce([self._signs != sign for sign in _ALLOWED[self.relation]])
         return bad if self.where is None else bad & self.where
 
     def verdict(self) -> bool | None:

@@ -23,7 +23,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import DataError, TooLargeError
-from .rounding import rounding_radius
+from .rounding import SMALLEST_NORMAL, rounding_radius
 
 Integers: TypeAlias = NDArray[np.object_]
 Index: TypeAlias = NDArray[np.intp]
@@ -102,17 +102,8 @@ class Matrix:
     @classmethod
     def over(cls, integers: Integers, denominator: int | Integers) -> Matrix:
         """integers / denominator, any shape; nothing is reduced."""
-        below = np.broadcast_to(np.asarray(denominator, dtype=object), integers.shape).ravel().tolist()
-        pairs = list(zip(integers.ravel().tolist(), below, strict=True))
-        try:
-            values = np.array([x / d for x, d in pairs], dtype=float)
-        except OverflowError:
-            values = np.array([nearest_double(Fraction(x, d)) for x, d in pairs])  # names the number
-        values = values.reshape(integers.shape)
-        mantissa, exponent = np.frexp(values)
-        whole, shift = np.ldexp(mantissa, 53).astype(np.int64).astype(object), exponent.astype(np.int64) - 53
-        left, right = (np.maximum(s, 0).astype(object) for s in (shift, -shift))
-        exact = ((whole * denominator << left) == (integers << right)).astype(bool)
+        short = _over_power_of_two(integers, denominator)
+        values, exact = _quotients(integers, denominator) if short is None else short
         if exact.all():
             return cls(values)
         return cls(values, np.where(exact, 0.0, rounding_radius(values)), integers, denominator)
@@ -194,6 +185,9 @@ class Matrix:
         """All entries as Fraction (object array); only for matrices with a common factor."""
         if self.numerators is not None and not isinstance(self.denominator, int):
             return self.numerators * np.vectorize(partial(Fraction, 1), otypes=[object])(self.denominator)
+        if self.is_double:
+            doubles = dense(self.values)
+            return np.array(list(map(Fraction, doubles.ravel().tolist())), dtype=object).reshape(doubles.shape)
         ints, factor = self.as_integers()
         return np.array([Fraction(x) * factor for x in ints.ravel()], dtype=object).reshape(ints.shape)
 
@@ -331,6 +325,35 @@ def _common_multiple(a: Any, b: Any) -> Any:
 
 def _times(ints: Integers, factor: Any) -> Integers:
     return ints if isinstance(factor, int) and factor == 1 else ints * factor
+
+
+def _over_power_of_two(integers: Integers, denominator: int | Integers) -> tuple[Any, Any] | None:
+    """`_quotients` where the denominator is a power of two and no double leaves the range of normal ones, else None."""
+    if not isinstance(denominator, int) or denominator & (denominator - 1):
+        return None
+    power = denominator.bit_length() - 1
+    try:
+        values = integers.astype(float)
+    except OverflowError:
+        return None
+    if (np.abs(values[values != 0]) < np.ldexp(SMALLEST_NORMAL, power)).any():
+        return None
+    return np.ldexp(values, -power), (integers == values).astype(bool)
+
+
+def _quotients(integers: Integers, denominator: int | Integers) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """integers / denominator, correctly rounded, and which of these are exact."""
+    below = np.broadcast_to(np.asarray(denominator, dtype=object), integers.shape).ravel().tolist()
+    pairs = list(zip(integers.ravel().tolist(), below, strict=True))
+    try:
+        values = np.array([x / d for x, d in pairs], dtype=float)
+    except OverflowError:
+        values = np.array([nearest_double(Fraction(x, d)) for x, d in pairs])  # names the number
+    values = values.reshape(integers.shape)
+    mantissa, exponent = np.frexp(values)
+    whole, shift = np.ldexp(mantissa, 53).astype(np.int64).astype(object), exponent.astype(np.int64) - 53
+    left, right = (np.maximum(s, 0).astype(object) for s in (shift, -shift))
+    return values, ((whole * denominator << left) == (integers << right)).astype(bool)
 
 
 def bit_length(integers: Integers) -> int:

@@ -36,15 +36,14 @@ class SparseIntegers:
     def of(cls, rows: Index, columns: Index, data: Integers, shape: tuple[int, int]) -> SparseIntegers:
         """From entries at given places; those at the same place are added."""
         key = np.asarray(rows, dtype=np.int64) * shape[1] + columns
-        order = np.argsort(key, kind="stable")
-        key = key[order]
-        first = np.flatnonzero(np.diff(key, prepend=-1))
-        data = data[order]
-        if first.size < key.size:
-            data = np.add.reduceat(data, first) if first.size else data[:0]
-        at = key[first]
-        indptr = np.searchsorted(at, np.arange(shape[0] + 1) * shape[1])
-        return cls(data, (at % shape[1]).astype(np.intp), indptr.astype(np.intp), shape[1])
+        if (np.diff(key) <= 0).any():
+            order = np.argsort(key, kind="stable")
+            key, data = key[order], data[order]
+            first = np.flatnonzero(np.diff(key, prepend=-1))
+            if first.size < key.size:
+                key, data = key[first], np.add.reduceat(data, first)
+        indptr = np.searchsorted(key, np.arange(shape[0] + 1) * shape[1])
+        return cls(data, (key % shape[1]).astype(np.intp), indptr.astype(np.intp), shape[1])
 
     @classmethod
     def dense(cls, rows: Integers) -> SparseIntegers:
