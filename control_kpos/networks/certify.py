@@ -29,6 +29,7 @@ from .model import NetworkModel
 from .own_links import has_own_links, own_links, own_links_closed
 from .spectrum.descent import (
     Approach,
+    Hidden,
     Progress,
     descend,
     growing_part,
@@ -49,6 +50,7 @@ from .witnesses import (
     NodeViolation,
     below_abscissa,
     coupling_violation,
+    kept_parts,
     nodes_in_loop,
     positive_parts,
 )
@@ -107,25 +109,52 @@ def certify_as_given(model: NetworkModel, progress: Progress | None = None) -> N
     or more, a direction of growth.  UNDECIDED is rare: see `certify_exactly`.  A stable network costs one solve in
     the unknowns r (a few sparse products; see `port_solves`) and the proof, which is linear in the data.
     """
-    loop = loop_weights(model)
+    with kept_parts(model):
+        return _certified(model, progress)
+
+
+def _certified(model: NetworkModel, progress: Progress | None) -> NetworkCertificate:
+    loop, exact = loop_weights(model), None
     least = 1.0 if model.discrete else 0.0
     if not model.has_feedthrough or loop is not None:
         for data in candidates(model, least):
             certificate = settle(model, data, loop)
             if certificate.status is Status.PROVED:
                 return certificate
-            break_early = violation(model, certificate)
-            if break_early is not None:
-                return break_early
-    found = violation(model, None)
+            found = violation(model)
+            if found is not None:
+                return found
+            if exact is None and certificate.decay_rate < _CLOSE * rate_scale(model):  # rounding hides the margin
+                exact = certify_exactly(model, loop)
+                if exact.status is not Status.UNDECIDED:
+                    return exact
+    found = violation(model)
     if found is not None:
         return found
     if model.has_feedthrough and loop is None:
         found = NetworkCertificate.settle(model=model, witness=algebraic_witness(model))
     else:
         with np.errstate(all="ignore"):  # candidates that overflow are not proven
-            found = unstable(model, least, loop, progress)
+            return _close_or_unstable(model, least, loop, progress, exact)
     return found if found.status is not Status.UNDECIDED else certify_exactly(model, loop)
+
+
+def _close_or_unstable(
+    model: NetworkModel,
+    least: float,
+    loop: LoopWeights,
+    progress: Progress | None,
+    exact: NetworkCertificate | None,
+) -> NetworkCertificate:
+    """A growing direction, in integers as soon as the margin is seen to be near; `exact` if they have been tried."""
+    close_by = None if exact is not None else Hidden(_CLOSE * rate_scale(model), least)
+    found = unstable(model, least, loop, progress, close_by)
+    if found.status is not Status.UNDECIDED or exact is not None:
+        return found if exact is None or found.status is not Status.UNDECIDED else exact
+    found = certify_exactly(model, loop, growing=True)
+    if found.status is Status.UNDECIDED and close_by is not None and close_by.ended:
+        return unstable(model, least, loop, progress)
+    return found
 
 
 @np.errstate(all="ignore")
@@ -220,12 +249,12 @@ def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) 
     return rate if np.isfinite(rate) else 0.0
 
 
-def violation(model: NetworkModel, tried: NetworkCertificate | None) -> NetworkCertificate | None:
+def violation(model: NetworkModel) -> NetworkCertificate | None:
     """The certificate refuted by a node that is not positive or a link that leaves the cones, if there is one."""
-    known = {} if tried is None else {c.name: c for c in tried._own_conditions}
+    known = {condition.name: condition for condition in positive_parts(model)}
     for g in range(len(model.stacks)):
         for condition in on.positivity(model, g):
-            place = known.get(condition.name, condition).worst_violation()
+            place = known[condition.name].worst_violation()
             if place is not None:
                 return refuted_node(model, int(model.members[g][place[0]]))
     link = broken_link(model, known)
@@ -326,8 +355,13 @@ def growth_witness(model: NetworkModel, x: Floats, rate: float) -> NetworkInstab
     return NetworkInstability(x, u, y, rate)
 
 
-def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Progress | None) -> NetworkCertificate:
-    """The certificate refuted by a growing direction, or UNDECIDED; PROVED if the descent ends below the margin."""
+def unstable(
+    model: NetworkModel, least: float, loop: LoopWeights, progress: Progress | None, close_by: Hidden | None = None
+) -> NetworkCertificate:
+    """The certificate refuted by a growing direction, or UNDECIDED; PROVED if the descent ends below the margin.
+
+    `close_by` ends the descent early.
+    """
     parts = strong_parts(model)
     inner = model if parts is None else parts.inner
 
@@ -360,7 +394,7 @@ def unstable(model: NetworkModel, least: float, loop: LoopWeights, progress: Pro
     def stop(a: Approach) -> bool:
         w = attempt(a)
         done.extend([] if w is None else [w])
-        return bool(done) or a.shift < least + close or len(missed) > _MISSES
+        return bool(done) or a.shift < least + close or len(missed) > _MISSES or (close_by is not None and close_by(a))
 
     final = descend(inner, least, relative=1e-10, stop=stop, progress=progress)
     if final is not None and final.shift < least:

@@ -91,7 +91,7 @@ def certify_rates_as_given(model: NetworkModel, q: Matrix, r: Matrix) -> Network
     REFUTED means that these rates prove nothing: a node does not satisfy its own, or no sigma fits; the network may
     still be stable with others.
     """
-    early = violation(model, None)
+    early = violation(model)
     if early is not None:
         return early
     loop = loop_weights(model)

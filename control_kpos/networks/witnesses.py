@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, TypeAlias
 
@@ -22,6 +24,9 @@ from .blocks import Index, take_blocks
 from .model import NetworkModel
 
 LoopWeights: TypeAlias = "tuple[Matrix, Matrix] | None"
+
+# Where `kept_parts` keeps conditions.
+_KEPT = "_kept_parts"
 
 
 @register_record
@@ -231,7 +236,20 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
 
 def positive_parts(model: NetworkModel) -> list[Condition]:
     """All nodes positive, and (I)."""
-    return [c for g in range(len(model.stacks)) for c in on.positivity(model, g)] + on.coupling(model)
+    kept = vars(model).get(_KEPT, [])
+    if not kept:
+        kept += [c for g in range(len(model.stacks)) for c in on.positivity(model, g)] + on.coupling(model)
+    return list(kept)
+
+
+@contextmanager
+def kept_parts(model: NetworkModel) -> Iterator[None]:
+    """Within, `positive_parts` of this network are the same conditions each time, and evaluated once."""
+    vars(model)[_KEPT] = []
+    try:
+        yield
+    finally:
+        vars(model).pop(_KEPT, None)  # they are large
 
 
 def growth(model: NetworkModel, w: NetworkInstability, loop: LoopWeights) -> list[Condition] | None:

@@ -24,8 +24,9 @@ from ..exact.matrix import Index, Integers, Matrix, integers_of_doubles
 from ..exact.rounding import SMALLEST_NORMAL
 from ..exact.sparse_integers import SparseIntegers, mantissas
 from ..proof.portable_cones import opposite_facets
-from .perron_pair import Cones, Decision, Memory, decide, strong_parts
+from .perron_pair import Cones, Decision, Memory, decide, perron_vectors, strong_parts
 from .perron_root import root
+from .refinement import frames
 
 # Rows up to which facets of a cone that are not doubles are written out.
 _EXACT_FACETS = 80
@@ -153,11 +154,11 @@ class Pencil:
         mu = Fraction(shift)
         return self.N.times(mu.denominator) + SparseIntegers.diagonal(-mu.numerator * self.E)
 
-    def decide(self, shift: Any, *, marginal: bool = False) -> Decision | None:
+    def decide(self, shift: Any, *, marginal: bool = False, growing: bool = False) -> Decision | None:
         """Whether the spectral abscissa is below the shift; None if that is infinite, or out of reach."""
         if isinstance(shift, float) and not np.isfinite(shift):
             return None
-        return decide(self.at(shift), self.cones, marginal=marginal, memory=self.memory)
+        return decide(self.at(shift), self.cones, marginal=marginal, memory=self.memory, growing=growing)
 
     @np.errstate(all="ignore")
     def estimate(self, relative: float) -> float:
@@ -183,13 +184,32 @@ class Pencil:
             Of A: the rounding of the estimate is small against it.
         """
         ends: dict[bool, tuple[float, Decision]] = {}
-        for at in _proposals(self, ends, about, width, size):
-            found = self.decide(at)
+        sharp = self._sharpened(about)
+        start = (about, _ESTIMATE * size) if sharp is None else (sharp, 0.0)
+        for at in _proposals(self, ends, *start, width, size):
+            found = self.decide(at, growing=True in ends)
             if found is not None:
                 ends[found.stable] = at, found
             elif len(ends) == 2:
                 break
         return ends
+
+    def _sharpened(self, about: float) -> float | None:
+        """The quotient of the Perron vectors at an estimate, if there is one part; its frames are kept."""
+        N = self.at(about)
+        if self.cones.facets or len(strong_parts(N, self.cones.group)) > 1:
+            return None
+        made = frames(N)
+        if made is None:
+            return None
+        self.memory[0] = made
+        vectors = perron_vectors(made)
+        return None if vectors is None else self.quotient(*vectors)
+
+    def quotient(self, v: Integers, x: Integers) -> float | None:
+        """v'N x / v'E x: about the abscissa, with an error of the order of the errors of v and x multiplied."""
+        top, below = int(v @ self.N.apply(x)), int(v @ (self.E * x))
+        return top / below if below else None
 
 
 def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
@@ -209,10 +229,10 @@ def _root_by_eigenvalues(N: SparseIntegers, e: Integers) -> float:
 
 
 def _proposals(
-    pencil: Pencil, ends: dict[bool, tuple[float, Decision]], about: float, width: float, size: float
+    pencil: Pencil, ends: dict[bool, tuple[float, Decision]], about: float, error: float, width: float, size: float
 ) -> Iterator[float]:
     """Shifts to decide: beside the estimate, outwards, beside the quotient of the vectors of both sides, and halves."""
-    step = max(0.4 * width, _ESTIMATE * size, SMALLEST_NORMAL)  # steps of 0 would never end
+    step = max(0.4 * width, error, SMALLEST_NORMAL)  # steps of 0 would never end
     limit = _FARTHEST * max(abs(about) + size, step)
     while not ends and step < limit:
         yield about + step
@@ -220,7 +240,7 @@ def _proposals(
     while len(ends) < 2 and step < limit:
         yield about - step if True in ends else about + step
         step *= 8
-    quotient = _quotient(pencil, ends) if len(ends) == 2 else None
+    quotient = pencil.quotient(ends[True][1].vector, ends[False][1].vector) if len(ends) == 2 else None
     if quotient is not None and ends[True][0] - ends[False][0] > width:
         for at in (quotient + 0.4 * width, quotient - 0.4 * width):
             if ends[False][0] < at < ends[True][0]:
@@ -231,13 +251,6 @@ def _proposals(
         if upper - lower <= width or at in (lower, upper):
             return
         yield at
-
-
-def _quotient(pencil: Pencil, ends: dict[bool, tuple[float, Decision]]) -> float | None:
-    """v'N x / v'E x: about the abscissa, with an error of the order of the errors of v and x multiplied."""
-    v, x = ends[True][1].vector, ends[False][1].vector
-    top, below = int(v @ pencil.N.apply(x)), int(v @ (pencil.E * x))
-    return top / below if below else None
 
 
 def _pencil(A: Matrix, X: Cone) -> tuple[Coordinates, Pencil]:

@@ -30,7 +30,7 @@ from ..exact.matrix import Index, Integers, bit_length
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
 from ..exact.sparse_integers import Floats, SparseIntegers
 from .perron_root import approach
-from .refinement import Borders, Frame, Pair, balancing_units, frames, moved, rational_multiple, refine
+from .refinement import Borders, Frame, Pair, Step, balancing_units, frames, moved, rational_multiple, refine
 
 # Bits at which a root that may be zero is first looked at as zero.
 _FIRST_ATTEMPT = 110
@@ -99,7 +99,12 @@ class Cones:
 
 @np.errstate(all="ignore")  # what overflows or vanishes in a proposal proves nothing
 def decide(
-    N: SparseIntegers, cones: Cones | None = None, *, marginal: bool = False, memory: Memory | None = None
+    N: SparseIntegers,
+    cones: Cones | None = None,
+    *,
+    marginal: bool = False,
+    memory: Memory | None = None,
+    growing: bool = False,
 ) -> Decision | None:
     """Settle whether N, cross-positive on a product of half-lines and cones, is stable.
 
@@ -112,6 +117,8 @@ def decide(
         True: v'N <= 0 will do, which holds with equality in parts with a root of zero that influence no others.
     memory : dict, optional
         Frames of the parts, for decisions at other shifts of the same matrix.
+    growing : bool
+        What is expected, and looked for first.
 
     Returns
     -------
@@ -121,7 +128,7 @@ def decide(
     found: list[tuple[Index, Decision]] = []
     open_, still = False, None
     for part, own in strong_parts(N, cones.group):
-        decided = _decide_part(own, cones, part, memory)
+        decided = _decide_part(own, cones, part, memory, growing)
         if decided is not None and not decided.stable:
             still = _placed(decided.vector, part, N.height)
             if N.apply(still).any():
@@ -228,7 +235,9 @@ def _block_diagonal(blocks: list[Integers]) -> Integers:
     return out
 
 
-def _decide_part(N: SparseIntegers, cones: Cones, part: Index, memory: Memory | None = None) -> Decision | None:
+def _decide_part(
+    N: SparseIntegers, cones: Cones, part: Index, memory: Memory | None = None, growing: bool = False
+) -> Decision | None:
     """`decide` for an irreducible part."""
     if cones.touches(part):
         facets, rays = cones.of(part)
@@ -238,21 +247,20 @@ def _decide_part(N: SparseIntegers, cones: Cones, part: Index, memory: Memory | 
         return Decision(bool(N.data.size and N.data[0] < 0), np.array([1], dtype=object))
     memory = {} if memory is None else memory
     known = memory.get(int(part[0]))
-    found = None if known is None else _near_margin(moved(known, N))
+    found = None if known is None else _near_margin(moved(known, N), growing)
     if found is None:
         made = frames(N)
-        found = None if made is None else _near_margin(made)
+        found = None if made is None else _near_margin(made, growing)
         if made is not None:
             memory[int(part[0])] = made
     return found or _away_from_margin(N) or _by_solution(N)
 
 
-def _near_margin(made: Pair) -> Decision | None:
+def _near_margin(made: Pair, growing: bool) -> Decision | None:
     """Bordered refinement of the Perron vector, from either side."""
     (frame, solver), (other, transposed) = made
-    size = len(frame.units)
-    if solver.solve(np.append(np.zeros(size), size))[-1] < -_NO_ROUNDING:
-        grown = _grown(frame, solver)
+    if growing or solver.perron[-1] < -_NO_ROUNDING:
+        grown = _grown(frame, solver, _FIRST_ATTEMPT)
         if grown is not None:
             return grown
     sign, goal, step = 0, _FIRST_ATTEMPT, None
@@ -268,25 +276,38 @@ def _near_margin(made: Pair) -> Decision | None:
     if step is None or not sign:
         return None
     if sign > 0:
-        return Decision(True, _ambient(other, step.X)) if other.holds(step.X, 1) else None
+        return Decision(True, _ambient(other, step.X)) if (step.X > 0).all() else None
     return _grown(frame, solver)
 
 
-def _grown(frame: Frame, solver: Borders) -> Decision | None:
-    """x >= 0 with N x >= 0, once the sign of t is certain."""
-    step = next((step for step in refine(frame, solver) if step.sign), None)
-    if step is None or step.sign > 0 or not frame.holds(step.X, -1):
+def _grown(frame: Frame, solver: Borders, bits: float = np.inf) -> Decision | None:
+    """x >= 0 with N x >= 0, once the sign of t is certain, or from that many bits on in small integers."""
+    step = next((step for step in refine(frame, solver) if step.sign or bits <= step.P or step.is_exact), None)
+    if step is None or step.sign > 0 or not (step.X > 0).all():
         return None
-    return Decision(False, _ambient(frame, step.X))
+    return Decision(False, _ambient(frame, step.X)) if step.sign else _in_small_integers(frame, step)
 
 
 def _marginal(frame: Frame, solver: Borders, bits: int) -> Decision | None:
     """x >= 0 with N x >= 0 in small integers, from an approximation of that many bits."""
     step = next((step for step in refine(frame, solver) if bits <= step.P or step.is_exact), None)
-    if step is None or not (step.X > 0).all():
-        return None
+    return None if step is None or not (step.X > 0).all() else _in_small_integers(frame, step)
+
+
+def _in_small_integers(frame: Frame, step: Step) -> Decision | None:
     x = rational_multiple(step.X, max(step.error, 0) + 8)
     return None if x is None or not frame.holds(x, -1) else Decision(False, _ambient(frame, x))
+
+
+def perron_vectors(made: Pair) -> tuple[Integers, Integers] | None:
+    """Nearly v and x with v'N = 0 and N x = 0, times powers of two, as far as doubles tell; None if they overflow."""
+    out = []
+    for frame, solver in made[::-1]:
+        x = np.ldexp(solver.perron[:-1], 53)
+        if not (np.abs(x) < 2.0**62).all():
+            return None
+        out.append(_ambient(frame, np.rint(x).astype(np.int64).astype(object)))
+    return out[0], out[1]
 
 
 def _ambient(frame: Frame, X: Integers) -> Integers:

@@ -28,10 +28,12 @@ import scipy.linalg
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import reverse_cuthill_mckee
 
 from ..exact.budget import spend
-from ..exact.matrix import Integers
+from ..exact.matrix import Index, Integers
 from ..exact.sparse_integers import Floats, SparseIntegers, mantissas
+from .krylov import bicgstab, norm
 
 # Bits that a step adds, of the 53 of a double; the rest is lost to the condition of the bordered matrix.
 _BITS = 40
@@ -46,7 +48,7 @@ _NOTHING = -(2**20)
 # Steps without progress after which the bordered matrix counts as singular.
 _STALLS = 3
 # Larger parts are given to a Krylov method first: on expanders, factors fill in and Krylov methods converge at once.
-_FACTORED_FIRST = 6000
+_FACTORED_FIRST, _NARROW = 1000, 40
 _KRYLOV_TRIAL, _KRYLOV_STEPS = (16, 2.0**-5), 250
 _KRYLOV_ERROR = 2.0**-26
 # Matrices this dense, or smaller than the second number, are factored as dense ones.
@@ -68,7 +70,7 @@ class Step(NamedTuple):
 
     @property
     def sign(self) -> int:
-        """Of t; 0 while the residual leaves it open."""
+        """Of t, and of -N x everywhere; 0 while the residual leaves it open."""
         return int(np.sign(self.T)) if self.T.bit_length() > self.error + _CLEAR else 0
 
 
@@ -84,15 +86,23 @@ class Frame:
     """
 
     def __init__(self, N: SparseIntegers, units: NDArray[np.int64]) -> None:
-        own = _sizes(N)
         self.units = units
-        self.N, self.size = N.in_units(units, own)
-        self._own, self._size = mantissas(own), mantissas(self.size)
+        self.N, self.size = N.in_units(units, _sizes(N))
+        self._given = N
+        self._size = mantissas(self.size)
+
+    @cached_property
+    def _own(self) -> tuple[Floats, NDArray[np.int64]]:
+        return mantissas(_sizes(self._given))
+
+    @cached_property
+    def F(self) -> sp.csr_array:
+        """D^{-1} N in floating point."""
         mantissa, exponent = mantissas(self.N.data)
         rows = self.N.rows
         with np.errstate(all="ignore"):
             values = np.ldexp(mantissa / self._size[0][rows], np.maximum(exponent - self._size[1][rows], -1100))
-        self.F = sp.csr_array((values, self.N.indices, self.N.indptr), shape=(len(units), len(units)))
+        return sp.csr_array((values, self.N.indices, self.N.indptr), shape=(len(self.units), len(self.units)))
 
     def relative(self, E: Integers) -> Floats:
         """E / D for a diagonal matrix E that stands beside N."""
@@ -143,8 +153,8 @@ class Borders:
     def mirrored(self, F: sp.csr_array, G: Floats) -> Borders:
         """The same for F = G^{-1} F_here' G with a diagonal G, from the same factors."""
         out = Borders(F, self.k)
-        if not self._is_krylov:
-            out.__dict__.update(_factors=_Mirrored(self._factors, G), _is_krylov=False)
+        own = {} if self._is_krylov else {"_factors": _Mirrored(self._factors, G)}
+        vars(out).update(_is_krylov=self._is_krylov, **own)
         return out
 
     @cached_property
@@ -155,8 +165,8 @@ class Borders:
 
     @cached_property
     def _is_krylov(self) -> bool:
-        """True if GMRES converges at once, as it does on expanders."""
-        if self.n <= _FACTORED_FIRST:
+        """True if factors fill in and GMRES converges at once, as it does on expanders."""
+        if self.n <= _FACTORED_FIRST or envelope(self.F)[1] <= _NARROW * self.n:
             return False
         steps, goal = _KRYLOV_TRIAL
         right = np.random.default_rng(0).normal(size=self.n + 1)
@@ -165,18 +175,25 @@ class Borders:
 
     @cached_property
     def _operator(self) -> spla.LinearOperator:
-        F, size = self.F, np.sqrt(self.n)
+        return spla.LinearOperator((self.n + 1, self.n + 1), matvec=lambda z: self._product(z.ravel()), dtype=float)
 
-        def product(z: Floats) -> Floats:
-            z = z.ravel()
-            return np.append(F @ z[:-1] + z[-1] / size, z[:-1].sum() / size)
+    def _product(self, z: Floats) -> Floats:
+        size = np.sqrt(self.n)
+        return np.append(self.F @ z[:-1] + z[-1] / size, z[:-1].sum() / size)
 
-        return spla.LinearOperator((self.n + 1, self.n + 1), matvec=product, dtype=float)
+    def __matmul__(self, z: Floats) -> Floats:
+        return z + self._product(z)
 
     def _krylov(self, right: Floats) -> Floats:
         size = np.sqrt(self.n)
         scaled = np.append(right[:-1], right[-1] / size)
-        z, _ = spla.gmres(self._operator, scaled, rtol=_KRYLOV_ERROR, restart=_KRYLOV_STEPS, maxiter=1)
+        goal = _KRYLOV_ERROR * norm(scaled)
+        start = np.append(
+            np.full(self.n, right[-1] / self.n), 0.0
+        )  # what is left of the last equation starts no method
+        z, _ = bicgstab(self, -scaled, start, goal, _KRYLOV_STEPS)
+        if not norm(self._product(z) - scaled) <= 2 * goal:
+            z, _ = spla.gmres(self._operator, scaled, rtol=_KRYLOV_ERROR, restart=_KRYLOV_STEPS, maxiter=1)
         return np.append(z[:-1], z[-1] / size)
 
     def solve(self, right: Floats) -> Floats:
@@ -190,17 +207,33 @@ class Borders:
         t = ((1 + r[k]) * missing - r.sum() * p[k]) / determinant
         return np.append(p - t * q - at_k * r, t)
 
+    @cached_property
+    def perron(self) -> Floats:
+        """(x, t) with F x + t 1 = 0 and entries of x about 1."""
+        return self.solve(np.append(np.zeros(self.n), self.n))
+
     def directions(self) -> tuple[Floats, Floats] | None:
         """x, y with F x = a e_k and y'F = a e_k', near the margin nearly Perron vectors; None if not positive."""
         if self._is_krylov:
-            right = np.zeros(self.n + 1)
-            right[-1] = self.n
-            x, y = self.solve(right)[:-1], Borders(sp.csr_array(self.F.T)).solve(right)[:-1]
+            x, y = self.perron[:-1], self.mirrored(sp.csr_array(self.F.T), np.ones(self.n)).perron[:-1]
         else:
             unit = np.zeros(self.n)
             unit[self.k] = 1.0
             x, y = -self._on_borders[1], -self._factors.solve(unit, transposed=True)
         return (x, y) if (x > 0).all() and (y > 0).all() and np.isfinite(x).all() and np.isfinite(y).all() else None
+
+
+def envelope(pattern: sp.csr_array) -> tuple[Index, float]:
+    """An order in which a square matrix has a small envelope, and how many entries that has."""
+    both = sp.csr_array(pattern + pattern.T)
+    order = np.asarray(reverse_cuthill_mckee(both, symmetric_mode=True), dtype=np.intp)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    filled = np.flatnonzero(np.diff(both.indptr))
+    if not filled.size:
+        return order, 0.0
+    first = np.minimum.reduceat(rank[both.indices], both.indptr[:-1][filled])
+    return order, float(np.maximum(rank[filled] - first, 0).sum())
 
 
 class Factors:
@@ -299,7 +332,8 @@ def balancing_units(N: SparseIntegers) -> NDArray[np.int64]:
     mantissa, exponent = mantissas(N.data)
     with np.errstate(divide="ignore"):
         length = np.log2(np.abs(mantissa)) + exponent
-    own = np.log2(mantissas(_sizes(N))[0]) + mantissas(_sizes(N))[1]
+    size, power = mantissas(_sizes(N))
+    own = np.log2(size) + power
     inside = (rows != N.indices) & (N.data != 0)
     i, j, length = rows[inside], N.indices[inside], (length - own[rows])[inside]
     pull = np.bincount(i, length, minlength=n) - np.bincount(j, length, minlength=n)
@@ -319,7 +353,7 @@ def balancing_units(N: SparseIntegers) -> NDArray[np.int64]:
 def refine(frame: Frame, solver: Borders) -> Iterator[Step]:
     """x and t with more and more bits, until floating point adds none or the budget is spent."""
     n = len(frame.units)
-    start = solver.solve(np.append(np.zeros(n), n))
+    start = solver.perron
     if not (np.isfinite(start).all() and np.abs(start).max() < 2.0**20):
         return
     whole: Integers = np.rint(np.ldexp(start, _BITS)).astype(np.int64).astype(object)

@@ -68,7 +68,7 @@ def beyond_gains(model: NetworkModel) -> DesignResult | None:
     still = [replace(s, A=Matrix(-np.broadcast_to(np.eye(s.sizes[0]), s.A.shape))) for s in model.stacks]
     if model.discrete:
         still = [replace(s, A=Matrix(np.zeros(s.A.shape))) for s in model.stacks]
-    found = violation(replace(model, stacks=tuple(still)), None)
+    found = violation(replace(model, stacks=tuple(still)))
     if found is None:
         return None
     proof = NetworkCertificate.settle(model=model, witness=found.witness)

@@ -6,9 +6,9 @@ q'y + r'W y <= 0 on Y; lambda >= mu if some x in X, x != 0, has A_cl x - mu x in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeAlias
 
 import numpy as np
 
@@ -25,23 +25,27 @@ from ..certificate import ClaimOnNetwork, dissipation, node_vectors
 from ..certify import (
     growth_witness,
     loop_weights,
-    positive_form,
     provable_rate,
+    proven_by_parts,
     supply_rates,
 )
 from ..model import NetworkModel
+from ..own_links import own_links_closed
 from ..witnesses import (
     LoopWeights,
     NetworkInstability,
     below_abscissa,
+    kept_parts,
 )
-from .descent import Progress, apply_loop, descend, slow_state
+from .descent import Hidden, Progress, apply_loop, descend, rate_scale, slow_state
 from .leading_nodes import localised_peak
-from .rational import bracket_exactly
+from .rational import bracket_exactly, sought
 from .strong_parts import strong_parts
 
 # States and inputs up to which refined Perron vectors are tried before shifts that fall to the abscissa.
 _REFINED_FIRST = 6000
+# What rounding may hide of a rate, as a part of those of the nodes.
+_ROUNDING = 2.0**-50
 # Widths by which the lower side is lowered where rounding blocks its proof.
 _RETREATS = (0.0, 1.0, 10.0, 1e2, 1e3, 1e4, 1e5)
 
@@ -124,43 +128,58 @@ class AbscissaCertificate(ClaimOnNetwork):
 @np.errstate(all="ignore")
 def bracket(model: NetworkModel, relative: float = 1e-6, progress: Progress | None = None) -> AbscissaCertificate:
     """Find and prove a bracket of the spectral abscissa; see `ConeNetwork.spectral_abscissa`."""
-    form = positive_form(model)
-    if form is None:
-        return AbscissaCertificate.settle(model=model)
-    model, loop = form, loop_weights(form)
+    with kept_parts(model):
+        if proven_by_parts(model):
+            return _of_positive(model, relative, progress)
+    closed = own_links_closed(model)
+    if closed is not None:
+        with kept_parts(closed):
+            if proven_by_parts(closed):
+                return _of_positive(closed, relative, progress)
+    return AbscissaCertificate.settle(model=model)
+
+
+def _of_positive(model: NetworkModel, relative: float, progress: Progress | None) -> AbscissaCertificate:
+    """`bracket` for a network that is proven positive."""
+    loop = loop_weights(model)
     small = sum(model.totals[:2]) <= _REFINED_FIRST
-    steps = (_refined, _proven) if small else (_proven, _refined)
-    best = found = AbscissaCertificate.settle(model=model)
-    for step in steps:
-        found = step(model, relative, progress, loop, found)
+    best, about = AbscissaCertificate.settle(model=model), None
+    for step in (_refined, _proven) if small else (_proven, _refined):
+        found, about = step(model, relative, progress, loop, about)
         if found and not (best and best.upper - best.lower <= found.upper - found.lower):
             best = found
-        if best and best.upper - best.lower <= 2 * relative * abs(best.upper):
+        if best and best.upper - best.lower <= 2 * sought(model, relative, best.upper):
             break
     return best
 
 
+Found: TypeAlias = tuple[AbscissaCertificate, Callable[[], float] | None]
+
+
 def _refined(
-    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, before: AbscissaCertificate
-) -> AbscissaCertificate:
+    model: NetworkModel,
+    relative: float,
+    progress: Progress | None,
+    loop: LoopWeights,
+    about: Callable[[], float] | None,
+) -> Found:
     """Both sides from Perron vectors refined at the ends of the bracket."""
-    about = None
-    if before.below is not None and before.v is not None:  # the quotient of both vectors is closer than the ends
-        x, v = before.below.vectors[0].values, node_vectors(before)[0].values
-        about = float(v @ apply_loop(model, x)) / float(v @ x)
-    exact = bracket_exactly(model, relative, loop, about)
-    return AbscissaCertificate.settle(model=model, **(exact or {}))
+    exact = bracket_exactly(model, relative, loop, None if about is None else about())
+    return AbscissaCertificate.settle(model=model, **(exact or {})), about
 
 
-def _proven(
-    model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, before: AbscissaCertificate
-) -> AbscissaCertificate:
-    """What the descent finds, the lower side lowered until rounding leaves room for its proof."""
+def _proven(model: NetworkModel, relative: float, progress: Progress | None, loop: LoopWeights, _: Any) -> Found:
+    """What the descent finds, the lower side lowered until rounding leaves room for its proof, and an estimate."""
     with np.errstate(all="ignore"):  # candidates that overflow are not proven
-        sides = _both_sides(model, relative, progress)
+        theta, sides = _both_sides(model, relative, progress, Hidden(_ROUNDING * rate_scale(model), relative=relative))
+        if theta is not None:  # rounding leaves no room at all
+            found, _ = _refined(model, relative, progress, loop, lambda: theta)
+            if found:
+                return found, None
+            _, sides = _both_sides(model, relative, progress, None)
     found = AbscissaCertificate.settle(model=model)
     if sides is None:
-        return found
+        return found, None
     data, x, rate = sides
     v, r, q = map(Matrix, data)
     upper = -provable_rate(model, v, q, discrete=False)
@@ -178,24 +197,27 @@ def _proven(
         )
         if found:
             break
-    return found
+    # the quotient of both vectors is closer than the ends
+    return found, lambda: float(v.values @ apply_loop(model, x)) / float(v.values @ x)
 
 
 def _both_sides(
-    model: NetworkModel, relative: float, progress: Progress | None
-) -> tuple[tuple[Floats, Floats, Floats], Floats, float] | None:
-    """Supply rates for the upper side; a state and its rate for the lower side."""
+    model: NetworkModel, relative: float, progress: Progress | None, stop: Hidden | None
+) -> tuple[float | None, tuple[tuple[Floats, Floats, Floats], Floats, float] | None]:
+    """An estimate if `stop` ended the descent; else supply rates for the upper side, a state and rate for the lower."""
     start = 1.0 if model.discrete else 0.0
     parts = strong_parts(model)
     inner = model if parts is None else parts.inner
     peak = localised_peak(inner, start, relative, progress) if parts is None else None
     if peak is not None:
-        return supply_rates(model, peak.v), peak.x, peak.rate
-    found = descend(inner, start, relative=relative, progress=progress)
+        return None, (supply_rates(model, peak.v), peak.x, peak.rate)
+    found = descend(inner, start, relative=relative, stop=stop, progress=progress)
     if found is None:
-        return None
+        return None, None
+    if stop is not None and stop.ended:
+        return found.theta, None
     slow = slow_state(model, found, relative) if parts is None else parts.slow_state(found, relative)
     if slow is None:
-        return None
+        return None, None
     v = found.v if parts is None else parts.joined(found.v, found.c)
-    return None if v is None else (supply_rates(model, v), *slow)
+    return None, None if v is None else (supply_rates(model, v), *slow)

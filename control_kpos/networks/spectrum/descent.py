@@ -146,7 +146,8 @@ def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approa
     else:
         # without iterates to start from, stay where sweeps converge, as they do for large mu without feedthrough
         system.loop.sweeps_only = not model.has_feedthrough
-    for closer in _CLOSER:
+    closest = _CLOSER if best is None or system.loop.factors is None else _CLOSER[:1]  # factors know no tolerance
+    for closer in closest:
         v, _, reached = system.dual(c, tolerance * closer, guess=guess_v, near=best is not None)
         if is_inside(model, v, dual=True) and is_inside(model, reached, dual=True):
             break
@@ -154,7 +155,7 @@ def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approa
     else:
         return None
     c, used = reached, system.loop.iterations
-    for closer in _CLOSER:  # v shows that the shift is above the abscissa
+    for closer in closest:  # v shows that the shift is above the abscissa
         system.loop.iterations = 0
         x, _ = system.primal(d, tolerance * closer, guess=guess_x, near=best is not None)
         if is_inside(model, x, dual=False):
@@ -166,6 +167,32 @@ def _solve_at(model: NetworkModel, mu: float, c: Floats, d: Floats, best: Approa
     if not np.isfinite(theta):
         return None
     return Approach(theta, mu, v, x, c, d, max(used, system.loop.iterations))
+
+
+class Hidden:
+    """A `stop` of `descend` at a settled theta so close to `least` that rounding hides a part of the distance.
+
+    Parameters
+    ----------
+    unit : float
+        What rounding hides.
+    least, relative : float
+        The part is `relative` |theta - least|.
+
+    Attributes
+    ----------
+    ended : bool
+        True if it ended a descent.
+    """
+
+    def __init__(self, unit: float, least: float = 0.0, relative: float = 1.0) -> None:
+        self.unit, self.least, self.relative = unit, least, relative
+        self.ended, self._before = False, np.inf
+
+    def __call__(self, at: Approach) -> bool:
+        jump, self._before = abs(at.theta - self._before), at.theta
+        self.ended = max(jump, self.relative * abs(at.theta - self.least)) < self.unit
+        return self.ended
 
 
 def rate_scale(model: NetworkModel) -> float:

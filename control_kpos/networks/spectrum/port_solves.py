@@ -19,8 +19,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
+from scipy.sparse.csgraph import connected_components
 
+from ...theorems.krylov import bicgstab, norm
+from ...theorems.refinement import envelope
 from ..blocks import Floats, Index, inverse, multiply
 from ..model import NetworkModel
 
@@ -113,56 +115,19 @@ class Loop:
 
     def _krylov(self, T: sp.csr_array, b: Floats, start: Floats, tolerance: float) -> Floats:
         """BiCGSTAB, restarted from its best iterate when rounding has spoilt the recursion."""
-        size = _norm(b)
+        size = norm(b)
         goal = tolerance * size
-        best, error = start, _norm(b - (start - T @ start))
+        best, error = start, norm(b - (start - T @ start))
         if not error <= size:
             best, error = np.zeros_like(b), size
         while error > goal and self.iterations < self.iteration_limit:
-            trial, count = _bicgstab(T, b, best, goal, self.iteration_limit - self.iterations)
+            trial, count = bicgstab(T, b, best, goal, self.iteration_limit - self.iterations)
             self.iterations += count
-            now = _norm(b - (trial - T @ trial))
+            now = norm(b - (trial - T @ trial))
             if not now < 0.5 * error:
                 break
             best, error = trial, now
         return best
-
-
-def _bicgstab(T: sp.csr_array, b: Floats, x: Floats, goal: float, limit: int) -> tuple[Floats, int]:
-    """BiCGSTAB (van der Vorst, 1992) on x - T x = b; the iterate and the number of steps.
-
-    Dot products avoid the threaded BLAS, which stalls on a busy machine at these sizes.
-    """
-    x = x.copy()
-    r = b - (x - T @ x)
-    shadow, p, rho = r.copy(), r.copy(), _dot(r, r)
-    for count in range(1, limit + 1):
-        ahead = p - T @ p
-        alpha = rho / _dot(shadow, ahead)
-        r -= alpha * ahead
-        second = r - T @ r
-        omega = _dot(second, r) / _dot(second, second)
-        x += alpha * p
-        x += omega * r
-        r -= omega * second
-        size = _norm(r)
-        if not size > goal:
-            return x, count
-        rho, before = _dot(shadow, r), rho
-        if not np.isfinite(size) or rho == 0 or omega == 0:
-            return x, count
-        p -= omega * ahead
-        p *= (rho / before) * (alpha / omega)
-        p += r
-    return x, limit
-
-
-def _dot(a: Floats, b: Floats) -> np.float64:
-    return np.float64(np.einsum("i,i->", a, b))
-
-
-def _norm(a: Floats) -> float:
-    return float(np.sqrt(_dot(a, a)))
 
 
 class PortSystem:
@@ -247,16 +212,8 @@ def _find_banded_order(model: NetworkModel) -> Index | None:
         return np.argsort(component, kind="stable")
     if pattern.nnz > 12 * size + 1000:
         return None
-    both = sp.csr_array(pattern + pattern.T)
-    order = np.asarray(reverse_cuthill_mckee(both, symmetric_mode=True), dtype=np.intp)
-    rank = np.empty(size, dtype=np.intp)
-    rank[order] = np.arange(size)
-    filled = np.flatnonzero(np.diff(both.indptr))
-    if not filled.size:
-        return order
-    first = np.minimum.reduceat(rank[both.indices], both.indptr[:-1][filled])
-    envelope = float(np.maximum(rank[filled] - first, 0).sum())
-    return order if envelope <= max(_ENVELOPE_PER_UNKNOWN * size, _ENVELOPE_TOTAL) else None
+    order, entries = envelope(pattern)
+    return order if entries <= max(_ENVELOPE_PER_UNKNOWN * size, _ENVELOPE_TOTAL) else None
 
 
 def _sweep(T: sp.csr_array, b: Floats, tolerance: float) -> tuple[Floats, bool, bool]:

@@ -43,6 +43,8 @@ Outcome: TypeAlias = "tuple[bool, Integers, Integers]"
 
 # Binary digits above which integers are divided, so that their doubles do not overflow.
 _LONGEST = 900
+# How many times the entries of the equations with ports the closed loop may have.
+_MORE = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,12 +102,12 @@ class NetworkPencil:
         scale = self._scales[1] // self.W[1].denominator
         return x * scale, u * scale, self._beside("CD", scale).apply(np.concatenate([x, u]))
 
-    def decide(self, shift: float | Fraction, *, marginal: bool = False) -> Outcome | None:
+    def decide(self, shift: float | Fraction, *, marginal: bool = False, growing: bool = False) -> Outcome | None:
         """Whether the algebraic loop contracts and the spectral abscissa is below the shift; None where undecided.
 
         With it come v and r if stable, else x and u, all times one number.
         """
-        found = self.pencil.decide(shift, marginal=marginal)
+        found = self.pencil.decide(shift, marginal=marginal, growing=growing)
         return None if found is None else self.outcome(found)
 
     def decide_loop(self) -> Outcome | None:
@@ -131,20 +133,69 @@ class NetworkPencil:
         return found.stable, vector[:n], vector[n:]
 
 
-def certify_exactly(model: NetworkModel, loop: LoopWeights, required: Fraction | None = None) -> NetworkCertificate:
+class ClosedPencil(NetworkPencil):
+    """A + B W C - mu I of a positive network without feedthrough: fewer unknowns, where its entries are not many."""
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """Of the product of all X_j."""
+        pieces = [(s.X, x) for (x, _, _), s in zip(self.model.places, self.model.stacks, strict=True)]
+        return Coordinates.of(pieces, self.model.totals[0])
+
+    @cached_property
+    def _parts(self) -> tuple[SparseIntegers, SparseIntegers, SparseIntegers]:
+        """A, B and W C, multiplied by both scales, the first, and the second."""
+        (W, factor), (state, port) = self.W, self._scales
+        heard = W.times(factor.numerator) @ blocks(self.model, "C", port // factor.denominator)
+        return blocks(self.model, "A", state * port), blocks(self.model, "B", state), heard
+
+    @cached_property
+    def pencil(self) -> Pencil:
+        """See `NetworkPencil`."""
+        (A, B, heard), at, (state, port) = self._parts, self.coordinates, self._scales
+        return Pencil(at.into @ (A + B @ heard) @ at.out, at.heights * (state * port), at.cones)
+
+    def outcome(self, found: Decision) -> Outcome:
+        """See `NetworkPencil`."""
+        (_, B, heard), (state, port) = self._parts, self._scales
+        if found.stable:
+            v = self.coordinates.into.T.apply(found.vector)
+            return True, v * state, B.T.apply(v)
+        x = self.coordinates.out.apply(found.vector)
+        return False, x * port, heard.apply(x)
+
+
+def network_pencil(model: NetworkModel) -> NetworkPencil:
+    """With unknowns for the inputs only where the network has feedthrough, or the closed loop many entries more."""
+    if model.has_feedthrough:
+        return NetworkPencil(model)
+    _, B, C, _ = model.block_matrices
+    heard = np.bincount(B.indices, minlength=model.totals[1])
+    sent = np.diff(C.indptr)
+    closed = int(heard[np.repeat(np.arange(model.totals[1]), np.diff(model.W.indptr))] @ sent[model.W.indices])
+    apart = B.nnz + int(sent[model.W.indices].sum()) + model.totals[1]
+    return (ClosedPencil if closed <= _MORE * apart else NetworkPencil)(model)
+
+
+def certify_exactly(
+    model: NetworkModel, loop: LoopWeights, required: Fraction | None = None, *, growing: bool = False
+) -> NetworkCertificate:
     """Decide Theorem 4 for a positive network with W Y in U, also at the margin and within rounding of it.
 
     A decay rate that is required is proven, also with equality, or left UNDECIDED; so is all where the Perron vector
-    cannot be refined, or cones that are not simplicial ask for programs too long.
+    cannot be refined, or cones that are not simplicial ask for programs too long.  What grows is looked for first if
+    that is expected.
     """
-    network = NetworkPencil(model)
+    network = network_pencil(model)
     try:
-        return _certified(network, loop, required)
+        return _certified(network, loop, required, growing)
     except TooLargeError:  # facets of some cone
         return NetworkCertificate.settle(model=model, loop_weights=loop)
 
 
-def _certified(network: NetworkPencil, loop: LoopWeights, required: Fraction | None) -> NetworkCertificate:
+def _certified(
+    network: NetworkPencil, loop: LoopWeights, required: Fraction | None, growing: bool
+) -> NetworkCertificate:
     model = network.model
     if model.has_feedthrough and loop is None:
         direct = network.decide_loop()
@@ -153,7 +204,8 @@ def _certified(network: NetworkPencil, loop: LoopWeights, required: Fraction | N
             return NetworkCertificate.settle(model=model, witness=witness)
         loop = _loop_weights(network, direct[2])
     least = 1.0 if model.discrete else 0.0
-    found = network.decide(least if required is None else model.discrete - required, marginal=required is not None)
+    shift = least if required is None else model.discrete - required
+    found = network.decide(shift, marginal=required is not None, growing=growing)
     if found is None or (required is not None and not found[0]):
         return NetworkCertificate.settle(model=model, loop_weights=loop)
     if found[0]:
@@ -168,24 +220,31 @@ def bracket_exactly(
 ) -> dict[str, Any] | None:
     """Both sides of a bracket of the spectral abscissa, as fields of an `AbscissaCertificate`, or None.
 
-    The network is positive, with an algebraic loop that contracts.  The width is relative to the abscissa or to 2^-40
-    of the size of A, whichever is larger.  `about` is an estimate of the abscissa, if there is one.
+    The network is positive, with an algebraic loop that contracts.  `about` is an estimate of the abscissa, if there is
+    one.
     """
-    network = NetworkPencil(model)
+    network = network_pencil(model)
     try:
         about = network.pencil.estimate(relative) if about is None else about
     except TooLargeError:
         return None
     if not np.isfinite(about):
         return None
-    size = max(float(np.abs(s.A.values).max()) for s in model.stacks)
-    width = relative * max(abs(about), 2.0**-40 * size + 1e-300)
-    ends = network.pencil.bracket(about, width, size)
+    ends = network.pencil.bracket(about, sought(model, relative, about), _size(model))
     if len(ends) < 2:
         return None
     (lower, below), (upper, above) = ends[False], ends[True]
     sides = {**_falling(network, network.outcome(above)), "below": _growing(network, network.outcome(below), lower)}
     return {"lower": lower, "upper": upper, **sides, "loop_weights": loop}
+
+
+def sought(model: NetworkModel, relative: float, about: float) -> float:
+    """The width of a bracket: relative to the abscissa or to 2^-40 of the size of A, whichever is larger."""
+    return relative * max(abs(about), 2.0**-40 * _size(model) + 1e-300)
+
+
+def _size(model: NetworkModel) -> float:
+    return max(float(np.abs(s.A.values).max()) for s in model.stacks)
 
 
 def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:
