@@ -957,7 +957,7 @@ def longer_chains(e: Said, w: Said, members: list[Matrix]) -> None:
     One pole of u'(s I - A^N)^-1 V x is real and > b^N: it is z^N for a root z of q, and it is rho^N, the only real
     eigenvalue of A^N above b^N.
     """
-    expect(e["discrete"], "Jordan chains exclude cones in discrete time only")
+    need(e["discrete"], "Jordan chains exclude cones in discrete time only")
     M, unit = integers(members[index(w["matrix"])])
     order, b, k = index(w["order"]), unit * fraction(w["bound"]), index(w["index"])
     expect(order <= 60 and 0 < k < len(M), "an order or an index is out of range")
@@ -994,7 +994,7 @@ def power_or_resolvent(A: Matrix, s: Fraction, discrete: bool) -> list[list[int]
     """A^s in discrete time, (s I - A)^-1 otherwise, up to a positive factor."""
     if not discrete:
         return resolvent(A, s)
-    expect(1 <= s <= 24 and s == int(s), "a power is not a small whole number")
+    need(1 <= s <= 24 and s == int(s), "a power is a small whole number")
     return reduce(product, [integers(A)[0]] * int(s))
 
 
@@ -1016,7 +1016,8 @@ def negative_product(e: Said, w: Said, members: list[Matrix]) -> None:
     """
     A, k = members[0], index(w["power"])
     b, c = between(e, w, len(A))
-    expect(k <= 4000 and (k > 0 or e["discrete"]), "a power is not a small whole number")
+    need(k <= 4000 and (k > 0 or e["discrete"]), "a power is a small whole number")
+    need(not e["discrete"] or w.get("shift") is None, "a power of A has no shift")
     M = integers(A)[0]
     value = responses(c, M if e["discrete"] else resolvent(A, fraction(w["shift"])), b, k)[k]
     touches = value == 0 and k == 1 and not e["discrete"] and any(responses(c, M, b, len(A)))
@@ -1028,7 +1029,7 @@ def negative_response(e: Said, w: Said, members: list[Matrix]) -> None:
 
     With the largest row sum |A| of sizes, the others are at most |c|_1 |b|_max (|A| t)^m / m! / (1 - |A| t / m).
     """
-    expect(not e["discrete"], "an impulse response at any time is for continuous time")
+    need(not e["discrete"], "an impulse response at any time is for continuous time")
     (b, c), (M, unit) = between(e, w, len(members[0])), integers(members[0])
     m, t = index(w["terms"]), fraction(w["time"]) / unit
     need(t > 0, "the time is positive")
@@ -1048,7 +1049,7 @@ def touching_response(e: Said, w: Said, members: list[Matrix]) -> None:
     t = 0, so that all agree.  All s_i are top - m_i unit, and with q = e^(-unit t), sum_i r_i q^m_i is 0 for some q
     between two numbers in [0, 1], which are so close that they tell the time.
     """
-    expect(not e["discrete"], "an impulse response at any time is for continuous time")
+    need(not e["discrete"], "an impulse response at any time is for continuous time")
     (b, c), (M, unit) = between(e, w, len(members[0])), integers(members[0])
     s, r, p = fractions(w["rates"]), fractions(w["weights"]), leverrier(M)[0]
     low, high = fraction(w["low"]), fraction(w["high"])

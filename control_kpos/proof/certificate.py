@@ -389,7 +389,7 @@ class ClaimWithRate(Certificate):
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.required_rate is not None and not (isinstance(self.required_rate, Fraction) and self.required_rate > 0):
-            return Status.UNDECIDED, ()  # no rate that anybody can ask for
+            raise DataError("required_rate is no rate that anybody can ask for: it must be a positive fraction.")
         return super()._evaluate()
 
     def data(self) -> dict[str, Any]:
