@@ -1499,7 +1499,9 @@ def refuted(claim: str, e: Said, limit: int) -> str:
     """The witness shows that one system of a family has not."""
     kind, w = record(e, "witness", *REFUTATIONS[claim])
     note = "given the bounds on the Jacobians" if "radii" in e else ""
-    s = family(claim, e, limit)[index(e.get("member", 0))]
+    systems, member = family(claim, e, limit), index(e.get("member", 0))
+    need(member in range(len(systems)), "the matrix is one of the family")
+    s = systems[member]
     absent(e, "decay_rate", "nan")
     absent(e, "decay_rate_bound", "inf")
     asked = required_rate(e) if claim in ("stable", "network") else 0
