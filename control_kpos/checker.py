@@ -179,8 +179,9 @@ def nodewise(o: Json) -> list[Fraction]:
 def exactly(o: Json, *names: str, read: Callable[[Json], list[Fraction]] = array) -> list[list[Fraction]]:
     """Vectors of doubles, or what rounds to them: `name`_exact, or all of `exact`; [] for null."""
     beside, out = o.get("exact"), []
-    given = [o.get(name + "_exact") for name in names]
-    if beside is not None:
+    if beside is None:
+        given = [o.get(name + "_exact") for name in names]
+    else:  # then nobody looks at the others
         given = [beside] if len(names) == 1 else sequence(beside)
     for name, exact in zip(names, given, strict=True):
         rounded = [] if o[name] is None else read(o[name])

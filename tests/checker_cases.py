@@ -397,7 +397,7 @@ BY_HAND = {
     "empty family": (family([]), "UNREADABLE"),
     "one of a family leaves": (family([2, -1], discrete=True, status="REFUTED", **crossing(1, -1)), "REFUTED"),
     "another of the family leaves": (family([2, -1], discrete=True, status="REFUTED", **crossing(0, 2)), "WRONG"),
-    "none of the family": (family([2, -1], discrete=True, status="REFUTED", **crossing(2, 2)), "UNREADABLE"),
+    "none of the family": (family([2, -1], discrete=True, status="REFUTED", **crossing(2, 2)), "WRONG"),
     "no cone": (family([2, -1], "invariant-cone", True, "REFUTED", **crossing(1, -1)), "UNREADABLE"),
     "undecided": (scalar("stable", "UNDECIDED"), "WRONG"),
     "without proof": (scalar("stable", omitted="too long"), "UNREADABLE"),
