@@ -51,7 +51,9 @@ def gain_of(**data):
 
 
 def best(**changes):
-    return kp.optimal_feedback(**{"sys": plant([[-1]]), "s": [1], "r": [0], "limits": [[0.125]]} | changes).certificate
+    return kp.optimal_feedback(
+        **{"sys": plant([[-1]]), "s": [1], "r": [0], "limits": [[0.125]]} | changes
+    ).certificate.problem
 
 
 def closed(design):

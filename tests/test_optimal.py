@@ -11,6 +11,7 @@ import control_kpos as kp
 from control_kpos.design.optimal.certificate import GrowingCost
 from control_kpos.design.optimal.policies import by_linear_program
 from control_kpos.errors import DataError, ShapeError
+from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.programs import solve
 
 SEED = kp.PolyhedralCone([[0, 1], [1, -2]])
@@ -151,7 +152,7 @@ def test_no_policy_is_cheaper_and_the_program_agrees(seed):
         assert a and a.check() and a.iterations <= 10
         low, high = (b @ x for b in a.cost_bounds)
         assert low * (1 - 1e-9) <= best <= high * (1 + 1e-9) and high - low <= 1e-6 * high
-        assert by_linear_program(a.certificate._problem, solve) @ x == pytest.approx(best, rel=1e-6)
+        assert by_linear_program(a.certificate.problem, solve) @ x == pytest.approx(best, rel=1e-6)
         proved += 1
     assert proved > 35
 
@@ -168,15 +169,27 @@ def test_forged_certificates_prove_nothing():
         {"policy": (1,)},
         {"policy": (2,)},
         {"policy": (-1, 0)},
-        {"discount": Fraction(2)},
-        {"discount": True},
-        {"discrete": 2},
-        {"kinds": (3,)},
-        {"owner": (1,)},
-        {"s": replace(c.s, values=np.array([[0.1, 0.1]]))},
+        {"problem": replace(c.problem, s=Matrix(np.array([[0.1, 0.1]])))},
     ]
     for change in forged:
         assert not replace(c, **change).check(), change
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"discount": Fraction(2)},
+        {"discount": True},
+        {"discrete": 2},
+        {"kinds": np.array([3])},
+        {"owner": np.array([1])},
+        {"s": Matrix(np.ones((1, 3)))},
+    ],
+)
+def test_certificates_about_no_problem_are_refused(change):
+    c = kp.optimal_feedback(seed_plant(), s=[3, 1], r=["0.1"], limits=[[2, 1]]).certificate
+    with pytest.raises(DataError):
+        replace(c, problem=replace(c.problem, **change))
 
 
 def test_infinite_cost_is_refuted_by_a_vector():

@@ -15,21 +15,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
 from ...cards import raised
-from ...cones import Cone
 from ...errors import DataError
 from ...exact.condition import Condition
-from ...exact.matrix import Matrix
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate, Status, Vector, exactly
-from ...proof.encoding import register_record
+from ...proof.encoding import register_record, require_kinds
 from ...proof.weights import ProofOmittedError
-from .problem import CONTROL, COSTS, DISTURBANCE, KEPT, LIMITS, Index, LinearCost
+from .problem import BLOCKS, CONTROL, COSTS, DISTURBANCE, KEPT, LIMITS, Index, LinearCost
 
 
 @register_record
@@ -54,13 +51,7 @@ class OptimalCostCertificate(Certificate):
 
     Attributes
     ----------
-    A, B, s, r, limits : Matrix
-        x' = A x + B mu, stage cost s'x + r'mu, limits l_g'x.
-    X : Cone
-    discrete : bool
-    owner, kinds : tuple of int
-        The block of every column of B, and what kind it is, see `design.optimal.problem`.
-    discount : Fraction
+    problem : LinearCost
     policy : tuple of int, of length m
         mu_i = policy_i l_g'x.
     lower, upper : ndarray, shape (n,)
@@ -72,37 +63,24 @@ class OptimalCostCertificate(Certificate):
     claim: ClassVar[str] = "optimal cost"
     no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, "upper'x >= 0", "D(upper)'x <= 0"})
 
-    A: Matrix
-    B: Matrix
-    X: Cone
-    discrete: bool
-    s: Matrix
-    r: Matrix
-    limits: Matrix
-    owner: tuple[int, ...]
-    kinds: tuple[int, ...]
-    discount: Fraction
+    problem: LinearCost
     policy: tuple[int, ...] | None = None
     lower: Vector = Vector()
     upper: Vector = Vector()
 
-    @cached_property
-    def _problem(self) -> LinearCost:
-        owner, kinds = _whole(self.owner, "owner"), _whole(self.kinds, "kinds")
-        given = self.A, self.B, self.X, self.discrete, self.s, self.r, self.limits
-        problem = LinearCost(*given, owner, kinds, self.discount)
-        _require_sound(problem)
-        return problem
+    def __post_init__(self) -> None:
+        _require_sound(self.problem)
+        super().__post_init__()
 
     def conditions(self) -> Sequence[Condition]:
         """The assumptions, and the two inequalities."""
-        problem, policy = self._problem, _whole(self.policy or (), "policy")
+        problem, policy = self.problem, _whole(self.policy or (), "policy")
         if not problem.is_policy(policy):
             raise DataError("a policy takes for every control -1, 0 or 1, and at most one column of every group.")
         lower, upper = (exactly(self, name)[None] for name in ("lower", "upper"))
         return [
             *problem.assumptions(),
-            Condition("upper'x >= 0", BilinearForms(upper, None, self.X.exact_rays), ">="),
+            Condition("upper'x >= 0", BilinearForms(upper, None, self.problem.X.exact_rays), ">="),
             Condition("D(upper)'x <= 0", problem.residual(upper, policy), "<="),
             Condition("D(lower)'x >= 0", problem.residual(lower), ">="),
         ]
@@ -113,22 +91,43 @@ class OptimalCostCertificate(Certificate):
             x is not None for x in (self.policy, self.lower, self.upper)
         ):
             return None
-        return [*self._problem.assumptions(), *self._problem.growing(exactly(self.witness, "d")[None])]
+        return [*self.problem.assumptions(), *self.problem.growing(exactly(self.witness, "d")[None])]
 
     def evidence(self) -> dict[str, Any]:
         """Nothing: the inequalities are in the data.  On cones that are not simplicial the facets are missing."""
-        if not self.X.is_simplicial:
+        if not self.problem.X.is_simplicial:
             raise ProofOmittedError("invariance under all inputs needs the facets of X; it is for control_kpos alone")
         return {}
 
+    def contents(self) -> dict[str, Any]:
+        """The problem by the names of its parts, and the fields."""
+        own = {key: value for key, value in self.data().items() if key != "problem"}
+        parts = {f.name: getattr(self.problem, f.name) for f in fields(LinearCost)}
+        return {**parts, **{name: tuple(parts[name].tolist()) for name in BLOCKS}, **own}
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> OptimalCostCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        require_kinds(LinearCost, contents)
+        own = dict(contents)
+        parts: dict[str, Any] = {f.name: own.pop(f.name) for f in fields(LinearCost)}
+        blocks = {name: _whole(parts[name], name) for name in BLOCKS}
+        return cls.settle(problem=LinearCost(**parts | blocks), **own)
+
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.lower is None:
-            return Status.UNDECIDED, self._problem.assumptions()
+            return Status.UNDECIDED, self.problem.assumptions()
         return super()._evaluate()
 
     def explain(self) -> str:
         """What is proven, in words."""
-        disturbed = DISTURBANCE in self.kinds
+        disturbed = DISTURBANCE in self.problem.kinds
         if isinstance(self.refuted_by, GrowingCost):
             worst = " against the worst disturbance" if disturbed else ""
             return (
@@ -154,7 +153,7 @@ class OptimalCostCertificate(Certificate):
 
     def _gap(self) -> Fraction | float:
         """The same, exactly."""
-        rays = self.X.exact_rays.plain().fractions()
+        rays = self.problem.X.exact_rays.plain().fractions()
         low, high = (rays @ exactly(self, name).fractions() for name in ("lower", "upper"))
         if any(b <= 0 for b in high):
             return float("inf")
@@ -162,14 +161,7 @@ class OptimalCostCertificate(Certificate):
 
     @property
     def _is_discounted(self) -> bool:
-        return self.discount != int(self.discrete)
-
-
-def certificate_of(problem: LinearCost, **more: Any) -> OptimalCostCertificate:
-    """The certificate about a problem, with a policy and bounds, or a witness."""
-    data = {f.name: getattr(problem, f.name) for f in fields(problem)}
-    blocks = {name: tuple(data[name].tolist()) for name in ("owner", "kinds")}
-    return OptimalCostCertificate.settle(**data | blocks, **more)
+        return self.problem.discount != int(self.problem.discrete)
 
 
 def _whole(values: Any, name: str) -> Index:

@@ -36,6 +36,8 @@ Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
+# The fields that say which columns of B go together.
+BLOCKS = ("owner", "kinds")
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
 from ..plant import closed_loop, read_system, times
 from ..running import within
-from .certificate import GrowingCost, OptimalCostCertificate, certificate_of
+from .certificate import GrowingCost, OptimalCostCertificate
 from .policies import Found, Policies, by_linear_program, growing_vector
 from .problem import CONTROL, COSTS, DISTURBANCE, GROUP, KEPT, LIMITS, SHARED, Floats, Index, LinearCost
 
@@ -156,7 +156,7 @@ def _found(problem: LinearCost, plant: System, lp: Any) -> OptimalFeedback:
     if found is not None:
         return found
     for vector in _growing_candidates(problem, lp):
-        refuted = certificate_of(problem, witness=GrowingCost(vector))
+        refuted = OptimalCostCertificate.settle(problem=problem, witness=GrowingCost(vector))
         if refuted.status is Status.REFUTED:
             return OptimalFeedback(status=Status.REFUTED, certificate=refuted, iterations=policies.steps)
     return OptimalFeedback(
@@ -195,7 +195,7 @@ def _proven(problem: LinearCost, plant: System, found: Found) -> OptimalFeedback
 
     def prove(part: float) -> OptimalCostCertificate | None:
         bounds = {"lower": found.p * (1 - part), "upper": found.p * (1 + part)}
-        return certificate_of(problem, policy=policy, **bounds) or None
+        return OptimalCostCertificate.settle(problem=problem, policy=policy, **bounds) or None
 
     proof = first_proven(_APART, prove)
     if proof is None:
