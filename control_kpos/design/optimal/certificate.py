@@ -117,7 +117,7 @@ class OptimalCostCertificate(Certificate):
         require_kinds(LinearCost, contents)
         own = dict(contents)
         parts: dict[str, Any] = {f.name: own.pop(f.name) for f in fields(LinearCost)}
-        blocks = {name: _whole(parts[name], name) for name in BLOCKS}
+        blocks: dict[str, Any] = {name: _whole(parts[name], name) for name in BLOCKS}
         return cls.settle(problem=LinearCost(**parts | blocks), **own)
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
