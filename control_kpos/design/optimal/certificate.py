@@ -21,12 +21,12 @@ import numpy as np
 
 from ...cards import raised
 from ...errors import DataError
-from ...exact.condition import Condition
-from ...exact.signs import BilinearForms
+from ...exact.condition import Condition, residuals
 from ...proof.certificate import Certificate, Status, Vector, exactly
 from ...proof.encoding import register_record, require_kinds
 from ...proof.weights import ProofOmittedError
-from .problem import BLOCKS, CONTROL, COSTS, DISTURBANCE, KEPT, LIMITS, Index, LinearCost
+from .network_problem import PRICES, NetworkCost
+from .problem import ABOVE, BLOCKS, CONTROL, COSTS, DISTURBANCE, INSIDE, KEPT, LIMITS, Index, LinearCost
 
 
 @register_record
@@ -61,7 +61,7 @@ class OptimalCostCertificate(Certificate):
     """
 
     claim: ClassVar[str] = "optimal cost"
-    no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, "upper'x >= 0", "D(upper)'x <= 0"})
+    no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, *PRICES})
 
     problem: LinearCost
     policy: tuple[int, ...] | None = None
@@ -72,18 +72,27 @@ class OptimalCostCertificate(Certificate):
         _require_sound(self.problem)
         super().__post_init__()
 
+    @classmethod
+    def under(cls, assumptions: Sequence[Condition], **data: Any) -> OptimalCostCertificate:
+        """The same as `settle` for a problem whose assumptions have been evaluated; `check` evaluates them again."""
+        draft = cls(**data)
+        vars(draft)["_known"] = assumptions
+        with np.errstate(all="ignore"):
+            status, conditions = draft._evaluate()
+        settled = cls(**data, status=status, residuals=residuals(conditions))
+        vars(settled)["_own_conditions"] = conditions
+        return settled
+
+    def _assumptions(self) -> Sequence[Condition]:
+        return vars(self).get("_known") or self.problem.assumptions()
+
     def conditions(self) -> Sequence[Condition]:
         """The assumptions, and the two inequalities."""
         problem, policy = self.problem, _whole(self.policy or (), "policy")
         if not problem.is_policy(policy):
             raise DataError("a policy takes for every control -1, 0 or 1, and at most one column of every group.")
         lower, upper = (exactly(self, name)[None] for name in ("lower", "upper"))
-        return [
-            *problem.assumptions(),
-            Condition("upper'x >= 0", BilinearForms(upper, None, self.problem.X.exact_rays), ">="),
-            Condition("D(upper)'x <= 0", problem.residual(upper, policy), "<="),
-            Condition("D(lower)'x >= 0", problem.residual(lower), ">="),
-        ]
+        return [*self._assumptions(), *problem.bracket(lower, upper, policy)]
 
     def refutation(self) -> Sequence[Condition] | None:
         """The assumptions, and a vector along which nothing falls."""
@@ -91,7 +100,7 @@ class OptimalCostCertificate(Certificate):
             x is not None for x in (self.policy, self.lower, self.upper)
         ):
             return None
-        return [*self.problem.assumptions(), *self.problem.growing(exactly(self.witness, "d")[None])]
+        return [*self._assumptions(), *self.problem.growing(exactly(self.witness, "d")[None])]
 
     def evidence(self) -> dict[str, Any]:
         """Nothing: the inequalities are in the data.  On cones that are not simplicial the facets are missing."""
@@ -102,6 +111,10 @@ class OptimalCostCertificate(Certificate):
     def contents(self) -> dict[str, Any]:
         """The problem by the names of its parts, and the fields."""
         own = {key: value for key, value in self.data().items() if key != "problem"}
+        if self.problem.A.shape[0] != self.problem.X.dim or self.problem.B.shape[0] != self.problem.X.dim:
+            raise DataError(
+                "the closed loop of this network has entries that are no doubles; files cannot hold it yet."
+            )
         parts = {f.name: getattr(self.problem, f.name) for f in fields(LinearCost)}
         return {**parts, **{name: tuple(parts[name].tolist()) for name in BLOCKS}, **own}
 
@@ -118,11 +131,12 @@ class OptimalCostCertificate(Certificate):
         own = dict(contents)
         parts: dict[str, Any] = {f.name: own.pop(f.name) for f in fields(LinearCost)}
         blocks: dict[str, Any] = {name: _whole(parts[name], name) for name in BLOCKS}
-        return cls.settle(problem=LinearCost(**parts | blocks), **own)
+        sparse = all(parts[name].is_sparse for name in ("A", "B", "limits"))
+        return cls.settle(problem=(NetworkCost if sparse else LinearCost)(**parts | blocks), **own)
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.lower is None:
-            return Status.UNDECIDED, self.problem.assumptions()
+            return Status.UNDECIDED, self._assumptions()
         return super()._evaluate()
 
     def explain(self) -> str:
@@ -152,7 +166,9 @@ class OptimalCostCertificate(Certificate):
         return float(raised(found, 9)) if isinstance(found, Fraction) else found
 
     def _gap(self) -> Fraction | float:
-        """The same, exactly."""
+        """The same, exactly; of networks no less."""
+        if isinstance(self.problem, NetworkCost):
+            return self.problem.gap(self.lower, self.upper)
         rays = self.problem.X.exact_rays.plain().fractions()
         low, high = (rays @ exactly(self, name).fractions() for name in ("lower", "upper"))
         if any(b <= 0 for b in high):
@@ -173,17 +189,24 @@ def _whole(values: Any, name: str) -> Index:
 
 def _require_sound(problem: LinearCost) -> None:
     """Refuse owners, kinds and a discount that are none."""
-    kinds, owner, n, m = problem.kinds, problem.owner, problem.A.shape[0], problem.B.shape[1]
+    kinds, owner, n, m = problem.kinds, problem.owner, problem.X.dim, len(problem.owner)
     alone = np.bincount(owner, minlength=len(kinds)) if len(owner) and owner.min() >= 0 else np.zeros(len(kinds))
     single = (kinds == CONTROL) | (kinds == DISTURBANCE)
     shapes = problem.s.shape == (1, n) and problem.r.shape == (1, m) and problem.limits.shape == (len(kinds), n)
-    if not shapes or owner.shape != (m,) or len(alone) != len(kinds) or (alone < 1).any() or (alone[single] != 1).any():
+    if (
+        not (shapes and problem.fits())
+        or owner.shape != (m,)
+        or len(alone) != len(kinds)
+        or (alone < 1).any()
+        or (alone[single] != 1).any()
+    ):
         raise DataError("costs, limits and blocks must fit A and B, and every control and disturbance has one column.")
     if type(problem.discrete) is not bool or not isinstance(problem.discount, Fraction):
         raise DataError("discrete is true or false, and the discount a fraction.")
     if not np.isin(kinds, range(4)).all():
         raise DataError("kinds of blocks are numbers from 0 to 3.")
-    if np.any(problem.r.fractions()[0, kinds[owner] == DISTURBANCE] != 0):
+    free = problem.r[:, kinds[owner] == DISTURBANCE]
+    if not free.is_zero and np.any(free.fractions() != 0):
         raise DataError("a disturbance has no cost.")
     if not (0 < problem.discount <= 1 if problem.discrete else problem.discount >= 0):
         raise DataError(

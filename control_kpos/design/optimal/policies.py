@@ -11,6 +11,7 @@ which p rises (Hoffman and Karp 1966).  Nothing here is trusted.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -48,14 +49,20 @@ class Policies:
     problem : LinearCost
     """
 
-    def __init__(self, problem: LinearCost) -> None:
-        self.problem, self.rays = problem, np.asarray(problem.X.rays, dtype=float)
-        self.steps = 0
+    ties = _TIES
+
+    def __init__(self, problem: Any) -> None:
+        self.problem, self.steps = problem, 0
+        self.s, self.r = problem.s.values[0], problem.r.values[0]
+        self.disturbed = problem.kinds[problem.owner] == DISTURBANCE
+        self._read(problem)
+
+    def _read(self, problem: LinearCost) -> None:
+        """The matrices, with the discount, in floating point; limits of the columns."""
+        self.rays, self.facets = np.asarray(problem.X.rays, dtype=float), np.asarray(problem.X.facets, dtype=float)
         drift, B = problem.discounted
         self.drift, self.B = np.asarray(drift.values), np.asarray(B.values)
-        self.s, self.r = problem.s.values[0], problem.r.values[0]
         self.limits = np.asarray(problem.limits.values)[problem.owner]
-        self.disturbed = problem.kinds[problem.owner] == DISTURBANCE
 
     def optimal(self) -> Found | None:
         """A policy that no other one betters, as computed; None if none with a finite cost was found."""
@@ -90,8 +97,8 @@ class Policies:
 
     def _wanted(self, p: Floats) -> Index:
         """What reaches m_g(r + B'p), with 0 for ties."""
-        y, size = self.r + p @ self.B, np.abs(self.r) + np.abs(p) @ np.abs(self.B)
-        return self.problem.policy(np.where(np.abs(y) > _TIES * size, y, 0.0))
+        y, size = self.r + p @ self.B, np.abs(self.r) + np.abs(p) @ abs(self.B)
+        return self.problem.policy(np.where(np.abs(y) > self.ties * size, y, 0.0))
 
     def _improved(self, policy: Index, p: Floats, brake: float) -> Found:
         """Policy iteration from a stable policy."""
@@ -103,20 +110,20 @@ class Policies:
             if (better == policy).all():
                 break
             found = self.worst(better, brake)
-            if found is None or not (self.rays @ (found[1] - p) < 1e-12 * np.abs(self.rays) @ np.abs(p)).any():
+            if found is None or not (self.rays @ (found[1] - p) < 1e-12 * abs(self.rays) @ np.abs(p)).any():
                 break
             policy, p = found
         return Found(policy, p, self.steps)
 
     def _stable_policy(self) -> tuple[Index, Floats] | None:
         """A policy of finite cost: one of two simple ones, or by discounts that are taken back."""
-        greedy = self.problem.policy(self.problem.X.facets.sum(axis=0) @ self.B)
+        greedy = self.problem.policy(self.facets.sum(axis=0) @ self.B)
         for start in (self.problem.policy(np.zeros(len(self.r))), greedy):
             found = self.worst(start)
             if found is not None:
                 return found
-        acting = float(np.abs(self.B).sum() * np.abs(self.limits).max(initial=0.0))
-        brake = 2 * (float(np.abs(self.drift).sum(axis=1).max()) + acting)
+        acting = abs(self.B) @ abs(self.limits).sum(axis=1)
+        brake = 2 * float((abs(self.drift).sum(axis=1) + acting).max())
         found = self.worst(greedy, brake)
         for _ in range(_DISCOUNTS):
             if found is None:

@@ -36,6 +36,9 @@ Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
 
 CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
+# Names of the conditions.
+LIMITS, KEPT, COSTS = "l'x >= 0", "h'(A x + B mu) >= 0", "s'x + r'mu > 0"
+INSIDE, ABOVE, BELOW = "upper'x >= 0", "D(upper)'x <= 0", "D(lower)'x >= 0"
 # The fields that say which columns of B go together.
 BLOCKS = ("owner", "kinds")
 
@@ -86,6 +89,11 @@ class LinearCost:
     def rows(self) -> Matrix:
         """s, the limits, and A - I below each other: what a left factor (1, m, p) of a Bellman residual multiplies."""
         return Matrix.join([self.s, self.limits, self.discounted[0]], -2)
+
+    def fits(self) -> bool:
+        """True if A and B have the sizes of X and of the columns."""
+        n = self.X.dim
+        return self.A.shape == (n, n) and self.B.shape == (n, len(self.owner))
 
     # -- what the blocks make of a row y
 
@@ -148,17 +156,33 @@ class LinearCost:
         """D(p)'x on the generators x; with a policy, what it makes of p instead of the best one."""
         y, unit = self.inputs_of(p).as_integers()
         parts = self.best(y) if policy is None else self.under(policy.astype(object), y)
-        left = Matrix.join([Matrix.identity(1), _over(parts, unit), p], -1)
+        left = Matrix.join([Matrix.identity(1), over(parts, unit), p], -1)
         return BilinearForms(left, self.rows, self.X.exact_rays)
+
+    def near(self, facet: int, generator: int) -> tuple[Any, Any, LinearCost, Index]:
+        """A facet h and a generator x in fractions, the part of the problem that h'A x, B'h and l'x are about, and
+        the numbers of its columns.
+        """
+        sides = (self.X.exact_facets, facet), (self.X.exact_rays, generator)
+        h, x = (rows.plain().fractions()[k] for rows, k in sides)
+        return h, x, self, np.arange(len(self.owner))
+
+    def bracket(self, lower: Matrix, upper: Matrix, policy: Index) -> list[Condition]:
+        """What proves that lower'x is below the optimal cost, and upper'x above that of a policy; rows lower, upper."""
+        return [
+            Condition(INSIDE, BilinearForms(upper, None, self.X.exact_rays), ">="),
+            Condition(ABOVE, self.residual(upper, policy), "<="),
+            Condition(BELOW, self.residual(lower), ">="),
+        ]
 
     def assumptions(self) -> list[Condition]:
         """Limits in X*; every admissible input keeps X; every stage costs something but at x = 0."""
         rays, facets = self.X.exact_rays, self.X.exact_facets.plain()
         pushed, unit = times(facets, self.B).as_integers()
-        worst = _over(self.worst(pushed), unit)
+        worst = over(self.worst(pushed), unit)
         left, middle = Matrix.join([facets, worst], -1), Matrix.join([self.A, self.limits], -2)
         spent, unit = self.r.as_integers()
-        stage = Matrix.join([Matrix.identity(1), _over(self.best(spent), unit)], -1)
+        stage = Matrix.join([Matrix.identity(1), over(self.best(spent), unit)], -1)
         where = None if self.discrete else self.X.incidence
         return [
             Condition(LIMITS, BilinearForms(self.limits, None, rays), ">="),
@@ -169,7 +193,7 @@ class LinearCost:
     def growing(self, d: Matrix) -> list[Condition]:
         """d in X*, not 0, and no policy makes d'x smaller, unless disturbances do."""
         y, unit = times(d, self.discounted[1]).as_integers()
-        left = Matrix.join([_over(self.best(y), unit), d], -1)
+        left = Matrix.join([over(self.best(y), unit), d], -1)
         rays, middle = self.X.exact_rays, Matrix.join([self.limits, self.discounted[0]], -2)
         total = Matrix.from_fractions(self.X.exact_rays.plain().fractions().sum(axis=0, keepdims=True))
         return [
@@ -179,10 +203,7 @@ class LinearCost:
         ]
 
 
-LIMITS, KEPT, COSTS = "l'x >= 0", "h'(A x + B mu) >= 0", "s'x + r'mu > 0"
-
-
-def _over(integers: Any, unit: Any) -> Matrix:
+def over(integers: Any, unit: Any) -> Matrix:
     """Integers times a factor."""
     factor = Fraction(unit)
     return Matrix.over(np.asarray(integers, dtype=object) * factor.numerator, factor.denominator)

@@ -200,6 +200,12 @@ def banded_order(model: NetworkModel) -> Index | None:
     return model.__dict__["_banded_order"]
 
 
+def same_graph(model: NetworkModel, other: NetworkModel) -> None:
+    """Let a network with links where another one has them take over the order that was found for it."""
+    if "_banded_order" in model.__dict__:
+        other.__dict__["_banded_order"] = model.__dict__["_banded_order"]
+
+
 def _find_banded_order(model: NetworkModel) -> Index | None:
     size = model.totals[1]
     if model.is_ordered and model.stacks[0].sizes[1:] == (1, 1):

@@ -1,0 +1,61 @@
+"""What stands in the way of an optimal feedback: which assumption fails, where, and what would do."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...cards import floored
+from ...errors import DataError
+from ...exact.condition import Condition
+from .problem import CONTROL, COSTS, DISTURBANCE, KEPT, LIMITS, LinearCost
+
+
+def obstacle(problem: LinearCost, conditions: Sequence[Condition]) -> str:
+    """What does not hold of the assumptions; an error for data that mean nothing."""
+    found = {condition.name: condition for condition in conditions}
+    at = found[LIMITS].worst_violation()
+    if at is not None:
+        first = int(np.count_nonzero(problem.kinds != DISTURBANCE))
+        name = f"limits[{at[0]}]" if at[0] < first else f"disturbance M[{at[0] - first}]"
+        raise DataError(f"{name} is negative at generator {at[1]} of X; |u| <= l'x needs l'x >= 0 on X.")
+    costs = found[COSTS]
+    at = costs.worst_violation()
+    if at is not None and float(costs.forms.values[at]) < 0:
+        raise DataError(
+            f"the cost is negative at generator {at[1]} of X for some admissible input; raise s, or lower |r|."
+        )
+    if found[KEPT].verdict() is not True:
+        return _leaves(problem, found[KEPT])
+    if costs.verdict() is not True:
+        where = "some state" if at is None else f"generator {at[1]} of X"
+        return f"the cost of some admissible input at {where} is 0; bounds from below need s'x + r'u > 0, so raise s."
+    return ""
+
+
+def _leaves(problem: LinearCost, kept: Condition) -> str:
+    """Which facet, generator and inputs, and the limits that would do."""
+    at = kept.worst_violation()
+    if at is None:
+        return "whether every admissible input keeps X could not be proven at this size."
+    h, x, here, inputs = problem.near(at[0], at[1])
+    place = f"facet {at[0]} at generator {at[1]}"
+    rests, y = h @ here.A.fractions() @ x, h @ here.B.fractions()
+    worst = here.worst(y[None])[0] * (here.limits.fractions() @ x)
+    disturbed = here.kinds == DISTURBANCE
+    left, pushed = rests + worst[disturbed].sum(), -worst[~disturbed].sum()
+    if rests < 0:
+        return f"x leaves X through {place} without any input; choose another cone, or a first feedback."
+    if left < 0:
+        return f"a disturbance may push x out of X, through {place}; choose smaller limits M, or another cone."
+    acting = ((worst < 0) & ~disturbed)[here.owner] & ((y < 0) | (here.kinds[here.owner] == CONTROL))
+    names = ", ".join(str(i) for i in inputs[acting])
+    if left == 0:
+        return (
+            f"inputs {names} may push x out of X, through {place}; set their limits to 0 there, or choose another cone."
+        )
+    return (
+        f"inputs {names} may push x out of X, through {place}. Limits {floored(left / pushed, 3)} times as large there "
+        "would do; or choose another cone."
+    )
