@@ -1297,7 +1297,7 @@ CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
 
 @dataclass
 class LinearCost:
-    """x' = A x + B mu with the cost s'x + r'mu; every column i of B belongs to a block g = owner[i] with a row l_g.
+    """x' = A x + B mu with the cost s'x + r'mu; the columns i of B in columns[g] are a block g with a row l_g.
 
     Kinds of blocks: a CONTROL |mu_i| <= l'x; a GROUP mu >= 0, 1'mu <= l'x; the same with equality, SHARED; a
     DISTURBANCE |w_j| <= l'x that maximises.  m_g(y) is the best of sum_i y_i mu_i over the block for l_g'x = 1.  With
@@ -1311,14 +1311,14 @@ class LinearCost:
     s: Vector
     r: Vector
     kinds: list[int]
-    owner: list[int]
+    columns: list[list[int]]
     beta: Fraction
     rho: Fraction
 
 
 def best(c: LinearCost, g: int, y: Vector) -> Fraction:
     """m_g(y)."""
-    mine = [y.get(i, Fraction(0)) for i, block in enumerate(c.owner) if block == g]
+    mine = [y.get(i, Fraction(0)) for i in c.columns[g]]
     if c.kinds[g] in (CONTROL, DISTURBANCE):
         return abs(mine[0]) if c.kinds[g] == DISTURBANCE else -abs(mine[0])
     return min(mine) if c.kinds[g] == SHARED else min(Fraction(0), *mine)
@@ -1329,9 +1329,9 @@ def pushed(c: LinearCost, y: Vector, policy: list[Fraction] | None = None) -> Ve
     out = {g: best(c, g, y) for g in range(len(c.kinds))}
     if policy is not None:
         out = {g: a for g, a in out.items() if c.kinds[g] == DISTURBANCE}
-        for i, g in enumerate(c.owner):
+        for g, block in enumerate(c.columns):
             if c.kinds[g] != DISTURBANCE:
-                out[g] = out.get(g, Fraction(0)) + policy[i] * y.get(i, Fraction(0))
+                out[g] = sum((policy[i] * y.get(i, Fraction(0)) for i in block), Fraction(0))
     return pullback({g: a for g, a in out.items() if a}, c.limits)
 
 
@@ -1353,7 +1353,10 @@ def linear_cost(e: Said, limit: int) -> LinearCost:
     alone = {CONTROL, DISTURBANCE}
     expect(set(owner) == set(range(len(kinds))), "every block has a column")
     expect(max(kinds, default=0) <= DISTURBANCE, "blocks are of one of four kinds")
-    expect(all(owner.count(g) == 1 for g, kind in enumerate(kinds) if kind in alone), "blocks of one column")
+    columns = [list[int]() for _ in kinds]
+    for i, g in enumerate(owner):
+        columns[g].append(i)
+    expect(all(len(columns[g]) == 1 for g, kind in enumerate(kinds) if kind in alone), "blocks of one column")
     expect(type(discrete) is bool, "discrete is neither true nor false")
     discount = fraction(e["discount"])
     expect(0 < discount <= 1 if discrete else discount >= 0, "a discount")
@@ -1364,7 +1367,7 @@ def linear_cost(e: Said, limit: int) -> LinearCost:
     )
     expect(all(kinds[owner[i]] != DISTURBANCE for i in r), "a disturbance costs nothing")
     out = LinearCost(
-        A, B, L, X, s, r, kinds, owner, *((discount, Fraction(1)) if discrete else (Fraction(1), discount))
+        A, B, L, X, s, r, kinds, columns, *((discount, Fraction(1)) if discrete else (Fraction(1), discount))
     )
     need(all(above(pullback({g: Fraction(1)}, L), X) for g in range(len(kinds))), "l'x >= 0")
     need(all(dot(total((1, s), (1, pushed(out, r))), x) > 0 for x in X.rays), "s'x + r'mu > 0")
@@ -1383,9 +1386,9 @@ def optimal_cost(e: Said, limit: int) -> None:
     """
     c = linear_cost(e, limit)
     policy, (lower, upper) = sequence(e["policy"]), (entries(array(e[name]), c.X.dim) for name in ("lower", "upper"))
-    expect(len(policy) == len(c.owner) and all(type(a) is int and abs(a) <= 1 for a in policy), "a policy")
+    expect(len(policy) == sum(map(len, c.columns)) and all(type(a) is int and abs(a) <= 1 for a in policy), "a policy")
     for g, kind in enumerate(c.kinds):
-        mine = [a for a, block in zip(policy, c.owner, strict=True) if block == g]
+        mine = [policy[i] for i in c.columns[g]]
         expect(kind in (CONTROL, DISTURBANCE) or min(mine) >= 0, "mu >= 0 in a group")
         expect(kind in (CONTROL, DISTURBANCE) or sum(mine) <= 1, "1'mu <= l'x")
         expect(kind != SHARED or sum(mine) == 1, "1'mu = l'x")

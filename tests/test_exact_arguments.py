@@ -51,9 +51,8 @@ def gain_of(**data):
 
 
 def best(**changes):
-    return kp.optimal_feedback(
-        **{"sys": plant([[-1]]), "s": [1], "r": [0], "limits": [[0.125]]} | changes
-    ).certificate.problem
+    given = {"sys": plant([[-1]]), "s": [1], "r": [0], "limits": [[0.125]]} | changes
+    return kp.optimal_feedback(**given).certificate.problem
 
 
 def closed(design):

@@ -166,9 +166,11 @@ def test_forged_certificates_prove_nothing():
     forged = [
         {"lower": c.lower * 1.001},
         {"upper": c.upper * 0.999},
-        {"policy": (1,)},
-        {"policy": (2,)},
-        {"policy": (-1, 0)},
+        {"policy": np.array([1])},
+        {"policy": np.array([2])},
+        {"policy": np.array([-1, 0])},
+        {"policy": None},
+        {"policy": np.array([-0.5])},
         {"problem": replace(c.problem, s=Matrix(np.array([[0.1, 0.1]])))},
     ]
     for change in forged:

@@ -77,7 +77,7 @@ class BilinearForms:
     def magnitudes(self) -> Any:
         """|l_k|' |M| |r_i| in floating point, shaped like `values`."""
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            m = self._product(*(abs(m.values) for m in self._operands))
+            m = self._product(*(_sizes(m.values) for m in self._operands))
         return self._on_pattern(m) if self.is_sparse else np.asarray(m)
 
     @cached_property
@@ -114,17 +114,18 @@ class BilinearForms:
         """
         z = self.values.data if self.is_sparse else self.values
         out = np.full(z.shape, UNKNOWN, dtype=np.int8)
-        if not self.is_sparse:
+        if not any(m.is_sparse for m in self._operands):  # the norm of a large sparse matrix decides nothing
             _decide(out, z, self._norm_bound())
         open_ = out == UNKNOWN
         if where is not None:
             open_ &= where
         if open_.any() and all(_finite(m) for m in self._operands):
-            magnitudes = self.magnitudes.data if self.is_sparse else self.magnitudes
             _decide(out, z, self._entry_bound())
-            limit = self._exactness_limit()
-            exact = (out == UNKNOWN) & (magnitudes <= limit)
-            out[exact] = np.sign(z[exact]).astype(np.int8)
+            open_ &= out == UNKNOWN
+            if open_.any():
+                magnitudes = self.magnitudes.data if self.is_sparse else self.magnitudes
+                exact = (out == UNKNOWN) & (magnitudes <= self._exactness_limit())
+                out[exact] = np.sign(z[exact]).astype(np.int8)
             if not self.is_sparse and (open_ & (out == UNKNOWN)).any():
                 out[self._structure() == 0] = 0
             open_ &= out == UNKNOWN
@@ -136,10 +137,20 @@ class BilinearForms:
 
     # -- floating point with a bound
 
-    @staticmethod
-    def _product(*factors: Any) -> Any:
+    @cached_property
+    def _ends_in_identity(self) -> bool:
+        """True if the rows r_i are the unit vectors, and the forms the entries of l'M."""
+        R, n = self.right.values, self.right.shape[-1]
+        if self.middle is None or not self.right.is_sparse or not self.right.is_double or R.shape != (n, n):
+            return False
+        unit = R.nnz == n and bool((R.data == 1).all()) and np.array_equal(R.indices, np.arange(n))
+        return unit and np.array_equal(R.indptr, np.arange(n + 1))
+
+    def _product(self, *factors: Any) -> Any:
         *head, right = factors
         out = head[0] @ head[1] if len(head) == 2 else head[0]
+        if self._ends_in_identity:
+            return out
         return out @ (right.T if sp.issparse(right) else np.swapaxes(right, -1, -2))
 
     def _on_pattern(self, z: sp.csr_array) -> sp.csr_array:
@@ -191,10 +202,10 @@ class BilinearForms:
             done: list[Any] = []
             for i, m in enumerate(self._operands):
                 if m.radius is not None:
-                    rest = [abs(k.values) for k in self._operands[i + 1 :]]
+                    rest = [_sizes(k.values) for k in self._operands[i + 1 :]]
                     more = self._product(*done, m.radius, *rest)
                     bound = bound + RADIUS_FACTOR * (self._on_pattern(more).data if self.is_sparse else dense(more))
-                done.append(abs(m.values) if m.radius is None else abs(m.values) + m.radius)
+                done.append(_sizes(m.values) if m.radius is None else abs(m.values) + m.radius)
             return bound
 
     def _structure(self) -> NDArray[np.float64]:
@@ -285,6 +296,13 @@ def _dense_if_small(m: Matrix) -> Matrix:
         return m
     radius = None if m.radius is None else dense(m.radius)
     return Matrix(m.values.toarray(), radius, m.numerators, m.denominator, m.integer_rows)
+
+
+def _sizes(values: Any) -> Any:
+    """Absolute values; a sparse matrix shares its places, which are not to be written to."""
+    if not sp.issparse(values):
+        return abs(values)
+    return sp.csr_array((np.abs(values.data), values.indices, values.indptr), shape=values.shape)
 
 
 def _nonzero(m: Matrix) -> Any:

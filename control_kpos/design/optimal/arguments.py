@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,11 +15,14 @@ from ...exact.intake import exact_matrix, exact_number, flag, items, require_sha
 from ...exact.layers import sparse_product, tower
 from ...exact.matrix import Matrix
 from ...networks.closed_loop import EXACT_STATES
+from ...networks.model import NetworkModel
 from ...networks.network import ConeNetwork
 from ...systems.system import System
 from ..plant import times
 from .network_problem import NetworkCost
 from .problem import CONTROL, DISTURBANCE, GROUP, SHARED, Index, LinearCost
+
+P = TypeVar("P", bound=LinearCost)
 
 
 @dataclass(frozen=True)
@@ -34,10 +37,11 @@ class Question:
     disturbance: Any
     discount: Any
 
-    def of(self, kind: type[LinearCost], A: Matrix, B: Matrix, X: Cone, discrete: bool, nodes: int = 0) -> LinearCost:
+    def of(self, kind: type[P], A: Matrix, B: Matrix, X: Cone, discrete: bool, nodes: int = 0) -> P:
         """The problem, for a network (of so many nodes) in sparse matrices."""
         n, m = X.dim, B.shape[1]
-        form = _sparse if kind is NetworkCost else _dense
+        sparse = issubclass(kind, NetworkCost)
+        form = _sparse if sparse else _dense
         states = _row(_flat(self.s, "s", nodes), "s", n, "state of sys")
         inputs = _row(self.r, "r", m, "input of sys (or column of controls)")
         owner, kinds = _blocks(self.groups, m, flag(self.use_all, "use_all"))
@@ -48,7 +52,7 @@ class Question:
             G, sizes = (form(part, name) for part, name in zip(*_disturbance(self.disturbance, n), strict=True))
             owner = np.concatenate([owner, len(kinds) + np.arange(G.shape[1])])
             kinds = np.concatenate([kinds, np.full(G.shape[1], DISTURBANCE)])
-            if kind is NetworkCost:  # as part of the first layer
+            if sparse:  # as part of the first layer
                 G = Matrix(
                     sp.csr_array(
                         (G.values.data, G.values.indices, _longer(G.values.indptr, B.shape[0])),
@@ -83,7 +87,7 @@ def _dense(M: Matrix, name: str) -> Matrix:
 def _sparse(M: Matrix, name: str) -> Matrix:
     """The matrix in sparse form."""
     if not M.is_double:
-        raise DataError(f"{name} of a network with more than {EXACT_STATES} states must hold doubles; {name} does not.")
+        raise DataError(f"{name} of a network in sparse matrices must hold doubles.")
     return M if M.is_sparse else Matrix(sp.csr_array(M.values))
 
 
@@ -105,20 +109,26 @@ def _mix(controls: Any, inputs: int) -> Matrix:
     return mix
 
 
-def is_large(sys: Any) -> bool:
-    """True for networks whose closed loop is held in sparse matrices."""
-    return isinstance(sys, ConeNetwork) and sys.nstates > EXACT_STATES
+def goes_sparse(sys: Any, limits: Any, X: Any) -> bool:
+    """True for networks of more than 300 states, and for smaller ones with sparse limits unless they hold fractions."""
+    if not isinstance(sys, ConeNetwork):
+        return False
+    return sys.nstates > EXACT_STATES or (
+        X is None and sp.issparse(limits) and _holds_doubles(sys.model) and not sys.model.has_feedthrough
+    )
+
+
+def _holds_doubles(model: NetworkModel) -> bool:
+    given = [getattr(s, name) for s in model.stacks for name in "ABC"]
+    return all(M.is_double for M in [*given, model.coupling])
 
 
 def closed_loop_of(net: ConeNetwork, controls: Any) -> tuple[Matrix, Matrix]:
     """A + B W C, and B from the external inputs or the controls, as towers that are exact."""
     model = net.model
     if model.has_feedthrough:
-        raise DataError(
-            f"networks with feedthrough D are taken up to {EXACT_STATES} states; put D = 0, or split nodes."
-        )
-    given = [getattr(s, name) for s in model.stacks for name in "ABC"]
-    if not all(M.is_double for M in [*given, model.coupling]):
+        raise DataError(f"networks with feedthrough D are taken up to {EXACT_STATES} states; this one has more.")
+    if not _holds_doubles(model):
         raise DataError(f"nodes and links of a network with more than {EXACT_STATES} states must hold doubles.")
     a, b, c = (sp.csr_array(M, copy=True) for M in model.block_matrices[:3])
     for M in (a, b, c):

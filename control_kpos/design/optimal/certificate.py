@@ -52,7 +52,7 @@ class OptimalCostCertificate(Certificate):
     Attributes
     ----------
     problem : LinearCost
-    policy : tuple of int, of length m
+    policy : ndarray of int, shape (m,)
         mu_i = policy_i l_g'x.
     lower, upper : ndarray, shape (n,)
         Proven: lower'x <= optimal cost from x <= cost of the policy <= upper'x for all x in X.
@@ -64,7 +64,7 @@ class OptimalCostCertificate(Certificate):
     no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, *PRICES})
 
     problem: LinearCost
-    policy: tuple[int, ...] | None = None
+    policy: Index | None = None
     lower: Vector = Vector()
     upper: Vector = Vector()
 
@@ -72,24 +72,13 @@ class OptimalCostCertificate(Certificate):
         _require_sound(self.problem)
         super().__post_init__()
 
-    @classmethod
-    def under(cls, assumptions: Sequence[Condition], **data: Any) -> OptimalCostCertificate:
-        """The same as `settle` for a problem whose assumptions have been evaluated; `check` evaluates them again."""
-        draft = cls(**data)
-        vars(draft)["_known"] = assumptions
-        with np.errstate(all="ignore"):
-            status, conditions = draft._evaluate()
-        settled = cls(**data, status=status, residuals=residuals(conditions))
-        vars(settled)["_own_conditions"] = conditions
-        return settled
-
     def _assumptions(self) -> Sequence[Condition]:
         return vars(self).get("_known") or self.problem.assumptions()
 
     def conditions(self) -> Sequence[Condition]:
         """The assumptions, and the two inequalities."""
-        problem, policy = self.problem, _whole(self.policy or (), "policy")
-        if not problem.is_policy(policy):
+        problem, policy = self.problem, self.policy
+        if policy is None or not problem.is_policy(policy):
             raise DataError("a policy takes for every control -1, 0 or 1, and at most one column of every group.")
         lower, upper = (exactly(self, name)[None] for name in ("lower", "upper"))
         return [*self._assumptions(), *problem.bracket(lower, upper, policy)]
@@ -116,7 +105,8 @@ class OptimalCostCertificate(Certificate):
                 "the closed loop of this network has entries that are no doubles; files cannot hold it yet."
             )
         parts = {f.name: getattr(self.problem, f.name) for f in fields(LinearCost)}
-        return {**parts, **{name: tuple(parts[name].tolist()) for name in BLOCKS}, **own}
+        whole = {**{name: parts[name] for name in BLOCKS}, "policy": own["policy"]}
+        return {**parts, **own, **{name: x if x is None else tuple(x.tolist()) for name, x in whole.items()}}
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> OptimalCostCertificate:
@@ -131,6 +121,8 @@ class OptimalCostCertificate(Certificate):
         own = dict(contents)
         parts: dict[str, Any] = {f.name: own.pop(f.name) for f in fields(LinearCost)}
         blocks: dict[str, Any] = {name: _whole(parts[name], name) for name in BLOCKS}
+        if own.get("policy") is not None:
+            own["policy"] = _whole(own["policy"], "policy")
         sparse = all(parts[name].is_sparse for name in ("A", "B", "limits"))
         return cls.settle(problem=(NetworkCost if sparse else LinearCost)(**parts | blocks), **own)
 
@@ -178,6 +170,17 @@ class OptimalCostCertificate(Certificate):
     @property
     def _is_discounted(self) -> bool:
         return self.problem.discount != int(self.problem.discrete)
+
+
+def settled(assumptions: Sequence[Condition], **data: Any) -> OptimalCostCertificate:
+    """The certificate, for a problem whose assumptions have been evaluated; `check` evaluates them again."""
+    draft = OptimalCostCertificate(**data)
+    vars(draft)["_known"] = assumptions
+    with np.errstate(all="ignore"):
+        status, conditions = draft._evaluate()
+    out = OptimalCostCertificate(**data, status=status, residuals=residuals(conditions))
+    vars(out)["_own_conditions"] = conditions
+    return out
 
 
 def _whole(values: Any, name: str) -> Index:

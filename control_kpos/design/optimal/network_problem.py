@@ -71,9 +71,13 @@ class NetworkCost(LinearCost):
     @cached_property
     def drift(self) -> sp.csr_array:
         """A - I and A - rho I in floating point, with the discount in A."""
-        n = self.limits.shape[1]
-        own = sp.eye_array(n, format="csr") * float(1 if self.discrete else self.discount)
+        own = sp.eye_array(self.limits.shape[1], format="csr") * self.own
         return sp.csr_array(self.resting * float(self.factor) - own)
+
+    @cached_property
+    def own(self) -> float:
+        """What is subtracted from the diagonal of A."""
+        return float(1 if self.discrete else self.discount)
 
     @cached_property
     def factor(self) -> Fraction:
@@ -110,7 +114,8 @@ class NetworkCost(LinearCost):
         )
         owner = np.searchsorted(blocks, self.owner[columns])
         given = self.X, self.discrete, self.s, self.r, limits, owner, self.kinds[blocks], self.discount
-        return *(Matrix(v.data).fractions() for v in (h, x)), LinearCost(A, B, *given), columns
+        normal, ray = (Matrix(v.data).fractions() for v in (h, x))
+        return normal, ray, LinearCost(A, B, *given), columns
 
     # -- prices
 
@@ -131,23 +136,28 @@ class NetworkCost(LinearCost):
         free, p = self.kinds[self.owner] == DISTURBANCE, _scaled(p, self.factor)
         y, error = self._inputs(self.r, p)
         paid = np.where(free, np.abs(y) + error, policy * y + np.abs(policy) * error)
-        z = np.bincount(self.owner, paid, minlength=len(self.kinds))
+        z = np.bincount(self.owner, paid, minlength=len(self.kinds)).astype(float)
         where = np.array([free | (policy < 0), free | (policy > 0)])
         return Matrix(z[None]), self._priced(ABOVE_PRICE, self.r, p, z, -1, where)
 
     def _inputs(self, r: Matrix, p: Matrix, *, exact: bool = False) -> tuple[Floats, Floats]:
         """r + B'p in floating point, and more than its error; if `exact`, no error where there is one term only."""
         (r_values, p_values), B = (np.asarray(row.values[0]) for row in (r, p)), self.acting
-        terms = int(np.bincount(B.indices, minlength=1).max(initial=0)) + height(self.B, B.shape[0])
-        error = 8 * (terms + 16) * HALF_ULP * (np.abs(r_values) + np.abs(p_values) @ abs(B))
+        reach, terms = self._reach
+        error = 8 * (terms + 16) * HALF_ULP * (np.abs(r_values) + np.abs(p_values) @ reach)
         if exact:
             error[(p_values != 0).astype(float) @ (B != 0) <= 1] = 0.0
         return r_values + p_values @ B, error
 
+    @cached_property
+    def _reach(self) -> tuple[sp.csr_array, int]:
+        """|B| in floating point, and the number of terms of a column."""
+        B = self.acting
+        return abs(B), int(np.bincount(B.indices, minlength=1).max(initial=0)) + height(self.B, B.shape[0])
+
     def _priced(self, name: str, r: Matrix, p: Matrix, z: Floats, sign: int, where: Any) -> list[Condition]:
         """y - sign z_g >= 0 and -y - sign z_g >= 0, y = r + B'p, for the columns of every block g where asked for."""
-        row, price = Matrix.join([r, repeated(p, self.B)], -1), Matrix(sign * z[None])
-        left = Matrix.join([Matrix.join([row, price], -1), Matrix.join([-row, price], -1)], -2)
+        left = _row_and_opposite([r, repeated(p, self.B)], sign * z)
         forms = BilinearForms(left, self._inputs_and_prices, Matrix.identity(len(self.owner), sparse=True))
         return [Condition(name, forms, ">=", where)]
 
@@ -258,6 +268,8 @@ class NetworkCost(LinearCost):
 
     def _least_by_block(self, y: sp.csr_array) -> Matrix:
         """The least y of every block (row of limits), at most 0 where it need not act, for every row of y."""
+        if self.apart and self._is_single.all():
+            return Matrix(y)
         rows, columns = _entries(y)
         width = max(len(self.kinds), 1)
         keys = rows.astype(np.int64) * width + self.owner[columns]
@@ -285,6 +297,20 @@ def _columns_times(M: sp.csr_array, f: Floats) -> sp.csr_array:
     if not f.all():
         out.eliminate_zeros()
     return out
+
+
+def _row_and_opposite(parts: list[Matrix], z: Floats) -> Matrix:
+    """Rows (y, z) and (-y, z) for parts of y beside each other."""
+    price = Matrix(z[None])
+    if not all(part.is_double for part in parts):
+        y = Matrix.join(parts, -1)
+        return Matrix.join([Matrix.join([y, price], -1), Matrix.join([-y, price], -1)], -2)
+    out = np.empty((2, sum(part.shape[1] for part in parts) + len(z)))
+    np.concatenate([*(part.values[0] for part in parts), z], out=out[0])
+    size = out.shape[1] - len(z)
+    np.negative(out[0, :size], out=out[1, :size])
+    out[1, size:] = z
+    return Matrix(out)
 
 
 def _entries(M: sp.csr_array) -> tuple[NDArray[Any], NDArray[Any]]:

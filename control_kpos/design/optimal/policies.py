@@ -55,10 +55,11 @@ class Policies:
         self.problem, self.steps = problem, 0
         self.s, self.r = problem.s.values[0], problem.r.values[0]
         self.disturbed = problem.kinds[problem.owner] == DISTURBANCE
-        self._read(problem)
+        self._read()
 
-    def _read(self, problem: LinearCost) -> None:
+    def _read(self) -> None:
         """The matrices, with the discount, in floating point; limits of the columns."""
+        problem = self.problem
         self.rays, self.facets = np.asarray(problem.X.rays, dtype=float), np.asarray(problem.X.facets, dtype=float)
         drift, B = problem.discounted
         self.drift, self.B = np.asarray(drift.values), np.asarray(B.values)

@@ -116,6 +116,8 @@ class LinearCost:
     def policy(self, y: Floats) -> Index:
         """The coefficients of the columns that reach m_g(y) for one row y: mu_i = coefficient l_g'x; 0 for ties."""
         kind, sign = self.kinds[self.owner], np.sign(y).astype(np.intp)
+        if (kind == CONTROL).all():
+            return -sign
         least = self._by_block(np.minimum, y[None])[0][self.owner]
         first = np.zeros(len(y), dtype=np.intp)
         candidates = np.flatnonzero((y <= least) & ((kind == SHARED) | (least < 0)))
@@ -132,7 +134,14 @@ class LinearCost:
         grouped = (kind == GROUP) | (kind == SHARED)
         return bool((c[grouped] >= 0).all() and (used[groups] <= 1).all() and (used[shared] == 1).all())
 
+    @cached_property
+    def apart(self) -> bool:
+        """True if every column is a block of its own, in their order."""
+        return np.array_equal(self.owner, np.arange(len(self.kinds)))
+
     def _by_block(self, ufunc: np.ufunc, y: Any) -> Any:
+        if self.apart:
+            return y.copy()
         order = np.argsort(self.owner, kind="stable")
         starts = np.searchsorted(self.owner[order], np.arange(len(self.kinds)))
         return ufunc.reduceat(y[:, order], starts, axis=1) if len(starts) else y[:, :0]

@@ -19,7 +19,8 @@ from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
 from ..plant import closed_loop, read_system
 from .arguments import Question, closed_loop_of, controlled
-from .network_policies import NetworkPolicies, as_network
+from .loops import as_network
+from .network_policies import NetworkPolicies
 from .network_problem import NetworkCost
 from .policies import Found, Policies, by_linear_program, growing_vector
 from .problem import DISTURBANCE, Floats, Index, LinearCost
@@ -173,8 +174,12 @@ class NetworkRoute(Route):
 
     def loop(self, gain: Matrix, policy: Index) -> ConeNetwork:
         """The nodes of A + B F, every state an input and an output, linked by the blocks between them."""
-        driven = self.problem.acting[:, self._chosen] @ gain.values
-        return ConeNetwork(as_network(sp.csr_array(self.problem.resting + driven), self.net.model))
+        free = np.isin(np.arange(len(policy)), self._chosen)
+        if self.problem.factor == 1:
+            A = sp.csr_array(self.policies.loops.matrix(np.where(free, policy, 0)).T)
+        else:
+            A = sp.csr_array(self.problem.resting + self.problem.acting[:, self._chosen] @ gain.values)
+        return ConeNetwork(as_network(A, self.net.model))
 
 
 def network_route(question: Question, sys: Any, X: Any, controls: Any) -> NetworkRoute:

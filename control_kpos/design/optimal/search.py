@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 
 from ...cones import Cone
 from ...exact.condition import Condition
+from ...networks.network import ConeNetwork
 from ...progress import Target
 from ...proof.answer import Answer, first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ..running import Programs, within
-from .arguments import Question, is_large
-from .certificate import GrowingCost, OptimalCostCertificate
+from .arguments import Question, goes_sparse
+from .certificate import GrowingCost, OptimalCostCertificate, settled
 from .messages import obstacle
 from .policies import Found
 from .problem import Floats
@@ -33,26 +34,28 @@ class OptimalFeedback(Answer):
 
     Attributes
     ----------
-    F : ndarray, shape (m, n), or None
-        u = F x: a row is minus or plus its limit, or 0.  With `controls` mu = F x, and u = controls mu.
+    F : ndarray or csr_array, shape (m, n), or None
+        u = F x: a row is minus or plus its limit, or 0.  With `controls` mu = F x, and u = controls mu.  Sparse for
+        networks with sparse limits, or of more than 300 states.
     cost : ndarray, shape (n,), or None
         p of the optimal cost p'x, as computed; `cost_bounds` has what is proven.
     cost_bounds : tuple of ndarray, shapes (n,), or None
         Proven: lower'x <= optimal cost from x <= cost of F <= upper'x, for every x in X.
-    closed_loop : ConeStateSpace or None
-        From further inputs to y, with A + B F exact.
+    closed_loop : ConeStateSpace or ConeNetwork or None
+        From further inputs to y, with A + B F exact.  If F is sparse, a network again: the same nodes, every state an
+        input and an output, the links of A + B F, in doubles.
     iterations : int
         Linear systems solved.
     """
 
-    F: Floats | None = None
+    F: Any = None
     cost: Floats | None = None
     cost_bounds: tuple[Floats, Floats] | None = None
-    closed_loop: ConeStateSpace | None = None
+    closed_loop: ConeStateSpace | ConeNetwork | None = None
     iterations: int = 0
 
     @property
-    def K(self) -> Floats | None:
+    def K(self) -> Any:
         """-F, for u = -K x as python-control writes it."""
         return None if self.F is None else -self.F
 
@@ -74,7 +77,7 @@ def optimal_feedback(
     *,
     X: Cone | ArrayLike | None = None,
     controls: ArrayLike | None = None,
-    groups: Sequence[Sequence[int]] | None = None,
+    groups: Sequence[Sequence[int]] | ArrayLike | None = None,
     use_all: bool = False,
     disturbance: tuple[ArrayLike, ArrayLike] | None = None,
     discount: Any = None,
@@ -86,20 +89,23 @@ def optimal_feedback(
     Parameters
     ----------
     sys : ConeStateSpace, control.StateSpace or network
-        The plant x' = A x + B u; discrete time if its timebase says so.  A network is taken as its closed loop.
+        The plant x' = A x + B u; discrete time if its timebase says so.  A network is taken as its closed loop; with
+        sparse limits, or above 300 states, in sparse matrices, at any size, for nodes and links of doubles without
+        feedthrough.
     s : array_like, shape (n,)
-        Cost of the states, per unit of time or per step.
+        Cost of the states, per unit of time or per step.  For a network of nodes of one size also (nodes, states).
     r : array_like, shape (m,)
         Cost of the inputs.
-    limits : array_like, shape (m, n)
+    limits : array_like or sparse matrix, shape (m, n)
         Rows l_i, nonnegative on X: |u_i| <= l_i'x.  With `groups` one row for each group, in their order.
     X : Cone or array_like of rays, optional
-        Default: the cone of `sys` (the orthant for a plain system).
-    controls : array_like, shape (inputs, m), optional
+        Default: the cone of `sys` (the orthant for a plain system).  Not for networks of more than 300 states.
+    controls : array_like or sparse matrix, shape (inputs, m), optional
         u = controls mu, and mu takes the place of u in everything above: a control may act on several inputs, as one
         that moves something from one node of a network to another, with -1 and 1.
-    groups : sequence of lists of inputs, optional
-        Inputs that share a limit: u_i >= 0 for i in group g, and their sum at most l_g'x.  Every input is in one group.
+    groups : sequence of lists of inputs, or ndarray of int, shape (m,), optional
+        Inputs that share a limit: u_i >= 0 for i in group g, and their sum at most l_g'x.  Every input is in one group;
+        an array holds the number of the group of every input.
     use_all : bool
         The inputs of a group use up its limit: their sum is l_g'x, as in routing and shortest paths.
     disturbance : (G, M), optional
@@ -127,7 +133,8 @@ def optimal_feedback(
     -----
     The optimal cost is linear, p'x, with p = s + A'p - sum_i |r_i + B_i'p| l_i in discrete time, and the input
     u_i = -sign(r_i + B_i'p) l_i'x is optimal (Rantzer 2022; Li and Rantzer, arXiv:2306.02072, on the orthant; the proof
-    for cones is in the guide).  Policy iteration finds p by a handful of linear solves with n^3 operations each.
+    for cones is in the guide).  Policy iteration finds p by a handful of linear solves with n^3 operations each, or
+    by sparse ones: then all of it is linear in the number of nodes, links and controls.
 
     Examples
     --------
@@ -139,11 +146,12 @@ def optimal_feedback(
     (True, array([[-2., -1.]]), array([6.      , 1.666667]))
     """
     question = Question(s, r, limits, groups, use_all, disturbance, discount)
-    route = (network_route if is_large(sys) else system_route)(question, sys, X, controls)
-    return within(time_limit, lambda lp: _found(route, lp), route.effort, answer=OptimalFeedback, progress=progress)
+    route = (network_route if goes_sparse(sys, limits, X) else system_route)(question, sys, X, controls)
+    return within(time_limit, lambda lp: solved(route, lp), route.effort, answer=OptimalFeedback, progress=progress)
 
 
-def _found(route: Route, lp: Programs) -> OptimalFeedback:
+def solved(route: Route, lp: Programs) -> OptimalFeedback:
+    """The answer by a route."""
     problem = route.problem
     lp.stage("assumptions")
     assumptions = problem.assumptions()
@@ -155,7 +163,7 @@ def _found(route: Route, lp: Programs) -> OptimalFeedback:
     if found is not None:
         return found
     for vector in route.growing_vectors(lp):
-        refuted = OptimalCostCertificate.under(assumptions, problem=problem, witness=GrowingCost(vector))
+        refuted = settled(assumptions, problem=problem, witness=GrowingCost(vector))
         if refuted.status is Status.REFUTED:
             return OptimalFeedback(status=Status.REFUTED, certificate=refuted, iterations=route.policies.steps)
     return OptimalFeedback(
@@ -166,11 +174,9 @@ def _found(route: Route, lp: Programs) -> OptimalFeedback:
 
 
 def _proven(route: Route, found: Found, assumptions: Sequence[Condition]) -> OptimalFeedback | None:
-    policy = tuple(found.policy.tolist())
-
     def prove(part: float) -> OptimalCostCertificate | None:
         bounds = {"lower": found.p * (1 - part), "upper": found.p * (1 + part)}
-        return OptimalCostCertificate.under(assumptions, problem=route.problem, policy=policy, **bounds) or None
+        return settled(assumptions, problem=route.problem, policy=found.policy, **bounds) or None
 
     least = route.apart(found)
     proof = first_proven((part for part in _APART if part >= least), prove)
