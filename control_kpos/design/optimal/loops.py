@@ -32,15 +32,18 @@ class Loops:
             at, acting, inputs, gains = (np.repeat(part, count) for part in (at, acting, inputs, gains))
             at = at + within
         rows = np.concatenate([A.indices, L.indices[at], states])
-        places_of = np.concatenate([np.repeat(states, np.diff(A.indptr)), acting, states])
-        order = _sorted(rows, places_of, n)
-        rows, places_of = rows[order], places_of[order]
+        columns = np.concatenate([np.repeat(states, np.diff(A.indptr)), acting, states])
+        order = _sorted(rows, columns, n)
+        rows, columns = rows[order], columns[order]
         # entries of the pattern, and what they are sums of
-        self._first = np.flatnonzero((np.diff(rows, prepend=-1) != 0) | (np.diff(places_of, prepend=-1) != 0))
+        begins = np.ones(len(rows), dtype=bool)
+        begins[1:] = (rows[1:] != rows[:-1]) | (columns[1:] != columns[:-1])
+        self._first = np.flatnonzero(begins)
         self._weights = np.concatenate([A.data, gains * L.data[at], np.ones(n)])[order]
-        columns = np.concatenate([np.full(A.nnz, m), inputs, np.full(n, m + 1)])
-        self._columns = columns[order].astype(np.intp)
-        rows, self._indices = rows[self._first], places_of[self._first]
+        kind = inputs.dtype
+        factors = np.concatenate([np.full(A.nnz, m, dtype=kind), inputs, np.full(n, m + 1, dtype=kind)])
+        self._factors = factors[order].astype(np.intp)
+        rows, self._indices = rows[self._first], columns[self._first]
         self._indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
         owner = places.owners(0)
         own = owner[rows] == owner[self._indices]
@@ -51,7 +54,7 @@ class Loops:
     def matrix(self, policy: Index, brake: float = 0.0) -> sp.csr_array:
         """The transposed closed loop."""
         factors = np.concatenate([policy, [1.0, -brake]])
-        data = np.add.reduceat(self._weights * factors[self._columns], self._first)
+        data = np.add.reduceat(self._weights * factors[self._factors], self._first)
         return sp.csr_array((data, self._indices, self._indptr), shape=(len(self._indptr) - 1,) * 2)
 
     def network(self, transposed: sp.csr_array) -> NetworkModel:
