@@ -418,3 +418,19 @@ def test_sums_have_as_many_terms_as_there_can_be():
     rows = sp.csr_array([[1.0, 1.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0]])
     thin = BilinearForms(Matrix(rows), Matrix(sp.eye_array(4, format="csr")), Matrix(rows))
     assert thin._lengths == (1, 3)
+
+
+def test_rows_of_the_identity_are_not_multiplied():
+    """l'M e_i is an entry of l'M; a permutation, a longer row and rows without entry are no identity."""
+    rng = np.random.default_rng(0)
+    left, middle = (sp.random_array((90, 90), density=0.1, rng=rng, format="csr") for _ in range(2))
+    eye = sp.eye_array(90, format="csr")
+    gathered = sp.csr_array((np.ones(90), np.arange(90), np.r_[0, 2, 2, np.arange(3, 91)]), shape=(90, 90))
+    for right in (eye, eye[::-1].tocsr(), 2 * eye, gathered):
+        exact = left.toarray() @ middle.toarray() @ right.toarray().T
+        for first in (Matrix(left), Matrix(left.toarray())):
+            forms = BilinearForms(first, Matrix(middle), Matrix(right))
+            signs = forms.signs()
+            np.testing.assert_allclose(forms.values.toarray() if sp.issparse(forms.values) else forms.values, exact)
+            signs = signs.toarray() if sp.issparse(signs) else signs
+            np.testing.assert_array_equal(signs, np.sign(exact))

@@ -99,6 +99,19 @@ def test_the_sparse_and_the_dense_route_agree(seed):
         np.testing.assert_allclose(b.closed_loop.A, loop, atol=1e-12 * np.abs(loop).max())
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_both_routes_refuse_the_same_limits(seed):
+    """Twice what (a) allows, somewhere; s is raised so that costs stay positive."""
+    net, s, r, L, controls = random_network(np.random.default_rng(seed))
+    a, b = (
+        by_route(route, net, 3 * s, r, form(2.1 * L), form(controls))
+        for route, form in ((system_route, np.asarray), (network_route, sp.csr_array))
+    )
+    assert a.status is b.status and bool(a.message) == bool(b.message)
+    places = [answer.message.partition(" at generator")[0].partition("facet")[0] for answer in (a, b)]
+    assert places[0] == places[1]
+
+
 def test_most_random_networks_have_a_proven_policy():
     rng = np.random.default_rng(0)
     answers = [by_route(network_route, *random_network(rng)) for _ in range(20)]

@@ -47,10 +47,18 @@ class NetworkPolicies(Policies):
     def _read(self) -> None:
         problem = self.problem
         self.rays, self.facets = problem.cones.rays.values, problem.cones.facets.values
-        self.drift, self.B = problem.drift, problem.acting * float(problem.factor)
+        factor = float(problem.factor)
+        self.B, self.reach = problem.acting, problem.reach[0]
+        if factor != 1:
+            self.B, self.reach = self.B * factor, self.reach * factor
         self.limits = problem.limits.values if problem.apart else sp.csr_array(problem.limits.values[problem.owner])
         self._solved: tuple[NetworkModel, Floats] | None = None
         self.ties, self._tolerance = _COARSE
+
+    @cached_property
+    def drift(self) -> sp.csr_array:  # type: ignore[override]
+        """A - I, or A - rho I, with the discount in A."""
+        return self.problem.drift
 
     @cached_property
     def loops(self) -> Loops:

@@ -143,14 +143,14 @@ class NetworkCost(LinearCost):
     def _inputs(self, r: Matrix, p: Matrix, *, exact: bool = False) -> tuple[Floats, Floats]:
         """r + B'p in floating point, and more than its error; if `exact`, no error where there is one term only."""
         (r_values, p_values), B = (np.asarray(row.values[0]) for row in (r, p)), self.acting
-        reach, terms = self._reach
+        reach, terms = self.reach
         error = 8 * (terms + 16) * HALF_ULP * (np.abs(r_values) + np.abs(p_values) @ reach)
         if exact:
             error[(p_values != 0).astype(float) @ (B != 0) <= 1] = 0.0
         return r_values + p_values @ B, error
 
     @cached_property
-    def _reach(self) -> tuple[sp.csr_array, int]:
+    def reach(self) -> tuple[sp.csr_array, int]:
         """|B| in floating point, and the number of terms of a column."""
         B = self.acting
         return abs(B), int(np.bincount(B.indices, minlength=1).max(initial=0)) + height(self.B, B.shape[0])

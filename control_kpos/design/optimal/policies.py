@@ -63,6 +63,7 @@ class Policies:
         self.rays, self.facets = np.asarray(problem.X.rays, dtype=float), np.asarray(problem.X.facets, dtype=float)
         drift, B = problem.discounted
         self.drift, self.B = np.asarray(drift.values), np.asarray(B.values)
+        self.reach = np.abs(self.B)
         self.limits = np.asarray(problem.limits.values)[problem.owner]
 
     def optimal(self) -> Found | None:
@@ -98,7 +99,7 @@ class Policies:
 
     def _wanted(self, p: Floats) -> Index:
         """What reaches m_g(r + B'p), with 0 for ties."""
-        y, size = self.r + p @ self.B, np.abs(self.r) + np.abs(p) @ abs(self.B)
+        y, size = self.r + p @ self.B, np.abs(self.r) + np.abs(p) @ self.reach
         return self.problem.policy(np.where(np.abs(y) > self.ties * size, y, 0.0))
 
     def _improved(self, policy: Index, p: Floats, brake: float) -> Found:
@@ -123,7 +124,7 @@ class Policies:
             found = self.worst(start)
             if found is not None:
                 return found
-        acting = abs(self.B) @ abs(self.limits).sum(axis=1)
+        acting = self.reach @ abs(self.limits).sum(axis=1)
         brake = 2 * float((abs(self.drift).sum(axis=1) + acting).max())
         found = self.worst(greedy, brake)
         for _ in range(_DISCOUNTS):

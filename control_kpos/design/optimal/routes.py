@@ -156,19 +156,22 @@ class NetworkRoute(Route):
         """See `Route`: residuals and their rounding, relative to the cost of a stage."""
         policies, problem, p = self.policies, self.problem, found.p
         rays, L, y = policies.rays, problem.limits.values, policies.r + p @ policies.B
-        moved = policies.s + p @ policies.drift
+        gone, reach = problem.own * np.abs(p), np.bincount(problem.owner, np.abs(p) @ policies.reach)
+        moved = policies.s + float(problem.factor) * (p @ problem.resting) - problem.own * p
         best, paid = problem.best(y[None])[0], problem.under(found.policy, y[None])[0]
-        size = abs(rays) @ (np.abs(policies.s) + np.abs(p) @ abs(policies.drift) + np.abs(p))
-        size += abs(rays) @ ((np.bincount(problem.owner, np.abs(p) @ abs(policies.B))) @ abs(L))
+        # what stands beside each other in the sums is no larger than what comes in, and what goes
+        size = abs(rays) @ (np.abs(policies.s) + np.abs(moved) + 2 * gone + 2 * reach @ abs(L))
         stage = rays @ (policies.s + problem.best(policies.r[None])[0] @ L)
         missed = np.maximum(-(rays @ (moved + best @ L)), rays @ (moved + paid @ L))
         return float(((_SAFETY * missed + 256 * HALF_ULP * size) / stage).max())
 
     def gain(self, policy: Index) -> Matrix:
         """See `Route`."""
-        signs, rows = policy[self._chosen], self.policies.limits[self._chosen]
+        signs, rows = policy, self.policies.limits
+        if len(self._chosen) < len(policy):
+            signs, rows = policy[self._chosen], rows[self._chosen]
         data = rows.data * np.repeat(signs, np.diff(rows.indptr))
-        out = sp.csr_array((data, rows.indices, rows.indptr), shape=rows.shape)
+        out = sp.csr_array((data, rows.indices, rows.indptr), shape=rows.shape, copy=True)
         out.eliminate_zeros()
         return Matrix(out)
 
