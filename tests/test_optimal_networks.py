@@ -161,6 +161,22 @@ def test_sparse_limits_make_the_gain_sparse():
     assert c and isinstance(c.F, np.ndarray) and c.certificate.problem.A.fractions()[0, 0] == Fraction(1, 3)
 
 
+def test_cones_that_no_doubles_describe():
+    """Facets of 106 digits: small networks are multiplied out, large ones refused."""
+    X = kp.PolyhedralCone(np.eye(3) + np.random.default_rng(0).random((3, 3)))
+    B = np.asarray(X.rays).sum(axis=0)[:, None]
+    A = np.tile(0.2 * np.eye(3), (101, 1, 1))
+    for count in (2, 101):
+        nodes = kp.stack(A[:count], B, np.asarray(X.facets).sum(axis=0)[None], dt=True, X=X)
+        net = kp.feedback_interconnect(nodes, sp.csr_array((count, count)), progress=False)
+        given = net, np.tile(np.asarray(X.facets).sum(axis=0), count), np.zeros(count), sp.csr_array((count, 3 * count))
+        if count == 2:
+            assert isinstance(kp.optimal_feedback(*given).F, np.ndarray)
+        else:
+            with pytest.raises(DataError, match="doubles or integers"):
+                kp.optimal_feedback(*given)
+
+
 # -- larger ones
 
 

@@ -20,6 +20,7 @@ from ...networks.network import ConeNetwork
 from ...systems.system import System
 from ..plant import times
 from .network_problem import NetworkCost
+from .node_cones import NodeCones
 from .problem import CONTROL, DISTURBANCE, GROUP, SHARED, Index, LinearCost
 
 P = TypeVar("P", bound=LinearCost)
@@ -113,9 +114,9 @@ def goes_sparse(sys: Any, limits: Any, X: Any) -> bool:
     """True for networks of more than 300 states, and for smaller ones with sparse limits unless they hold fractions."""
     if not isinstance(sys, ConeNetwork):
         return False
-    return sys.nstates > EXACT_STATES or (
-        X is None and sp.issparse(limits) and _holds_doubles(sys.model) and not sys.model.has_feedthrough
-    )
+    if sys.nstates > EXACT_STATES or X is not None or not sp.issparse(limits):
+        return sys.nstates > EXACT_STATES
+    return _holds_doubles(sys.model) and not sys.model.has_feedthrough and NodeCones(sys.X).are_doubles
 
 
 def _holds_doubles(model: NetworkModel) -> bool:

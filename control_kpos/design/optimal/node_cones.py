@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...cones import Cone, Orthant, orthant
 from ...cones.product import ProductCone
-from ...errors import UndecidedError
+from ...errors import DataError
 from ...exact.matrix import Matrix
 from ...networks.blocks import block_diagonal
 from .problem import Index
@@ -74,16 +74,23 @@ class NodeCones:
         """Facet normals."""
         return self._rows("exact_facets")
 
+    @cached_property
+    def are_doubles(self) -> bool:
+        """True if generators and facets can be held as doubles."""
+        return all(part.is_double for name in ("exact_rays", "exact_facets") for part in self._parts(name))
+
+    def _parts(self, name: str) -> list[Matrix]:
+        """Generators or facets of the different factors, as integers where they are no doubles."""
+        return [_whole(getattr(Y, name).dense()) for Y in self._kinds[0]]
+
     def _rows(self, name: str) -> Matrix:
         exact = getattr(self.X, name)
         if exact.is_double:
             return Matrix(sp.csr_array(exact.values))
-        kinds, kind = self._kinds
-        parts = [Matrix.from_fractions(_integers(getattr(Y, name))) for Y in kinds]
-        if not all(part.is_double for part in parts):
-            raise UndecidedError(
-                "large networks need cones with generators and facets that are doubles; give them with integer "
-                "generators."
+        parts, kind = self._parts(name), self._kinds[1]
+        if not self.are_doubles:
+            raise DataError(
+                "a network in sparse matrices needs cones with generators and facets of doubles or integers."
             )
         first, blocks = self._starts([part.shape[0] for part in parts]), []
         for k, part in enumerate(parts):
@@ -113,5 +120,5 @@ class NodeCones:
         return out
 
 
-def _integers(rows: Matrix) -> NDArray[np.object_]:
-    return rows.dense().rows_as_integers(np.arange(rows.shape[0]))
+def _whole(rows: Matrix) -> Matrix:
+    return rows if rows.is_double else Matrix.from_fractions(rows.rows_as_integers(np.arange(rows.shape[0])))
