@@ -90,6 +90,13 @@ class NetworkCost(LinearCost):
         eye = Matrix.identity(self.limits.shape[1], sparse=True)
         return Matrix.join([eye, self.limits, self.A, eye], -2)
 
+    def _part(self, first: int, last: int) -> Matrix:
+        """Rows of it, in the same memory."""
+        M = self._middle.values
+        at = slice(M.indptr[first], M.indptr[last])
+        parts = M.data[at], M.indices[at], M.indptr[first : last + 1] - M.indptr[first]
+        return Matrix(sp.csr_array(parts, shape=(last - first, M.shape[1])))
+
     def fits(self) -> bool:
         """See `LinearCost`."""
         n, m = self.X.dim, len(self.owner)
@@ -191,15 +198,14 @@ class NetworkCost(LinearCost):
         """See `LinearCost`."""
         rays, facets = self.cones.rays, self.cones.facets
         worst, proof = self._worst_pushes()
-        left = Matrix.join([*[facets] * height(self.A, facets.shape[1]), worst], -1)
-        kept = BilinearForms(left, Matrix.join([self.A, self.limits], -2), rays)
+        left, n = Matrix.join([worst, *[facets] * height(self.A, facets.shape[1])], -1), rays.shape[1]
+        kept = BilinearForms(left, self._part(n, n + left.shape[1]), rays)
         stage = Matrix.join([self.s, self._best_of(self.r)], -1)
-        middle = Matrix.join([Matrix.identity(rays.shape[1], sparse=True), self.limits], -2)
         return [
             Condition(LIMITS, BilinearForms(self.limits, None, rays), ">="),
             *proof,
             Condition(KEPT, kept, ">=", None if self.discrete else self.cones.apart(*_entries(kept.pattern))),
-            Condition(COSTS, BilinearForms(stage, middle, rays), ">"),
+            Condition(COSTS, BilinearForms(stage, self._part(0, stage.shape[1]), rays), ">"),
         ]
 
     def gap(self, lower: Floats, upper: Floats) -> float:
