@@ -222,6 +222,27 @@ def test_ties_and_free_controls():
     np.testing.assert_allclose(b.cost, 4 / 3)
 
 
+def test_shortest_paths():
+    """Roads between many places, one of them chosen at each: the distances are those of Bellman and Ford."""
+    n, rng = 400, np.random.default_rng(0)
+    start = np.repeat(np.arange(n), 3)
+    end = rng.integers(0, n, size=3 * n)
+    end[::3] = np.arange(n) - 1  # so that the target, place -1, is reached from everywhere
+    length = rng.uniform(1, 2, size=3 * n)
+    away = end >= 0
+    roads = sp.csr_array((np.ones(away.sum()), (end[away], np.flatnonzero(away))), shape=(n, 3 * n))
+    places = kp.stack(np.zeros((n, 1, 1)), [[1]], [[1]], dt=True)
+    net = kp.feedback_interconnect(places, sp.csr_array((n, n)), progress=False)
+    a = kp.optimal_feedback(net, np.zeros(n), length, sp.eye_array(n), controls=roads, groups=start, use_all=True)
+    distance = np.full(n + 1, np.inf)
+    distance[-1] = 0
+    for _ in range(n):
+        distance[:n] = (length + distance[end]).reshape(n, 3).min(axis=1)
+    assert a and a.check()
+    np.testing.assert_allclose(a.cost, distance[:n], rtol=1e-9)
+    assert (np.asarray(a.F.sum(axis=0)) == 1).all()  # one road from every place
+
+
 def test_a_link_that_a_control_may_cut_exactly():
     """The limit is the weight of the link, 0.1: the condition holds with equality, and cutting is best."""
     n = 320
@@ -320,6 +341,7 @@ def test_inputs_that_leave_the_cone_are_named():
         ({"X": kp.orthant(301)}, DataError, "leave X out"),
         ({"groups": np.zeros(7, dtype=int)}, DataError, "each of the 301 inputs"),
         ({"groups": np.ones(301, dtype=int)}, DataError, "none may be empty"),
+        ({"groups": np.full(301, 10**15)}, DataError, "the group of each of the 301 inputs"),
         ({"disturbance": (np.ones((3, 1)), np.ones((1, 301)))}, ShapeError, "disturbance G"),
     ],
 )

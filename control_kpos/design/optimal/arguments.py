@@ -167,7 +167,8 @@ def _blocks(groups: Any, m: int, use_all: bool) -> tuple[Index, Index]:
             raise DataError("use_all is about groups; give groups=, such as one group of all inputs.")
         return np.arange(m), np.full(m, CONTROL)
     if isinstance(groups, np.ndarray) and groups.ndim == 1 and groups.dtype.kind in "iu":
-        return _labelled(groups, m), np.full(int(groups.max(initial=-1)) + 1, SHARED if use_all else GROUP)
+        owner = _labelled(groups, m)
+        return owner, np.full(owner.max() + 1, SHARED if use_all else GROUP)
     given = [[whole_number(i, "groups") for i in items(group, "groups")] for group in items(groups, "groups")]
     flat = [i for group in given for i in group]
     if not all(given) or sorted(flat) != list(range(m)):
@@ -180,7 +181,8 @@ def _blocks(groups: Any, m: int, use_all: bool) -> tuple[Index, Index]:
 
 def _labelled(groups: Any, m: int) -> Index:
     """The group of every input, from an array of them."""
-    if groups.shape != (m,) or groups.min() < 0 or not np.bincount(groups).all():
+    inside = groups.shape == (m,) and m > 0 and groups.min() >= 0 and groups.max() < m
+    if not inside or not np.bincount(groups).all():
         raise DataError(f"groups must hold the group of each of the {m} inputs: 0, 1, ..., and none may be empty.")
     return groups.astype(np.intp)
 
