@@ -34,11 +34,14 @@ if TYPE_CHECKING:
         DesignResult,
         OptimalCostCertificate,
         OptimalFeedback,
+        OrderInterval,
+        OrderIntervalCertificate,
         Tradeoff,
         gain_rate_tradeoff,
         network_feedback,
         observer_gain,
         optimal_feedback,
+        order_interval,
         output_feedback,
         scale_free_feedback,
         state_feedback,
@@ -95,6 +98,8 @@ __all__ = [
     "NotProperConeError",
     "OptimalCostCertificate",
     "OptimalFeedback",
+    "OrderInterval",
+    "OrderIntervalCertificate",
     "OutWeightCertificate",
     "PlaneViolation",
     "PolyhedralCone",
@@ -124,6 +129,7 @@ __all__ = [
     "network_feedback",
     "observer_gain",
     "optimal_feedback",
+    "order_interval",
     "orthant",
     "output_feedback",
     "phase_portrait",
@@ -146,8 +152,9 @@ _ON_DEMAND = {
     name: room
     for room, names in {
         ".design": (
-            "DesignResult OptimalCostCertificate OptimalFeedback Tradeoff gain_rate_tradeoff network_feedback "
-            "observer_gain optimal_feedback output_feedback scale_free_feedback state_feedback"
+            "DesignResult OptimalCostCertificate OptimalFeedback OrderInterval OrderIntervalCertificate Tradeoff "
+            "gain_rate_tradeoff network_feedback observer_gain optimal_feedback order_interval output_feedback "
+            "scale_free_feedback state_feedback"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

@@ -1218,16 +1218,18 @@ def feedback(e: Said, limit: int) -> None:
 def together(part: Json, X: Cone, closed: list[Matrix], discrete: bool, limit: int) -> None:
     """A part is about X and the time of the closed loops, or a bound on the gain at the generators of X.
 
-    What is `positive` is one of them with ports.  In a `common vector` are the transposed of all, and in a
-    `disturbance gain` those of one, on the dual cone: nonnegative on X, and if X has n generators, each of them on one.
+    What is `positive` is one of them with ports, and an `order interval` that of one.  In a `common vector` are the
+    transposed of all, and in a `disturbance gain` those of one, on the dual cone: nonnegative on X, and if X has n
+    generators, each of them on one.
     """
     claim, data = part["claim"], part["data"]
-    expect(claim in ("stable", "positive", "gain bound", "common vector", "disturbance gain"), "it is about a gain")
+    own_cone, closed_loop = ("stable", "gain bound", "positive", "order interval"), ("positive", "order interval")
+    expect(claim in (*own_cone, "common vector", "disturbance gain"), "it is about a gain")
     own = cone(data["X"], limit)
     expect(claim == "gain bound" or data["discrete"] == discrete, "all parts are about one time")
-    if claim in ("stable", "positive", "gain bound"):
+    if claim in own_cone:
         expect(directions(own) == directions(X), "all parts are about one cone")
-        expect(claim != "positive" or given(data["A"], X.dim, X.dim) in closed, "the ports are those of a closed loop")
+        expect(claim not in closed_loop or given(data["A"], X.dim, X.dim) in closed, "it is about a closed loop")
         return
     expect(own.dim == X.dim and all(above(f, X) for f in own.rays), "the dual cone is nonnegative on the cone")
     edges = len(X.rays) > X.dim or all(len(pullback(f, X.rays)) == 1 for f in own.rays)
@@ -1288,6 +1290,88 @@ def self_loops(e: Said, limit: int, status: str) -> tuple[Json, int]:
     loops = [{j * m + i: weight * a for i, a in column.items() if weight} for j in range(count) for column in K]
     expect(loops == W and weight >= 0, "W = diag(weight K)")
     return data, count
+
+
+# -- order intervals
+
+
+def interval(e: Said, limit: int) -> tuple[System, Vector, Vector]:
+    """The system, w_max, and x_min or 0, with  positive  and  w_max in X.
+
+    With x_min, every [0, x] that x' = A x + w does not leave, whatever w does in [0, w_max], has x - x_min in X:
+    v'x > 0,  v'A x < 0,  so that A has an inverse, and -A^-1 maps X into X;  A x_min + w_max in X.
+    """
+    (s,) = family("order interval", e, limit)
+    positive(s, e)
+    w = entries(interval_vector(e, "w_max"), s.X.dim)
+    listed(e, "u", w, s.X)
+    if e["x_min"] is None and e["lyapunov"] is None:
+        return s, w, {}
+    v, least = (entries(interval_vector(e, name), s.X.dim) for name in ("lyapunov", "x_min"))
+    decreases(s, v, {}, Said({}))
+    listed(e, "y", total((1, drift(s, least)), (1, w)), s.X)
+    return s, w, least
+
+
+def interval_vector(e: Said, name: str) -> list[Fraction]:
+    """One of the vectors, which round to what stands there."""
+    names = ("w_max", "x_max", "lyapunov", "x_min", "bounds")
+    return exactly(e, *names)[names.index(name)]
+
+
+def drift(s: System, x: Vector) -> Vector:
+    """A x, or A x - x."""
+    return total((1, image(s.A, x)), (-s.discrete, x))
+
+
+def bounded(e: Said, s: System) -> list[tuple[Vector, Fraction]]:
+    """The rows f and the numbers b of the bounds f'x <= b."""
+    b = interval_vector(e, "bounds")
+    expect((e["rows"] is None) == (e["bounds"] is None), "rows have bounds")
+    return list(zip(rows(e["rows"], len(b), s.X.dim), b, strict=True))
+
+
+def rows(o: Json, m: int, n: int) -> list[Vector]:
+    """The rows of a matrix."""
+    M = given(o, m, n)
+    return [pullback({i: Fraction(1)}, M) for i in range(m)]
+
+
+def order_interval(e: Said, limit: int) -> None:
+    """x' = A x + w stays in [0, x_max], the x in X with x_max - x in X, for all w(t) in [0, w_max].
+
+    See `interval`;  x_max and -(A x_max + w_max) in X.  On it f'x <= b:  g and g - f are in X*,  g'x_max <= b.
+    """
+    s, w, _ = interval(e, limit)
+    x = entries(interval_vector(e, "x_max"), s.X.dim)
+    listed(e, "x", x, s.X)
+    listed(e, "z", total((-1, drift(s, x)), (-1, w)), s.X)
+    bounds = bounded(e, s)
+    expect((e["covers"] is None) == (e["rows"] is None), "bounds have covers")
+    for (f, b), g in zip(bounds, rows(e["covers"], len(bounds), s.X.dim), strict=True):
+        need(above(g, s.X), "g is in X*")
+        need(above(total((1, g), (-1, f)), s.X), "g - f is in X*")
+        need(dot(g, x) <= b, "g'x_max <= b")
+
+
+def no_order_interval(e: Said, limit: int) -> None:
+    """No x_max is such that [0, x_max] is kept: some d in X* has A'd in X* and d'w_max > 0.
+
+    Or none on which f'x <= b for the `row` of the bounds: x and x_min - x are in X, and f'x > b.
+    """
+    (s, w, least), (kind, fields) = interval(e, limit), record(e, "witness", "NoInterval", "BoundExceeded")
+    if kind == "NoInterval":
+        d = entries(exactly(fields, "d")[0], s.X.dim)
+        need(above(d, s.X), "d is in X*")
+        need(above(total((1, pullback(d, s.A)), (-s.discrete, d)), s.X), "A'd is in X*")
+        need(dot(d, w) > 0, "d'w_max > 0")
+        return
+    x = entries(exactly(fields, "x")[0], s.X.dim)
+    expect(e["x_min"] is not None, "x_min is there")
+    listed(e, "s", x, s.X)
+    listed(e, "b", total((1, least), (-1, x)), s.X)
+    f, b = bounded(e, s)[index(fields["row"])]
+    need(dot(f, x) > b, "f'x > b")
 
 
 # -- linear cost
@@ -1451,6 +1535,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("invariant-cone", "REFUTED"): no_cone,
     ("feedback exists", "REFUTED"): no_feedback,
     ("invariant gain exists", "REFUTED"): no_invariant_gain,
+    ("order interval", "PROVED"): order_interval,
+    ("order interval", "REFUTED"): no_order_interval,
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
 }

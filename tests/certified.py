@@ -120,6 +120,10 @@ def at_a_third(discrete=False):
     return kp.network_feedback([third(discrete)] * 2, [[0, 0.25], [0.25, 0]], rate="1/3").certificate
 
 
+def interval(w_max, constraints=None, X=PAPER, A=((0, 1), (-22, -13))):
+    return kp.order_interval(kp.ConeStateSpace(A, np.eye(2), np.eye(2), 0, X=X), w_max, constraints=constraints)
+
+
 def optimal(A=None, B=None, s=(3, 1), r=None, limits=((2, 1),), X=PAPER, discrete=None, **more):
     A, B = A or [["0.7", "0.1"], ["-0.2", "0.3"]], B or [[0], ["0.2"]]
     discrete = A[0][0] in (2, "0.7") if discrete is None else discrete
@@ -278,6 +282,20 @@ CERTIFICATES = {
         ).certificate
     ),
     "optimal cost, not finite": lambda: optimal([[2, 0], [0, 0.5]], [[0.5], [0]], limits=[[1, 0]], X=None).certificate,
+    "order interval": lambda: interval([0, 1], ([[1, 0], [0, -1]], ["1/22", 0.5])).certificate,
+    "order interval, four generators": lambda: (
+        kp.order_interval(
+            kp.ConeStateSpace(np.diag([-2.0, -2.0, -1.0]), np.eye(3), np.eye(3), 0, X=SQUARE),
+            [0, 0, "1/3"],
+            constraints=([[1, 0, 0]], [1]),
+        ).certificate
+    ),
+    "order interval, discrete, beside what grows": lambda: (
+        kp.order_interval(kp.ConeStateSpace([[2, 0], [0, 0.5]], np.eye(2), np.eye(2), 0, True), [0, 1]).certificate
+    ),
+    "not any order interval": lambda: interval([1, 0], X=kp.orthant(2), A=[[1, 0], [0, -1]]).certificate,
+    "not any order interval within a bound": lambda: interval([0, 1], ([[1, 0]], ["1/23"])).certificate,
+    "feedback in an interval": lambda: designed(state_bounds=[1, -1], input_bounds=10, disturbance_bounds=[0, "1/10"]),
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
     "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,
     "not any cone, beside": lambda: kp.find_cone([["1/3", 1, 0], [-1, "1/3", 0], [0, 0, "1/3"]]).certificate,

@@ -1,4 +1,4 @@
-"""Tiny certificate files by hand about optimal costs, true and just not true."""
+"""Tiny certificate files by hand about optimal costs and order intervals, true and just not true."""
 
 from checker_cases import HALF, changed, double
 
@@ -129,3 +129,65 @@ COSTS = {
     "no finite cost, no vector": (cheapest(2, "1/2", status="REFUTED", d=0), "WRONG"),
     "no finite cost, vector outside": (cheapest(0, 0, status="REFUTED", d=-1), "WRONG"),
 }
+
+
+def kept(A=-2, w=1, x="1/2", *, least=None, v=None, bounds=(), rows=(), covers=None, discrete=False, witness=None):
+    """x' = A x + w on the half-line with [0, x]; a witness (kind, vector, row) refutes it."""
+    vectors = {"w_max": [w], "x_max": x if x is None else [x], "lyapunov": v and [v], "x_min": least and [least]}
+    vectors["bounds"] = list(bounds) or None
+    data = {k: None if y is None else {"array": [double(a) for a in y]} for k, y in vectors.items()}
+    data |= {"A": {"matrix": [[A]]}, "X": HALF, "discrete": discrete, "witness": None}
+    matrices = {"rows": rows, "covers": rows if covers is None else covers}
+    data |= {name: {"matrix": [[a] for a in f]} if f else None for name, f in matrices.items()}
+    if witness is None:
+        return {"claim": "order interval", "status": "PROVED", "data": data, "proof": {}}
+    kind, vector, *row = witness
+    name = "d" if kind == "NoInterval" else "x"
+    fields = {name: {"array": [double(vector)]}} | ({"row": row[0]} if row else {})
+    data |= {"witness": {"record": kind, "fields": fields}, "x_max": None, "covers": None}
+    return {"claim": "order interval", "status": "REFUTED", "data": data, "proof": {}}
+
+
+SMALLEST = {"least": "1/2", "v": 1}
+BOUNDED = {"rows": [3], "bounds": ["3/2"]}
+INTERVALS = {
+    "interval": (kept(), "PROVED"),
+    "interval, too small": (kept(x="1/4"), "WRONG"),
+    "interval below 0": (kept(1, 0, -1), "WRONG"),
+    "interval, no end": (kept(x=None), "UNREADABLE"),
+    "interval, disturbance outside": (kept(w=-1), "WRONG"),
+    "interval, none needed": (kept(1, 0, 0), "PROVED"),
+    "interval, discrete": (kept("1/2", 1, 2, discrete=True), "PROVED"),
+    "interval, discrete, too small": (kept("1/2", 1, 1, discrete=True), "WRONG"),
+    "interval, not positive": (kept("-1/2", 1, 2, discrete=True), "WRONG"),
+    "interval, smallest": (kept(**SMALLEST), "PROVED"),
+    "interval, smallest by far": (kept(least="1/4", v=1), "PROVED"),
+    "interval, smallest too large": (kept(x=1, least="3/4", v=1), "WRONG"),
+    "interval, smallest without v": (kept(least="1/2"), "UNREADABLE"),
+    "interval, v without smallest": (kept(v=1), "UNREADABLE"),
+    "interval, smallest of an unstable system": (kept(1, 0, 0, least=1, v=1), "WRONG"),
+    "interval, smallest by a negative v": (kept(1, 0, 0, least=1, v=-1), "WRONG"),
+    "interval, bound": (kept(**BOUNDED), "PROVED"),
+    "interval, bound too low": (kept(rows=[3], bounds=[1]), "WRONG"),
+    "interval, no bound is needed": (kept(rows=[-3], bounds=[0], covers=[0]), "PROVED"),
+    "interval, negative cover": (kept(rows=[-3], bounds=[-1], covers=[-3]), "WRONG"),
+    "interval, cover too low": (kept(rows=[3], bounds=[1], covers=[2]), "WRONG"),
+    "interval, bound without cover": (kept(rows=[3], bounds=["3/2"], covers=[]), "UNREADABLE"),
+    "interval, rows without bounds": (kept(rows=[3]), "UNREADABLE"),
+    "interval, bounds without rows": (kept(bounds=[3]), "UNREADABLE"),
+    "no interval": (kept(1, 1, witness=("NoInterval", 1)), "REFUTED"),
+    "no interval, marginal": (kept(0, 1, witness=("NoInterval", 1)), "REFUTED"),
+    "no interval, but one": (kept(-1, 1, witness=("NoInterval", 1)), "WRONG"),
+    "no interval, nothing pushes": (kept(1, 0, witness=("NoInterval", 1)), "WRONG"),
+    "no interval, no vector": (kept(1, 1, witness=("NoInterval", 0)), "WRONG"),
+    "no interval, vector outside": (kept(-1, 0, witness=("NoInterval", -1)), "WRONG"),
+    "no interval, discrete": (kept(1, 1, discrete=True, witness=("NoInterval", 1)), "REFUTED"),
+    "no interval, discrete, but one": (kept("1/2", 1, discrete=True, witness=("NoInterval", 1)), "WRONG"),
+    "no bound": (kept(**SMALLEST, rows=[3], bounds=[1], witness=("BoundExceeded", "1/2", 0)), "REFUTED"),
+    "no bound, just": (kept(**SMALLEST, **BOUNDED, witness=("BoundExceeded", "1/2", 0)), "WRONG"),
+    "no bound, beyond": (kept(**SMALLEST, **BOUNDED, witness=("BoundExceeded", 1, 0)), "WRONG"),
+    "no bound, outside": (kept(**SMALLEST, rows=[-3], bounds=[1], witness=("BoundExceeded", -1, 0)), "WRONG"),
+    "no bound, of none": (kept(**SMALLEST, rows=[3], bounds=[1], witness=("BoundExceeded", "1/2", 1)), "UNREADABLE"),
+    "no bound, no smallest": (kept(rows=[3], bounds=[-1], witness=("BoundExceeded", 0, 0)), "UNREADABLE"),
+}
+COSTS |= INTERVALS

@@ -133,6 +133,9 @@ CALLS |= {  # design
             "vertices": None,
             "disturbance": None,
             "ports": False,
+            "state_bounds": None,
+            "input_bounds": None,
+            "disturbance_bounds": None,
             "constraints": None,
             "objective": None,
             "method": "auto",
@@ -159,6 +162,10 @@ CALLS |= {  # design
             "time_limit": 2.0,
             "progress": None,
         },
+    ),
+    "order_interval": (
+        kp.order_interval,
+        {"sys": SIMPLE, "w_max": [1], "constraints": ([[1]], [9]), "X": None, "time_limit": 2.0},
     ),
     "network_feedback": (
         kp.network_feedback,

@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 from fractions import Fraction
 
+import exact_systems
 import numpy as np
 import pytest
 from exact_plants import LAG, THIRD, THIRDS, plant, supplied
@@ -55,6 +56,14 @@ def best(**changes):
     return kp.optimal_feedback(**given).certificate.problem
 
 
+def kept(**changes):
+    return kp.order_interval(**{"sys": plant([[-1]]), "w_max": ["1/7"]} | changes).certificate
+
+
+def bounded(**bounds):
+    return kp.state_feedback(plant([[-1, 0], [0, -1]]), **{"state_bounds": [1, 1]} | bounds).certificate.others[0]
+
+
 def closed(design):
     return design.certificate.loops[0] if hasattr(design.certificate, "loops") else design.certificate
 
@@ -97,6 +106,11 @@ def couplings(net):
     return net.model.coupling
 
 
+BOUNDS = {
+    "state_bounds": lambda: (bounded(state_bounds=["1/3", 1]).exact[1], [THIRD, 1]),
+    "input_bounds": lambda: (bounded(input_bounds="1/3").exact[-1], [THIRD] * 2),
+    "disturbance_bounds": lambda: (bounded(disturbance_bounds=["1/3", 0]).exact[0], [THIRD, 0]),
+}
 EXACT = {
     "cone_positivity": of_theorem(kp.cone_positivity),
     "dissipativity": of_theorem(kp.dissipativity, lambda c: c.positivity)
@@ -227,6 +241,12 @@ EXACT = {
         "discount": lambda: (best(discount="1/3").discount, THIRD),
         "controls": lambda: (best(controls=SIDE).B, SIDES),
     },
+    "order_interval": {
+        "sys": lambda: (kept(sys=plant([["-1/3"]])).positivity.A, [[-THIRD]]),
+        "w_max": lambda: (kept(w_max=["1/3"]).exact[0], [THIRD]),
+        "constraints": lambda: (kept(constraints=(SIDE, ["1/7"])).rows, SIDES),
+        "X": lambda: (kept(sys=plant(MINUS), w_max=[1, 1], X=CONE).X, SAME),
+    },
     "gain_rate_tradeoff": {
         "rates": lambda: (kp.gain_rate_tradeoff(THIRDS, ["1/3"], certify=True).designs[0].weakened_rate, THIRD)
     },
@@ -298,51 +318,14 @@ EXACT = {
         "x": lambda: ([SAME.contains(["1/3", "1/7"]), SAME.contains(["1/3", "1/7"], strict=True)], [True, False])
     },
     "PolyhedralCone.transform": {"T": lambda: (PLANE.transform([["1/3", 0], ["1/7", 1]]), SAME)},
-    "ConeStateSpace": {
-        "args": lambda: (kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, [["1/9"]]).exact.D, [["1/9"]]),
-        "X": lambda: (plant(MINUS, X=CONE).exact.X, SAME),
-        "U": lambda: (plant(MINUS, TWO, U=CONE).exact.U, SAME),
-        "Y": lambda: (plant(MINUS, TWO, TWO, Y=CONE).exact.Y, SAME),
-    },
-    "ConeStateSpace.append": {"other": lambda: (LAG.append(THIRDS).exact.A, [[-1, 0], [0, -THIRD]])},
-    "ConeStateSpace.feedback": {
-        "other": lambda: (THIRDS.feedback(SIDE, sign=1).exact.A, [[0]]),
-        "sign": lambda: (THIRDS.feedback(1, sign="1/3").exact.A, [[0]]),
-    },
-    "ConeStateSpace.lft": {"other": lambda: (THIRDS.lft(THIRDS).exact.A, [[-THIRD, 1], [1, -THIRD]])},
-    "ConeStateSpace.linear_lyapunov": {"rate": lambda: (THIRDS.linear_lyapunov(rate="1/3").required_rate, THIRD)},
-    "ConeStateSpace.dissipativity": {
-        "q": lambda: (LAG.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
-        "r": lambda: (LAG.dissipativity(r=["1/3"]).r_exact, [THIRD]),
-    },
-    "ConeStateSpace.similarity_transform": {
-        "T": lambda: (THIRDS.similarity_transform(SIDE).exact.B, SIDES),
-        "timescale": lambda: (THIRDS.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
-    },
     "examples.mass_spring_node": {
         "F": lambda: (kp.examples.mass_spring_node(["-64/3", -13]).exact.A, [[0, 1], ["-67/3", -13]]),
         "k": lambda: (kp.examples.mass_spring_node(k="1/3").exact.A, [[0, 1], ["-64/3", -13]]),
         "m": lambda: (kp.examples.mass_spring_node(m=3).exact.A, [[0, 1], ["-64/3", -13]]),
     },
 }
-LOOP = kp.feedback_interconnect([THIRDS], [[0]])
-EXACT |= {
-    "ConeNetwork.append": {"other": lambda: (LOOP.append(THIRDS).exact.A, [[-THIRD, 0], [0, -THIRD]])},
-    "ConeNetwork.feedback": {
-        "other": lambda: (LOOP.feedback(SIDE, sign=1).exact.A, [[0]]),
-        "sign": lambda: (LOOP.feedback(1, sign="1/3").exact.A, [[0]]),
-    },
-    "ConeNetwork.lft": {"other": lambda: (LOOP.lft(THIRDS).exact.A, [[-THIRD, 1], [1, -THIRD]])},
-    "ConeNetwork.linear_lyapunov": {"rate": lambda: (LOOP.linear_lyapunov(rate="1/3").required_rate, THIRD)},
-    "ConeNetwork.dissipativity": {
-        "q": lambda: (LOOP.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
-        "r": lambda: (LOOP.dissipativity(r=["1/3"]).r_exact, [THIRD]),
-    },
-    "ConeNetwork.similarity_transform": {
-        "T": lambda: (LOOP.similarity_transform(SIDE).exact.B, SIDES),
-        "timescale": lambda: (LOOP.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
-    },
-}
+EXACT |= exact_systems.ROWS
+EXACT["state_feedback"] |= BOUNDS
 EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
 
 # Numbers that end as doubles, each with the reason.

@@ -1,5 +1,7 @@
 """Feedback design: gains that make a system K-positive, stable and fast, by linear programs."""
 
+from .bounded.certificate import OrderIntervalCertificate
+from .bounded.interval import OrderInterval, order_interval
 from .feedback import observer_gain, output_feedback, state_feedback
 from .network.scale_free import scale_free_feedback
 from .network.search import network_feedback
@@ -12,11 +14,14 @@ __all__ = [
     "DesignResult",
     "OptimalCostCertificate",
     "OptimalFeedback",
+    "OrderInterval",
+    "OrderIntervalCertificate",
     "Tradeoff",
     "gain_rate_tradeoff",
     "network_feedback",
     "observer_gain",
     "optimal_feedback",
+    "order_interval",
     "output_feedback",
     "scale_free_feedback",
     "state_feedback",

@@ -27,6 +27,8 @@ from ..systems.statespace import ConeStateSpace
 from ..theorems.positivity import cone_positivity
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
 from .actuator_loss import certified_fraction
+from .bounded.certificate import OrderIntervalCertificate
+from .bounded.covers import covered
 from .certificates import CommonVectorCertificate, DisturbanceCertificate, FeedbackCertificate, GainBoundCertificate
 from .controllability import controllability_notes
 from .plant import Floats, Plant, closed_loop, times
@@ -193,6 +195,8 @@ def _others(
         W, Z = orthant(E.shape[1]), orthant(G.shape[0])
         proof = cone_positivity(closed[0], E, closed_loop(G, H, full), D, plant.X, W, Z, discrete=plant.discrete)
         yield DisturbanceCertificate.settle(positivity=proof, x=x, gamma=gamma)
+    if plant.interval is not None:
+        yield from (_in_interval(plant, full, loop) for loop in loops)
     if len(closed) > 1:
         positive, candidates = tuple(l.positivity for l in loops), ((lambda: x), partial(_inside, plant, closed, rate))
         found = (candidate() for candidate in candidates)
@@ -200,6 +204,21 @@ def _others(
             (y for y in found if y is not None),
             lambda y: CommonVectorCertificate.of(positive, y, Fraction(rate)) or None,
         )
+
+
+def _in_interval(plant: Plant, full: Matrix, loop: LyapunovCertificate) -> OrderIntervalCertificate | None:
+    """[0, x_max] is kept, and |F x| <= u_max on it."""
+    bounds = plant.interval
+    if bounds is None or bounds.x_max is None:
+        return None
+    data: dict[str, Any] = {"positivity": loop.positivity, "w_max": bounds.w_max, "x_max": bounds.x_max}
+    if bounds.u_max is not None:
+        rows, limits = Matrix.join([full, -full], -2), Matrix.join([bounds.u_max] * 2, 0)
+        found = [g for g, _ in covered(plant.X, rows, limits, bounds.x_max) if g is not None]
+        if len(found) < rows.shape[0]:
+            return None
+        data |= {"rows": rows, "bounds": limits, "covers": Matrix.join(found, -2)}
+    return OrderIntervalCertificate.settle(**data)
 
 
 def _inside(plant: Plant, closed: tuple[Matrix, ...], rate: float | Fraction) -> Floats | None:
@@ -288,8 +307,14 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
         decay_rate=proven_rate(found.certificate, found.rate),
         certified_fraction=partial(certified_fraction, plant, found.full, found.certificate, found.rate),
         weakened_rate=found.rate,
-        notes=controllability_notes(plant),
+        notes=(*_bound_notes(plant), *controllability_notes(plant)),
     )
+
+
+def _bound_notes(plant: Plant) -> tuple[str, ...]:
+    """What the rows of an interval are: F and -F."""
+    bounded = plant.interval is not None and plant.interval.u_max is not None
+    return ("These rows are F and -F: every |u_i| is at most its input bound on [0, x_max].",) if bounded else ()
 
 
 def proven_rate(certificate: Certificate, demanded: float | Fraction) -> float:

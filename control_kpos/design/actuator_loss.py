@@ -25,6 +25,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, exactly
 from ..theorems.stability import LyapunovCertificate
+from .bounded.certificate import OrderIntervalCertificate
 from .certificates import CommonVectorCertificate, DisturbanceCertificate
 from .exact_rows import exact_geometry
 from .plant import Floats, Plant, closed_loop, shifted
@@ -193,8 +194,20 @@ def _demands(plant: Plant, F: Matrix, certificate: Any, rate: float | Fraction) 
                 yield Demand(-facets, M, B, common, strict=True)
                 if rate:
                     yield Demand(-facets, shifted(M, rate), B, common)
+        if isinstance(part, OrderIntervalCertificate):
+            yield from _kept_interval(plant, F, part, facets, drifts)
         if isinstance(part, DisturbanceCertificate):
             yield from _bounded_gain(plant, F, part, facets, seen, drifts[0])
+
+
+def _kept_interval(
+    plant: Plant, F: Matrix, kept: OrderIntervalCertificate, facets: Matrix, drifts: list[Matrix]
+) -> Iterator[Demand]:
+    """(A + B diag(s) F) x_max + w_max in -X for every vertex; |diag(s) F x| is at most |F x|."""
+    w, one = exactly(kept, "w_max")[None].T, Matrix.join([exactly(kept, "x_max")[None], Matrix.identity(1)], -1)
+    inside = lifted(one, Matrix.join([F, Matrix.zeros(plant.m, 1)], -1).T)
+    for drift, (_, B) in zip(drifts, plant.vertices, strict=True):
+        yield Demand(-facets, Matrix.join([drift, w], -1), B, inside)
 
 
 def _bounded_gain(

@@ -130,7 +130,7 @@ class FeedbackCertificate(Demand):
             return same and all(_is_alike(p, X, discrete) and _is_same(p.A, A) for p, A in pairs)
         if isinstance(part, LyapunovCertificate):  # the plant in a network, if it is none of the loops
             return _is_alike(part, X, discrete)
-        own = part.positivity if isinstance(part, DisturbanceCertificate) else part
+        own = getattr(part, "positivity", part)
         if not isinstance(own, PositivityCertificate):
             return False
         return _is_alike(own, X, discrete) and any(_is_same(own.A, A) for A in closed)

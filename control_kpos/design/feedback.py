@@ -7,6 +7,7 @@ gain of an observer is the state feedback of the dual system.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..exact.matrix import Matrix
 from ..progress import Target
 from ..systems.system import System
 from .accept import beyond_feedback
+from .bounded.gains import design_in_interval, read_interval
 from .disturbance import reject_disturbance
 from .modelling import design_with_constraints
 from .plant import Plant, closed_loop, read_plant, read_system, require_simplicial
@@ -42,6 +44,9 @@ def state_feedback(
     vertices: Sequence[Any] | None = None,
     disturbance: Sequence[ArrayLike] | None = None,
     ports: bool = False,
+    state_bounds: ArrayLike | None = None,
+    input_bounds: ArrayLike | None = None,
+    disturbance_bounds: ArrayLike | None = None,
     constraints: Callable[[Any], Sequence[Any]] | None = None,
     objective: Callable[[Any], Any] | None = None,
     method: Method = "auto",
@@ -75,6 +80,12 @@ def state_feedback(
         F; w and z in orthants, and positivity from w to z is part of the design.
     ports : bool
         True: the closed loop must also be positive from w in U to y in Y: B U in X and (C + D F) X in Y.
+    state_bounds : array_like, shape (n,), optional
+        x_max inside X: from every x in [0, x_max], in the order of X, the state stays there.  The smallest such F.
+    input_bounds : float or array_like, shape (m,), optional
+        |u_i| <= input_bounds[i] for all u = F x with x in [0, x_max].  Without state_bounds x_max is found too.
+    disturbance_bounds : array_like, shape (n,), optional
+        w_max in X: all this for x' = (A + B F) x + w with w(t) in [0, w_max] (x[k+1] in discrete time).
     constraints : callable, optional
         Of a cvxpy variable F, shape (m, n): a list of further linear constraints.
     objective : callable, optional
@@ -147,6 +158,15 @@ def state_feedback(
         blocked = beyond_feedback(plant, message, U=plant.system.U) if ports else None
         if blocked is not None:
             return blocked
+        interval = read_interval(plant, state_bounds, input_bounds, disturbance_bounds)
+        if interval is not None and (own or disturbance is not None or target == "max"):
+            raise DataError(
+                "bounds on states, inputs or disturbances go with a number as rate, and not with disturbance, "
+                "constraints or objective."
+            )
+        if interval is not None:
+            bounded = replace(plant, interval=interval)
+            return design_in_interval(bounded, target, lp, lambda free: _design(free, target, None, method, lp))
         if own:
             return design_with_constraints(plant, target, constraints, objective, lp)
         return _design(plant, target, disturbance, method, lp)

@@ -32,6 +32,23 @@ _LABELS = {"inputs": "input_labels", "outputs": "output_labels", "states": "stat
 
 
 @dataclass(frozen=True, eq=False)
+class Interval:
+    """Bounds that hold for all time: x in [0, x_max], |u_i| <= u_i, for w in [0, w_max], in the order of X.
+
+    Attributes
+    ----------
+    x_max : Matrix, shape (n,), or None
+        None: any that does.
+    u_max : Matrix, shape (m,), or None
+    w_max : Matrix, shape (n,)
+    """
+
+    x_max: Matrix | None
+    u_max: Matrix | None
+    w_max: Matrix
+
+
+@dataclass(frozen=True, eq=False)
 class Plant:
     """x' = A_s x + B_s u, with demands on u = F x or u = K y.
 
@@ -53,6 +70,8 @@ class Plant:
         Stability is asked of A + B F + coupling, invariance of A + B F.
     disturbance : tuple of Matrix, or None
         (E, G, H, D): the L-infinity gain from w to z in x' = (A + B F) x + E w, z = (G + H F) x + D w is bounded.
+    interval : Interval or None
+        Bounds on states and inputs for all time.
     names : mapping
         Labels of inputs, outputs and states.
     """
@@ -65,6 +84,7 @@ class Plant:
     ports: bool = False
     coupling: Matrix | None = None
     disturbance: tuple[Matrix, Matrix, Matrix, Matrix] | None = None
+    interval: Interval | None = None
     names: Mapping[str, Any] = field(default_factory=dict)
     # states, inputs, shape of the gain, and two of the system's own, read far more often than set
     n: int = field(init=False)

@@ -168,6 +168,12 @@ class DesignResult(Answer):
             return None
         return tuple(-f for f in self.F) if isinstance(self.F, tuple) else -np.asarray(self.F)
 
+    @property
+    def x_max(self) -> Floats | None:
+        """The x_max for which [0, x_max] is kept, in the order of X, where bounds were asked for; rounded."""
+        parts = getattr(self.certificate, "others", ()) if self else ()
+        return next((part.x_max for part in parts if hasattr(part, "x_max")), None)
+
     def explain(self) -> str:
         """What was done, what is proven, and what to do next.
 

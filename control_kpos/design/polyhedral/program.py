@@ -111,8 +111,13 @@ class GainProgram:
     def invariant(self, most: float = np.inf, *, cost: Floats | float = 0.0) -> Program:
         """A program over the free entries: invariance, and |L R x_k| <= bound, or a very large box, or `most`."""
         G, g = self.invariance
-        program = Program(gain=Block(len(self.free), cost=cost))
+        program = self.bounded(most, cost=cost)
         program.above(-g, gain=G)
+        return program
+
+    def bounded(self, most: float = np.inf, *, cost: Floats | float = 0.0) -> Program:
+        """The same without invariance."""
+        program = Program(gain=Block(len(self.free), cost=cost))
         program.below(np.minimum(self._limits(), most), gain=self._both)
         return program
 
@@ -142,13 +147,17 @@ class GainProgram:
         answer = program.solve(self.lp)
         return Iterate(self.fill(answer["gain"]), v, float(answer["rate"][0])) if answer else None
 
+    def charge(self, program: Program) -> None:
+        """Minimise max |L R x_k|, a new variable `largest`."""
+        program.add(largest=Block(1, cost=1.0))
+        program.below(0.0, gain=self._both, largest=-np.ones(self._both.shape[0]))
+
     def smallest(self, v: Floats, rate: float) -> tuple[Iterate, float] | None:
         """Gain of smallest max |L R x_k| that has this decay rate with this v."""
         S, s, w = self.stability(v)
         program = self.invariant()
-        program.add(largest=Block(1, cost=1.0))
         program.below(-s - rate * w, gain=S)
-        program.below(0.0, gain=self._both, largest=-np.ones(self._both.shape[0]))
+        self.charge(program)
         answer = program.solve(self.lp)
         return (Iterate(self.fill(answer["gain"]), v, rate), float(answer["largest"][0])) if answer else None
 

@@ -1,0 +1,248 @@
+"""Gains under hard bounds: |F x| <= u_max and A x + B F x + w in [0, x_max] for all x in [0, x_max], w in [0, w_max].
+
+For a given x_max everything is linear in F, on every cone, with a vector a_i for each input and generators x_k of X:
+
+    (A + B F) X in X,    -(A + B F) x_max - w_max in X,    -(A + B F) x_max - rate x_max in int X,
+    a_i'x_k >= 0,   (a_i - F_i)'x_k >= 0,   a_i'x_max <= u_i,   (a_i - F_i)'x_max <= u_i,
+
+for a_i and a_i - F_i bound F_i'x and -F_i'x on the interval: one program.  Where x_max is free, F and x_max are found
+in turns: x_max is the smallest interval of the last F, and the next F uses the smallest part of u_max on it; this part
+never grows, because the last F remains feasible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ...cones import Cone
+from ...errors import DataError, ShapeError
+from ...exact.condition import Condition
+from ...exact.intake import exact_matrix
+from ...exact.matrix import Matrix
+from ...exact.program import Block, Program
+from ...exact.programs import Solution
+from ...exact.signs import BilinearForms
+from ...proof.answer import first_proven
+from ...proof.certificate import Status
+from ..accept import accept, succeed, undecided
+from ..plant import Floats, Interval, Plant
+from ..polyhedral.program import GainProgram, products
+from ..result import DesignResult
+from ..running import Programs
+from ..simplicial.program import stacked
+
+SMALLEST_INSIDE = "smallest gain max |F x_k| within the bounds"
+# Part by which the gain may exceed the smallest, for what it has to spare; parts of u_max, and of the sizes of
+# inequalities that have to be strict, that are left to rounding.
+GAP, _SPARED, _STRICT = 1e-3, 1e-9, 1e-7
+_NOT_KEPT = (
+    "no gain was proven to keep [0, state_bounds] within these bounds. Raise input_bounds, or give other state_bounds: "
+    "small in the directions that decay slowly."
+)
+# More of u_max than the smallest part, which makes the next interval smaller.
+_MORE = 0.1
+# Turns of F and x_max, and the improvement below which they end.
+_TURNS, _ENOUGH = 30, 1e-4
+
+
+def read_interval(
+    plant: Plant, state_bounds: ArrayLike | None, input_bounds: ArrayLike | None, disturbance_bounds: ArrayLike | None
+) -> Interval | None:
+    """The bounds, if there are any.
+
+    Raises
+    ------
+    ShapeError, DataError
+        Sizes that do not fit; x_max not inside X, w_max not in X, u_max not positive; bounds that say nothing.
+    """
+    given = (state_bounds, input_bounds, disturbance_bounds)
+    if all(value is None for value in given):
+        return None
+    x = None if state_bounds is None else _inside(state_bounds, "state_bounds", plant.X, ">")
+    pushed = np.zeros(plant.n) if disturbance_bounds is None else disturbance_bounds
+    w = _inside(pushed, "disturbance_bounds", plant.X, ">=")
+    if x is None and w.is_zero:
+        raise DataError("input_bounds alone say nothing: give state_bounds (initial states) or disturbance_bounds > 0.")
+    return Interval(x, None if input_bounds is None else _inputs(input_bounds, plant.m), w)
+
+
+def _inside(values: Any, name: str, X: Cone, relation: Any) -> Matrix:
+    row = exact_matrix(values, name, ndim=1)
+    if row.shape != (X.dim,):
+        raise ShapeError(f"{name} has shape {np.shape(values)}; it must be ({X.dim},), one number per state.")
+    at = Condition("h'x", BilinearForms(X.exact_facets, None, row[None]), relation).worst_violation()
+    if at is not None:
+        where = "inside X" if relation == ">" else "in X"
+        raise DataError(f"{name} is not {where}: see facet {at[0]}, {X.facets[at[0]]}.")
+    return row
+
+
+def _inputs(values: Any, m: int) -> Matrix:
+    row = exact_matrix(values, "input_bounds", ndim=1)
+    if row.shape == (1,) and m > 1:
+        row = Matrix.join([row] * m, 0)
+    if row.shape != (m,):
+        raise ShapeError(f"input_bounds has {row.shape[0]} entries; give one number, or one for each of {m} inputs.")
+    if not all(x > 0 for x in row.fractions()):
+        raise DataError("input_bounds must be positive; leave inputs out with structure.")
+    return row
+
+
+def design_in_interval(plant: Plant, rate: Any, lp: Programs, without: Callable[[Plant], DesignResult]) -> DesignResult:
+    """The smallest gain within the bounds of the plant; `without` designs one for a plant that has none."""
+    bounds = plant.interval
+    if bounds is None or rate == "max":
+        raise DataError("state_bounds, input_bounds and disturbance_bounds go with a number as rate.")
+    program = GainProgram(plant, lp)
+    if bounds.x_max is not None:
+        found = _within(plant, program, rate)
+        if found is not None:
+            return found
+        free = without(replace(plant, interval=None))
+        return free if free.status is Status.REFUTED else undecided(_NOT_KEPT, plant)
+    first = without(replace(plant, interval=None))
+    if not first:
+        return first
+    for x in _shrinking(plant, program, rate, np.asarray(first.F)):
+        found = _within(replace(plant, interval=replace(bounds, x_max=x)), program, rate)
+        if found:
+            return found
+    return undecided(
+        "no interval and gain were proven to keep these bounds, and others may exist. Raise input_bounds, lower "
+        "disturbance_bounds, or give state_bounds.",
+        plant,
+    )
+
+
+def _within(plant: Plant, program: GainProgram, rate: float) -> DesignResult | None:
+    """The smallest gain that is proven for this x_max."""
+    bounds = plant.interval
+    if bounds is None or bounds.x_max is None:
+        return None
+    rows = _Rows(plant, bounds, program, float(rate), np.asarray(bounds.x_max.values))
+    accepted = first_proven(rows.small_gains(), lambda gain: accept(plant, gain, rate=rate))
+    return None if accepted is None else succeed(plant, accepted, SMALLEST_INSIDE, accepted.size)
+
+
+def _shrinking(plant: Plant, program: GainProgram, rate: float, gain: Floats) -> Iterator[Matrix]:
+    """x_max of ever better gains, as soon as some gain keeps the bounds of the inputs on it."""
+    used, bounds = np.inf, plant.interval
+    for _ in range(_TURNS):
+        x = None if bounds is None else _smallest_interval(plant, bounds, gain, float(rate))
+        found = None if x is None or bounds is None else _Rows(plant, bounds, program, float(rate), x).least_use()
+        if x is None or found is None:
+            return
+        gain, part = found
+        if part <= 1:
+            yield Matrix(x)
+        if part > used - _ENOUGH * max(1.0, part):
+            return
+        used = part
+
+
+def _smallest_interval(plant: Plant, bounds: Interval, gain: Floats, rate: float) -> Floats | None:
+    """The x_max inside X, all but the smallest, for which every vertex keeps the interval; None if it grows."""
+    inner, w = np.asarray(plant.X.interior_point, dtype=float), np.asarray(bounds.w_max.values)
+    pushed = w + 1e-6 * max(np.abs(w).max(initial=0.0), 1e-300) * inner
+    H = plant.facets / (plant.facets @ plant.rays.T).max(axis=1)[:, None]
+    program = Program(x=Block(plant.n, cost=H.sum(axis=0)))
+    program.above(0.0, x=H)
+    for A, B in plant.pairs:
+        program.below(-H @ pushed, x=H @ (A + B @ gain + (rate - plant.discrete) * np.eye(plant.n)))
+    answer = program.solve()
+    return answer["x"] if answer and (H @ answer["x"] > 0).all() else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The linear programs above for one x_max, in floating point."""
+
+    plant: Plant
+    bounds: Interval
+    program: GainProgram
+    rate: float
+    x: Floats
+
+    def small_gains(self) -> Iterator[Floats]:
+        """Gains at most `GAP` larger than the smallest, as far inside all bounds as possible; then the smallest."""
+        lp = self.program.invariant()
+        self._add(lp, spread=False)
+        self.program.charge(lp)
+        answer = lp.solve(self.program.lp)
+        if not answer:
+            return
+        most = float(answer["largest"][0]) * (1 + GAP)
+        for spread in (True, False):
+            lp = self.program.bounded(most)
+            self._add(lp, spread=spread)
+            centred = lp.solve(self.program.lp)
+            if centred:
+                yield self.program.fill(centred["gain"])
+
+    def least_use(self) -> tuple[Floats, float] | None:
+        """The smallest part of u_max that some F uses, and an F that uses little more and makes x fall fast."""
+        least = self._solved(self.program.invariant(), part=Block(1, low=0.0, cost=1.0))
+        if least is None:
+            return None
+        part, program = float(least["part"][0]), self.program.invariant()
+        program.add(margin=Block(1, low=0.0, cost=-1.0))
+        found = self._solved(program, part=Block(1, high=part * (1 + _MORE)), margin=1.0) or least
+        return self.program.fill(found["gain"]), part
+
+    def _solved(self, lp: Program, **more: Any) -> Solution | None:
+        self._add(lp, spread=False, **more)
+        return lp.solve(self.program.lp) or None
+
+    def _add(self, lp: Program, *, spread: bool, part: Block | None = None, margin: float = 0.0) -> None:
+        """Rows of the interval and of the inputs; with `spread` those of the interval and of X have slack."""
+        lp.add(part=part or Block(1, low=1.0, high=1.0))
+        groups = [*self._kept(), *self._invariant()] if spread else [*self._kept()]
+        right, size = (np.concatenate([group[k] for group in groups]) for k in (0, 1))
+        rows = stacked(*(group[2] for group in groups))
+        if spread:
+            lp.spread(right, size, gain=rows)
+        else:
+            lp.above(right, margin * size if margin else 0.0, gain=rows)
+        if self.bounds.u_max is not None:
+            self._cover(lp, np.asarray(self.bounds.u_max.values) * (1 - _SPARED))
+
+    def _invariant(self) -> Iterator[tuple[Floats, Floats, Any]]:
+        """(right, size, rows) of rows gain >= right: invariance, where F takes part in it."""
+        G, g = self.program.invariance
+        taking = np.flatnonzero(np.asarray(abs(G).sum(axis=1)).ravel())
+        yield -g[taking], self.program.sizes[taking], G[taking]
+
+    def _kept(self) -> Iterator[tuple[Floats, Floats, Any]]:
+        """(A + B F) x + w and (A + B F) x + rate x in -X, for every vertex; strictly for the second if rate is 0."""
+        H, x, k = self.plant.facets, self.x, np.zeros(len(self.plant.facets), dtype=np.intp)
+        for A, B in self.plant.pairs:
+            rows = -products(H @ B, x[None], k, self.program.free)
+            for more, strict in ((np.asarray(self.bounds.w_max.values), 0.0), (self.rate * x, float(not self.rate))):
+                size = np.abs(H) @ (np.abs(A) @ np.abs(x) + np.abs(x) + np.abs(more))
+                yield H @ (A @ x - self.plant.discrete * x + more) + strict * _STRICT * size, size, rows
+
+    def _cover(self, lp: Program, most: Floats) -> None:
+        """a_i and a_i - F_i in X*, and at most part u_i at x."""
+        m, n = self.plant.m, self.plant.n
+        rays = self.plant.rays / np.abs(self.plant.rays).max(axis=1)[:, None]
+        points, last = np.arange(len(rays)), np.zeros(1, dtype=np.intp)
+        lp.add(cover=Block(m * n))
+        for i, unit in enumerate(np.eye(m)):
+            seen = products(np.tile(unit, (len(rays), 1)), rays, points, self.program.free)
+            lp.above(0.0, cover=_blocks(rays, i, m, n))
+            lp.above(0.0, cover=_blocks(rays, i, m, n), gain=-seen)
+            end, moved = _blocks(self.x[None], i, m, n), products(unit[None], self.x[None], last, self.program.free)
+            lp.below(0.0, cover=end, part=-most[[i]])
+            lp.below(0.0, cover=end, gain=-moved, part=-most[[i]])
+
+
+def _blocks(rows: Floats, i: int, m: int, n: int) -> Floats:
+    """Rows for block i of m vectors of n entries."""
+    out = np.zeros((len(rows), m * n))
+    out[:, i * n : (i + 1) * n] = rows
+    return out

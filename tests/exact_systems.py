@@ -1,0 +1,48 @@
+"""Rows for methods of systems and networks: arguments that are no doubles, what is made of them, and what should be."""
+
+from exact_plants import LAG, THIRD, THIRDS, plant
+
+import control_kpos as kp
+
+CONE, SAME = [["1/3", "1/7"], [0, 1]], kp.PolyhedralCone([[7, 3], [0, 1]])
+SIDE, SIDES = [["1/3"]], [[THIRD]]
+MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
+LOOP = kp.feedback_interconnect([THIRDS], [[0]])
+ROWS = {
+    "ConeStateSpace": {
+        "args": lambda: (kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, [["1/9"]]).exact.D, [["1/9"]]),
+        "X": lambda: (plant(MINUS, X=CONE).exact.X, SAME),
+        "U": lambda: (plant(MINUS, TWO, U=CONE).exact.U, SAME),
+        "Y": lambda: (plant(MINUS, TWO, TWO, Y=CONE).exact.Y, SAME),
+    },
+    "ConeStateSpace.append": {"other": lambda: (LAG.append(THIRDS).exact.A, [[-1, 0], [0, -THIRD]])},
+    "ConeStateSpace.feedback": {
+        "other": lambda: (THIRDS.feedback(SIDE, sign=1).exact.A, [[0]]),
+        "sign": lambda: (THIRDS.feedback(1, sign="1/3").exact.A, [[0]]),
+    },
+    "ConeStateSpace.lft": {"other": lambda: (THIRDS.lft(THIRDS).exact.A, [[-THIRD, 1], [1, -THIRD]])},
+    "ConeStateSpace.linear_lyapunov": {"rate": lambda: (THIRDS.linear_lyapunov(rate="1/3").required_rate, THIRD)},
+    "ConeStateSpace.dissipativity": {
+        "q": lambda: (LAG.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
+        "r": lambda: (LAG.dissipativity(r=["1/3"]).r_exact, [THIRD]),
+    },
+    "ConeStateSpace.similarity_transform": {
+        "T": lambda: (THIRDS.similarity_transform(SIDE).exact.B, SIDES),
+        "timescale": lambda: (THIRDS.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
+    },
+    "ConeNetwork.append": {"other": lambda: (LOOP.append(THIRDS).exact.A, [[-THIRD, 0], [0, -THIRD]])},
+    "ConeNetwork.feedback": {
+        "other": lambda: (LOOP.feedback(SIDE, sign=1).exact.A, [[0]]),
+        "sign": lambda: (LOOP.feedback(1, sign="1/3").exact.A, [[0]]),
+    },
+    "ConeNetwork.lft": {"other": lambda: (LOOP.lft(THIRDS).exact.A, [[-THIRD, 1], [1, -THIRD]])},
+    "ConeNetwork.linear_lyapunov": {"rate": lambda: (LOOP.linear_lyapunov(rate="1/3").required_rate, THIRD)},
+    "ConeNetwork.dissipativity": {
+        "q": lambda: (LOOP.dissipativity(q=["-1/3"]).q_exact, [-THIRD]),
+        "r": lambda: (LOOP.dissipativity(r=["1/3"]).r_exact, [THIRD]),
+    },
+    "ConeNetwork.similarity_transform": {
+        "T": lambda: (LOOP.similarity_transform(SIDE).exact.B, SIDES),
+        "timescale": lambda: (LOOP.similarity_transform([[1]], timescale="1/3").exact.A, [[-1]]),
+    },
+}
