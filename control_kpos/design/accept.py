@@ -93,6 +93,7 @@ def accept(
     x: Floats | None = None,
     gain: float = np.inf,
     gamma: float | None = None,
+    rounded: bool = True,
 ) -> Accepted | None:
     """The first rounding of F for which every demand is proven, or None.
 
@@ -108,6 +109,8 @@ def accept(
         Roundings whose max |F x_k| exceeds this are passed over.
     gamma : float, optional
         Bound on the L-infinity gain, for a plant with a disturbance.
+    rounded : bool
+        False: F itself and no rounding of it.
     """
     F = np.asarray(F, dtype=float)
     if F.shape != plant.shape or not np.isfinite(F).all():
@@ -129,7 +132,7 @@ def accept(
             return None
 
     try:
-        return first_proven(roundings(F), prove)
+        return first_proven(roundings(F) if rounded else (F,), prove)
     except OutOfBudgetError:
         return None
 
@@ -155,7 +158,22 @@ def margins_of(plant: Plant, F: Floats) -> Floats:
         M = facets @ (A @ rays + B @ u)
         size = np.abs(facets) @ (np.abs(A) @ np.abs(rays) + np.abs(B) @ most)
         out.append(np.where(size > 0, M / size, 0.0)[plant.incidence])
-    return np.concatenate(out)
+    return np.concatenate([*out, *_margins_in_interval(plant, F)])
+
+
+def _margins_in_interval(plant: Plant, F: Floats) -> Iterator[Floats]:
+    """Relative margins of -(A + B F) x_max - w_max in X and, on a simplicial cone, of |F x| <= u_max."""
+    bounds = plant.interval
+    if bounds is None or bounds.x_max is None:
+        return
+    x, w = np.asarray(bounds.x_max.values), np.asarray(bounds.w_max.values)
+    for A, B in plant.pairs:
+        size = np.abs(plant.facets) @ (np.abs(A) @ np.abs(x) + np.abs(B) @ (np.abs(F) @ np.abs(x)) + np.abs(w))
+        moved = plant.facets @ (A @ x + B @ (F @ x) - plant.discrete * x + w)
+        yield -moved / np.maximum(size, 1e-300)
+    if bounds.u_max is not None and plant.X.is_simplicial:
+        used, parts = F @ plant.rays.T, plant.facets @ x / np.einsum("ij,ij->i", plant.facets, plant.rays)
+        yield 1 - np.array([np.maximum(side * used, 0) @ parts for side in (1, -1)]).max(axis=0) / bounds.u_max.values
 
 
 def _prove(plant: Plant, F: Floats, size: float, rate: Any, x: Floats | None, gamma: float | None) -> Accepted | None:

@@ -37,9 +37,8 @@ from ..running import Programs
 from ..simplicial.program import stacked
 
 SMALLEST_INSIDE = "smallest gain max |F x_k| within the bounds"
-# Part by which the gain may exceed the smallest, for what it has to spare; parts of u_max, and of the sizes of
-# inequalities that have to be strict, that are left to rounding.
-GAP, _SPARED, _STRICT = 1e-3, 1e-9, 1e-7
+# Parts of u_max, and of the sizes of inequalities that have to be strict, that are left to rounding.
+_SPARED, _STRICT = 1e-9, 1e-7
 _NOT_KEPT = (
     "no gain was proven to keep [0, state_bounds] within these bounds. Raise input_bounds, or give other state_bounds: "
     "small in the directions that decay slowly."
@@ -169,14 +168,14 @@ class _Rows:
     x: Floats
 
     def small_gains(self) -> Iterator[Floats]:
-        """Gains at most `GAP` larger than the smallest, as far inside all bounds as possible; then the smallest."""
+        """Gains within the gap of the smallest, first as far inside all bounds as possible."""
         lp = self.program.invariant()
         self._add(lp, spread=False)
         self.program.charge(lp)
         answer = lp.solve(self.program.lp)
         if not answer:
             return
-        most = float(answer["largest"][0]) * (1 + GAP)
+        most = float(answer["largest"][0]) * (1 + self.plant.gap)
         for spread in (True, False):
             lp = self.program.bounded(most)
             self._add(lp, spread=spread)
