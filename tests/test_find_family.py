@@ -224,6 +224,49 @@ def test_named_plants():
         assert design_cone_and_feedback(plant)
 
 
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_poles_are_placed_where_they_are_wanted(n, discrete):
+    rng = np.random.default_rng(n)
+    plant = rng.standard_normal((n, n)), rng.standard_normal((n, 1 if n < 4 else 2))
+    poles = 0.9 * 0.7 ** np.arange(n) if discrete else -np.arange(1.0, n + 1)
+    design = design_cone_and_feedback(ct.ss(*plant, np.eye(n), 0, discrete), poles=poles)
+    assert design and design.check() and design.cone.is_simplicial
+    np.testing.assert_allclose(np.sort(design.poles.real), np.sort(poles), rtol=1e-6)
+    assert kp.linear_lyapunov(plant[0] + plant[1] @ design.F, design.cone, discrete=discrete)
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("rate", ["1/3", 0.75])
+def test_a_rate_that_is_asked_for_is_proven(rate, discrete):
+    plant = ct.ss([[0, 1], [0, 0.5]], [[0], [1]], np.eye(2), 0, discrete)
+    design = design_cone_and_feedback(plant, rate=rate)
+    assert design and design.certificate.decay_rate >= float(Fraction(rate))
+
+
+def test_without_a_rate_the_loop_is_as_fast_as_the_plant():
+    """Not 5e-6, as the smallest gain of a double integrator would leave."""
+    for scale in (1, 100):
+        design = design_cone_and_feedback(([[0, scale], [-scale, 0]], [[0], [1]]))
+        assert design.certificate.decay_rate > scale / 10
+    assert design_cone_and_feedback(([[0, 1], [0, 0]], [[0], [1]])).certificate.decay_rate >= 0.04
+
+
+@pytest.mark.parametrize(
+    ("poles", "error", "words"),
+    [
+        ([-1], ShapeError, "poles"),
+        ([-1, -1], DataError, "distinct"),
+        ([-1, 1], DataError, "negative"),
+        ([-1, np.nan], DataError, "poles"),
+        ([-1 + 1j, -1 - 1j], DataError, "poles"),
+    ],
+)
+def test_poles_that_cannot_be_placed_are_refused(poles, error, words):
+    with pytest.raises(error, match=words):
+        design_cone_and_feedback(([[0, 1], [0, 0]], [[0], [1]]), poles=poles)
+
+
 def test_discrete_time_design():
     design = design_cone_and_feedback(ct.ss([[0, 1], [-1, 1.2]], [[0], [1]], np.eye(2), 0, 0.1))
     assert design and (np.abs(design.poles) < 1).all() and design.closed_loop.dt == 0.1

@@ -12,13 +12,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from control import StateSpace
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from ...cards import about
+from ...cards import about, shown
 from ...cones import PolyhedralCone
 from ...cones.simplicial import simplicial_facets
 from ...design import state_feedback
@@ -27,7 +28,7 @@ from ...design.controllability import reachable
 from ...design.plant import read_plant
 from ...errors import DataError, ShapeError
 from ...exact.budget import OutOfBudgetError, affords, ended_by, seconds_left, spend
-from ...exact.intake import items, seconds, whole_number
+from ...exact.intake import exact_number, items, seconds, vector, whole_number
 from ...exact.matrix import Matrix, dense
 from ...exact.programs import program_effort
 from ...progress import Reporter, Target
@@ -111,6 +112,8 @@ def design_cone_and_feedback(
     sys: Any,
     vertices: Sequence[Any] | None = None,
     *,
+    rate: float | None = None,
+    poles: ArrayLike | None = None,
     time_limit: float | None = None,
     seed: int = 0,
     progress: Target = None,
@@ -123,6 +126,12 @@ def design_cone_and_feedback(
         Continuous or discrete time.  (A, B) controllable.
     vertices : sequence of StateSpace or (A_s, B_s), optional
         Plants that the same cone and gain must serve besides the system, together with the convex hull of them all.
+    rate : float, optional
+        Decay rate that is proven, per unit of time; in discrete time V(x[k+1]) <= (1 - rate) V(x[k]).  Default: half of
+        that of poles as far from the edge of stability as those of the plant, and a tenth of its size more; less only
+        where no cone is found otherwise.
+    poles : array_like, shape (n,), optional
+        Real, distinct and stable: the gain places them, and the cone is theirs; the gain is not made smaller then.
     time_limit : float, optional
         Seconds, inf for no limit.  Without it operations are counted instead, and the answer is the same on every
         machine; they last for about a minute.
@@ -156,6 +165,8 @@ def design_cone_and_feedback(
     """
     limit, seed = seconds(time_limit), whole_number(seed, "seed")
     plant = _plant(sys, "sys")
+    asked = None if rate is None else exact_number(rate, "rate", nonnegative=True)
+    places = None if poles is None else _given_poles(poles, plant)
     others = [
         _plant(item, f"vertices[{k}]") for k, item in enumerate(items([] if vertices is None else vertices, "vertices"))
     ]
@@ -168,7 +179,7 @@ def design_cone_and_feedback(
     served = [plant, *(other for other in others if not _is_same(other, plant))]
     with Reporter(progress) as report:
         return within_limits(
-            lambda: _search(served, seed, report),
+            lambda: _search(served, asked, places, seed, report),
             _not_found,
             operations=_EFFORT,
             time_limit=limit,
@@ -193,7 +204,25 @@ def _uncontrollable(plant: System, rank: int) -> str:
     return f"(A, B) is so close to uncontrollable that floating point finds only {rank} of {n} directions. {advice}"
 
 
-def _search(served: list[System], seed: int, report: Callable[[str], None]) -> CodesignResult:
+def _given_poles(poles: Any, plant: System) -> Array:
+    """Poles to be placed.
+
+    Raises
+    ------
+    ShapeError, DataError
+        Not one for every state; not real, distinct and stable.
+    """
+    found = vector(poles, "poles", plant.sizes[0])
+    stable = (np.abs(found) < 1) if plant.discrete else (found < 0)
+    if not stable.all() or len(np.unique(found)) < len(found):
+        where = "inside the unit circle" if plant.discrete else "negative"
+        raise DataError(f"poles are {shown(found)}; they must be real, distinct and {where}.")
+    return found
+
+
+def _search(
+    served: list[System], rate: Fraction | None, poles: Array | None, seed: int, report: Callable[[str], None]
+) -> CodesignResult:
     """Poles after poles, until cone and gain are proven."""
     matrices, inputs = (np.array([dense(m.values) for m in kind]) for kind in zip(*map(_pair, served), strict=True))
     robust, n, discrete = len(served) > 1, matrices.shape[-1], served[0].discrete
@@ -209,7 +238,9 @@ def _search(served: list[System], seed: int, report: Callable[[str], None]) -> C
                 place = simplicial_descent(matrices, R, discrete=discrete, inputs=inputs, F=F)
                 report(f"poles {k}: margin {place.margin:.3g}")
                 R, F = place.R if place.margin > 0 else None, place.F
-            found = None if R is None or not _is_within_reach(R) else _polished(served, R, F)
+            if R is not None and _is_within_reach(R):
+                rates = _rates(matrices + inputs @ F, discrete, robust) if rate is None else (rate,)
+                found = first_proven(rates, lambda least: _polished(served, R, F, least, keep=poles is not None))
         except OutOfBudgetError:
             if not affords():
                 raise
@@ -217,7 +248,11 @@ def _search(served: list[System], seed: int, report: Callable[[str], None]) -> C
             report(f"poles {k}: no cone and gain")
         return found
 
-    found = first_proven(enumerate(_gains(matrices[0], inputs[0], discrete, robust, seed)), proven)
+    near = np.abs(np.linalg.eigvals(matrices[0]))
+    patterns = _poles(near, discrete, robust, seed) if poles is None else iter([poles])
+    fast = (_fast_enough(pattern, rate, discrete) for pattern in patterns)
+    gains = (F for F in (placed(matrices[0], inputs[0], pattern) for pattern in fast) if F is not None)
+    found = first_proven(enumerate(gains), proven)
     return found or _not_found(ended(ended_by()))
 
 
@@ -266,13 +301,20 @@ def _controllable(A: Array, B: Array) -> int:
     return rank
 
 
-def _gains(A: Array, B: Array, discrete: bool, robust: bool, seed: int) -> Iterator[Array]:
-    """Gains that place real distinct poles, the dominant one isolated."""
-    found = (
-        placed(A, B, np.asarray(poles, dtype=float))
-        for poles in _poles(np.abs(np.linalg.eigvals(A)), discrete, robust, seed)
-    )
-    return (F for F in found if F is not None)
+def _fast_enough(poles: Any, rate: Fraction | None, discrete: bool) -> Array:
+    """The poles, all moved by one factor where the dominant one is slower than a rate that is asked for."""
+    found, slowest = np.asarray(poles, dtype=float), float(np.max(poles))
+    needed = 0.0 if rate is None else float(rate)
+    if discrete:
+        return found if 1 - slowest > needed or needed >= 1 else found * (0.8 * (1 - needed) / slowest)
+    return found if -slowest > needed else found * (1.25 * needed / -slowest)
+
+
+def _rates(loops: Array, discrete: bool, robust: bool) -> tuple[float, ...]:
+    """Decay rates demanded where none is given: half of that of the placed poles; any for several plants."""
+    modes = np.linalg.eigvals(loops)
+    rate = float(np.min(1 - np.abs(modes) if discrete else -modes.real))
+    return (max(rate, 0.0) / 2, 0.0) if robust else (max(rate, 0.0) / 2,)
 
 
 def _poles(moduli: Array, discrete: bool, robust: bool, seed: int) -> Iterator[NDArray[np.floating]]:
@@ -286,7 +328,7 @@ def _poles(moduli: Array, discrete: bool, robust: bool, seed: int) -> Iterator[N
         return
     size = max(float(np.median(moduli)) or 1.0, 1e-3 * (float(moduli.max()) or 1.0))
     # Real, at the open-loop distances, a little apart; for several plants with the dominant pole alone on the right.
-    near = np.sort(moduli) + 1e-2 * size
+    near = np.sort(moduli) + 1e-1 * size
     for k in range(1, n):
         near[k] = max(near[k], (1.4 if robust else 1.15) * near[k - 1])
     for front in (0.5, 0.25, 0.1) if robust else (1.0,):
@@ -304,15 +346,18 @@ def _starting_cone(A: Array, discrete: bool) -> Array | None:
     return None if found is None else found.R / np.linalg.norm(found.R, axis=0)
 
 
-def _polished(served: list[System], R: Array, F: Array) -> CodesignResult | None:
-    """The smallest gain at this cone, for all plants, with its proof; F if that is all there is."""
+def _polished(served: list[System], R: Array, F: Array, rate: Any, *, keep: bool = False) -> CodesignResult | None:
+    """The smallest gain at this cone and rate, for all plants, proven; F if that is all there is, or to `keep`."""
     spend(program_effort(len(served) * R.size, F.size))
     cone, source = PolyhedralCone(np.ascontiguousarray(R.T)), served[0]
     system = ConeStateSpace(*source.matrices, source.dt or 0, X=cone, remove_useless_states=False)
     pairs = [_pair(plant) for plant in served]
     plant = read_plant(system, cone, vertices=pairs)
-    given = accept(plant, F, x=R.sum(axis=1)) if (margins_of(plant, F) > 0).all() else None
-    design = state_feedback(system, X=cone, vertices=pairs, time_limit=max(seconds_left(), 1e-3))
+    inside = keep or (margins_of(plant, F) > 0).all()
+    given = accept(plant, F, rate=rate, x=R.sum(axis=1), rounded=not keep) if inside else None
+    design = None
+    if not keep:
+        design = state_feedback(system, X=cone, vertices=pairs, rate=rate, time_limit=max(seconds_left(), 1e-3))
     if not design and given is not None:
         design = succeed(plant, given, "", given.size)
     if not design:
