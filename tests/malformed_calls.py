@@ -136,6 +136,7 @@ CALLS |= {  # design
             "state_bounds": None,
             "input_bounds": None,
             "disturbance_bounds": None,
+            "gap": 1e-3,
             "constraints": None,
             "objective": None,
             "method": "auto",
@@ -196,7 +197,15 @@ CALLS |= {  # cone finding, nonlinear systems
     ),
     "design_cone_and_feedback": (
         kp.design_cone_and_feedback,
-        {"sys": PLANT, "vertices": [(PLANT.A, PLANT.B)], "time_limit": 2.0, "seed": 0, "progress": None},
+        {
+            "sys": PLANT,
+            "vertices": [(PLANT.A, PLANT.B)],
+            "rate": 0.1,
+            "poles": None,
+            "time_limit": 2.0,
+            "seed": 0,
+            "progress": None,
+        },
     ),
     "differential_positivity": (
         kp.differential_positivity,

@@ -230,3 +230,16 @@ def test_poles_of_the_plant_itself_and_poles_out_of_reach():
     assert placed(np.diag([1.0, 2.0]), np.array([[1.0], [0.0]]), np.array([-1.0, -3.0])) is None
     with budget(time_limit=1e-9), pytest.raises(OutOfBudgetError):
         placed(A, B, np.array([-1.0, -3.0]))
+
+
+@pytest.mark.parametrize("gap", [1e-1, 1e-3, 1e-5])
+def test_the_smallest_gain_is_within_the_gap_of_the_proven_limit(gap):
+    """5 is the infimum for the plant of the paper; other plants are random."""
+    seed = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
+    d = kp.state_feedback(seed, gap=gap)
+    assert d and 4.999 < d.limit <= 5 < d.value <= 5 * (1 + gap)
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        A, B = rng.random((3, 3)) - 0.5 * np.eye(3), rng.standard_normal((3, 2))
+        d = kp.state_feedback(kp.ConeStateSpace(A, B, np.eye(3), np.zeros((3, 2))), gap=gap)
+        assert not d or np.isnan(d.limit) or d.value <= d.limit * (1 + gap + 1e-4)

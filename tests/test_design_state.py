@@ -24,7 +24,7 @@ def require_certified(d, A, B, X, *, rate=0.0, discrete=False):
     """Everything that is claimed, seen with other eyes than the certificate's."""
     assert d.status is kp.Status.PROVED and d.check()
     closed = np.asarray(A) + np.asarray(B) @ d.F
-    np.testing.assert_allclose(d.closed_loop.A, closed, rtol=1e-14, atol=1e-14 * np.abs(closed).max())
+    np.testing.assert_allclose(d.closed_loop.A, closed, rtol=1e-14, atol=1e-14 * np.abs(A).max())
     modes = np.linalg.eigvals(closed)
     if discrete:
         assert np.abs(modes).max() <= 1 - rate + 1e-9

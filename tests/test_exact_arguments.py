@@ -135,6 +135,7 @@ EXACT = {
     "design_cone_and_feedback": {
         "sys": lambda: loop_row(lambda: kp.design_cone_and_feedback(plant(GAINED))),
         "vertices": lambda: vertex_row(kp.design_cone_and_feedback(plant([[0, 1], [1, -3]]), vertices=[plant(GAINED)])),
+        "rate": lambda: (float(kp.design_cone_and_feedback(THIRDS, rate="1/3").certificate.decay_rate) >= 1 / 3, True),
     },
     "differential_positivity": {
         "jacobians": lambda: (
@@ -345,6 +346,8 @@ DOUBLES = {
     "ConeNetwork.horner": {"x": "a frequency response in floating point"},
     "ConeNetwork.abscissa_certificate": {"relative": _EFFORT},
     "ConeNetwork.spectral_abscissa": {"relative": _EFFORT},
+    "state_feedback": {"gap": _EFFORT},
+    "design_cone_and_feedback": {"poles": "where gains are sought; what they do is proven"},
     "ConeNetwork.room_for": dict.fromkeys(
         ["system", "sources", "targets"], "an estimate in floating point; `with_node` proves"
     ),

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.intake import choice, exact_number, is_number
+from ..exact.intake import choice, exact_number, is_number, real_number
 from ..exact.matrix import Matrix
 from ..progress import Target
 from ..systems.system import System
@@ -49,6 +49,7 @@ def state_feedback(
     disturbance_bounds: ArrayLike | None = None,
     constraints: Callable[[Any], Sequence[Any]] | None = None,
     objective: Callable[[Any], Any] | None = None,
+    gap: float = 1e-3,
     method: Method = "auto",
     solver: SolverChoice = None,
     time_limit: float | None = None,
@@ -90,6 +91,8 @@ def state_feedback(
         Of a cvxpy variable F, shape (m, n): a list of further linear constraints.
     objective : callable, optional
         Of the same variable: a convex expression to minimise instead of the gain.
+    gap : float
+        The gain may exceed the smallest one by this part of it: what is won goes into decay, margins and few digits.
     method : {"auto", "one-shot", "first", "alternation", "two-step"}
         "one-shot": necessary and sufficient on simplicial cones.  "first": the same without a search for the
         smallest gain, for many states.  "alternation": any cone and any pattern.
@@ -151,6 +154,7 @@ def state_feedback(
 
     def design(lp: Programs) -> DesignResult:
         plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
+        plant = replace(plant, gap=real_number(gap, "gap", positive=True))
         own = constraints is not None or objective is not None
         if own and (target == "max" or disturbance is not None):
             raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
@@ -303,7 +307,7 @@ def observer_gain(
     Returns
     -------
     DesignResult
-        `F` is L, shape (n, q); `closed_loop` is the observer from (u, y) to z; the certificate is about the dual
+        `L` (and `F`), shape (n, q); `closed_loop` is the observer from (u, y) to z; the certificate is about the dual
         system A' + C'L' on X*, which is invariant and stable exactly when A + L C is on X.
 
     Raises
@@ -321,7 +325,7 @@ def observer_gain(
     >>> import control as ct, control_kpos as kp
     >>> plant = ct.ss([[1, 1], [0.5, -2]], [[1], [0]], [[1, 0]], 0)
     >>> d = kp.observer_gain(plant, rate=1)
-    >>> bool(d), d.F.shape
+    >>> bool(d), d.L.shape
     (True, (2, 1))
     """
     target = read_rate(rate)

@@ -72,6 +72,8 @@ class Plant:
         (E, G, H, D): the L-infinity gain from w to z in x' = (A + B F) x + E w, z = (G + H F) x + D w is bounded.
     interval : Interval or None
         Bounds on states and inputs for all time.
+    gap : float
+        Part by which the gain may exceed the smallest one, for decay, margins and few digits.
     names : mapping
         Labels of inputs, outputs and states.
     """
@@ -85,6 +87,7 @@ class Plant:
     coupling: Matrix | None = None
     disturbance: tuple[Matrix, Matrix, Matrix, Matrix] | None = None
     interval: Interval | None = None
+    gap: float = 1e-3
     names: Mapping[str, Any] = field(default_factory=dict)
     # states, inputs, shape of the gain, and two of the system's own, read far more often than set
     n: int = field(init=False)

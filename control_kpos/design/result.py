@@ -44,7 +44,7 @@ class Nearest:
 # What is asked for where it is not a small gain.
 LARGEST_RATE = "largest decay rate"
 # The law of an observer; its design is the feedback of the dual system.
-OBSERVER = "z' = A z + B u + F (C z - y)"
+OBSERVER = "z' = A z + B u + L (C z - y)"
 _DUAL_WORDS = {
     "not controllable": "not observable",
     "uncontrollable": "unobservable",
@@ -169,6 +169,11 @@ class DesignResult(Answer):
         return tuple(-f for f in self.F) if isinstance(self.F, tuple) else -np.asarray(self.F)
 
     @property
+    def L(self) -> Any:
+        """The gain of an observer, the same as `F`; None for a feedback."""
+        return self.F if self.law == OBSERVER else None
+
+    @property
     def x_max(self) -> Floats | None:
         """The x_max for which [0, x_max] is kept, in the order of X, where bounds were asked for; rounded."""
         parts = getattr(self.certificate, "others", ()) if self else ()
@@ -237,7 +242,7 @@ class DesignResult(Answer):
         """
         rows = [(self.objective, about(self.value)), ("decay rate", floored(self.decay_rate))] if self else []
         if isinstance(self.F, np.ndarray) and self.F.ndim == 2:
-            rows.append(("F" if self.law == OBSERVER else f"F in {self.law}", shown_rows(self.F)))
+            rows.append((f"{'L' if self.law == OBSERVER else 'F'} in {self.law}", shown_rows(self.F)))
         return rows
 
     def __repr__(self) -> str:

@@ -25,7 +25,6 @@ from ..refusal import no_invariance
 from ..result import LARGEST_RATE, DesignResult, Nearest, changed
 from ..running import Programs
 from ..simplicial.search import (
-    GAIN_EXTRA,
     RATE_PARTS,
     SMALLEST_GAIN,
     UNLIMITED,
@@ -105,7 +104,7 @@ def _unstructured_refutation(plant: Plant, rate: float, lp: Programs) -> DesignR
 
 def _candidates(program: GainProgram, found: Iterate, rate: float, goal: float) -> Iterator[Floats]:
     slim, size = program.slim(found, goal)
-    allowed = size * (1 + GAIN_EXTRA)
+    allowed = size * (1 + program.plant.gap)
     fast = program.speed_up(slim.v, 2 * rate + program.plant.scale, most=allowed)
     fast = fast or slim
     centred = program.centred(fast.v, rate + 0.9 * max(fast.rate - rate, goal - rate), allowed)

@@ -28,8 +28,8 @@ from .program import Failure, SimplicialProgram
 
 SMALLEST_GAIN = "smallest gain max |F x_k| at the generators of X (leading entries 1)"
 FIRST_GAIN = "nothing; max |F x_k| at the generators of X (leading entries 1)"
-# The gain may exceed the smallest one by this much; what is won goes into decay rate and margins.
-GAIN_EXTRA = 0.05
+# Where the decay rate is to be large, the gain may exceed the smallest one by this much, for margins.
+_GAIN_EXTRA = 0.05
 # Of the decay rate that this excess allows, the part that is used; and of the largest rate, the parts asked for.
 _RATE_PART, RATE_PARTS = 0.8, (0.999, 0.99, 0.9)
 UNLIMITED = "no limit of the decay rate was found; give gain_bound, or the rate you need."
@@ -87,7 +87,8 @@ def _smallest(
     if not affords():
         return exact_design(plant, rate, lp)
     x, infimum = program.smallest_gain(rate, start)
-    allowed = infimum * (1 + GAIN_EXTRA)
+    gap = plant.gap if objective == SMALLEST_GAIN else _GAIN_EXTRA
+    allowed = infimum * (1 + gap / 2)
     fast, reachable = program.largest_rate(x, allowed, tolerance=0.25)
     reachable = min(reachable, rate + plant.scale)
     target = rate + _RATE_PART * max(reachable - rate, 0.0)
@@ -98,7 +99,7 @@ def _smallest(
         yield program.centred(rate, allowed, x)
         yield start
 
-    found = first_proven(points(), partial(_prove, plant, program, rate, gain=allowed * (1 + GAIN_EXTRA)))
+    found = first_proven(points(), partial(_prove, plant, program, rate, gain=infimum * (1 + gap)))
     if found is None:
         return exact_design(plant, rate, lp, infimum)
     value = found.size if objective == SMALLEST_GAIN else proven_rate(found.certificate, found.rate)
@@ -152,7 +153,7 @@ def _fastest(plant: Plant, program: SimplicialProgram, lp: Programs) -> DesignRe
 
 def _refuse(plant: Plant, rate: float, failure: Failure, program: SimplicialProgram, lp: Programs) -> DesignResult:
     with suppress(OutOfBudgetError):
-        points, infimum = program.at_the_edge(rate, GAIN_EXTRA)
+        points, infimum = program.at_the_edge(rate, plant.gap)
         found = first_proven(points, partial(_prove, plant, program, rate))
         if found is not None:
             return succeed(plant, found, SMALLEST_GAIN, found.size, gain_limit(plant, rate * BELOW, infimum))
