@@ -85,3 +85,11 @@ def test_results_speak_of_the_law_they_are_for():
     assert "controllable" not in observer.explain() and "actuator" not in observer.explain()
     blind = kp.observer_gain(kp.ConeStateSpace([[-1, 0], [1, 1]], [[1], [0]], [[1, 0]], 0))
     assert blind.status is kp.Status.REFUTED and "mode 1 is not observable" in blind.explain()
+
+
+def test_an_observer_has_l():
+    seen, hidden = ([[1, 1], [0.5, -2]], [[1, 0]]), ([[0, 1], [-1, 0]], [[0, 1]])
+    found, refused = (kp.observer_gain(ct.ss(A, [[1], [0]], C, 0)) for A, C in (seen, hidden))
+    np.testing.assert_array_equal(found.L, found.F)
+    assert "L (C z - y)" in found.explain() and kp.state_feedback(ct.ss([[-1]], [[1]], [[1]], 0)).L is None
+    assert refused.status == "REFUTED" and "any L" in refused.explain() and "any F" not in refused.explain()

@@ -54,6 +54,8 @@ _DUAL_WORDS = {
     "on X": "on the dual of X",
     "cone X": "dual of X",
     "generators of X": "facets of X",
+    "any F": "any L",
+    "every F": "every L",
 }
 
 
