@@ -1308,7 +1308,7 @@ def interval(e: Said, limit: int) -> tuple[System, Vector, Vector]:
     if e["x_min"] is None and e["lyapunov"] is None:
         return s, w, {}
     v, least = (entries(interval_vector(e, name), s.X.dim) for name in ("lyapunov", "x_min"))
-    decreases(s, v, {}, Said({}))
+    decreases(s, v, {})
     listed(e, "y", total((1, drift(s, least)), (1, w)), s.X)
     return s, w, least
 
@@ -1328,13 +1328,12 @@ def bounded(e: Said, s: System) -> list[tuple[Vector, Fraction]]:
     """The rows f and the numbers b of the bounds f'x <= b."""
     b = interval_vector(e, "bounds")
     expect((e["rows"] is None) == (e["bounds"] is None), "rows have bounds")
-    return list(zip(rows(e["rows"], len(b), s.X.dim), b, strict=True))
+    return list(zip(row_vectors(e, "rows", s), b, strict=True))
 
 
-def rows(o: Json, m: int, n: int) -> list[Vector]:
-    """The rows of a matrix."""
-    M = given(o, m, n)
-    return [pullback({i: Fraction(1)}, M) for i in range(m)]
+def row_vectors(e: Said, name: str, s: System) -> list[Vector]:
+    """The rows of a matrix of the data; none for null."""
+    return [] if e[name] is None else [entries(row, s.X.dim) for row in rows(e[name], s.X.dim)]
 
 
 def order_interval(e: Said, limit: int) -> None:
@@ -1348,7 +1347,7 @@ def order_interval(e: Said, limit: int) -> None:
     listed(e, "z", total((-1, drift(s, x)), (-1, w)), s.X)
     bounds = bounded(e, s)
     expect((e["covers"] is None) == (e["rows"] is None), "bounds have covers")
-    for (f, b), g in zip(bounds, rows(e["covers"], len(bounds), s.X.dim), strict=True):
+    for (f, b), g in zip(bounds, row_vectors(e, "covers", s), strict=True):
         need(above(g, s.X), "g is in X*")
         need(above(total((1, g), (-1, f)), s.X), "g - f is in X*")
         need(dot(g, x) <= b, "g'x_max <= b")

@@ -131,8 +131,8 @@ def disagreement(content, place, path):
     """What one reader accepts and the other contradicts, if anything."""
     (found, said), accepted = loaded(path, content), accepts(content)
     if found is None and not accepted:
-        # cones have proofs for the checker alone, and a witness that fits nothing may be either
-        alike = said == outcome(vars(checker), content) or {"rays", "witness", "proof"}.intersection(place)
+        # cones and parts have proofs for the checker alone, and a witness that fits nothing may be either
+        alike = said == outcome(vars(checker), content) or {"rays", "witness", "proof", "others"}.intersection(place)
         return None if alike or OF_THE_PACKAGE.intersection(place) else "refused in two ways"
     if accepted and found is None:
         return None if OF_THE_PACKAGE.intersection(place) else "accepted by the checker only"
