@@ -23,7 +23,7 @@ from .problem import Floats, Index
 # Sizes of r + B'p that count as ties, and errors of the linear systems, at first and at the end.
 _COARSE, _FINE = (1e-6, 1e-7), (1e-12, 1e-12)
 # Operations for each entry of a linear system.
-_EFFORT = 300.0
+_EFFORT = 100.0
 # Steps of the power iteration, and how often the nodes are tried where nothing falls.
 _POWERS, _EVERY = 2000, 25
 
@@ -75,8 +75,8 @@ class NetworkPolicies(Policies):
 
     def cost(self, policy: Index, brake: float = 0.0) -> Floats | None:
         """See `Policies`."""
+        spend(_EFFORT * (self.problem.A.values.nnz + self.B.nnz) + 1e5)
         loop = self.loops.matrix(policy, brake + self.problem.own)
-        spend(_EFFORT * loop.nnz + 1e5)
         self.steps += 1
         model = self.loops.network(loop)
         paid = self.s + (policy * self.r) @ self.limits

@@ -27,6 +27,8 @@ from .problem import DISTURBANCE, Floats, Index, LinearCost
 
 # What the bounds of the cost of a network are apart, relative to the residual that is left.
 _SAFETY = 4.0
+# Operations of a proof, for each entry of A, B and the limits.
+_PROOF = 250.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,11 +39,16 @@ class Route(ABC):
     ----------
     problem : LinearCost
     policies : Policies
+    effort : str
+        What a design of this kind may spend, a key of `EFFORT`.
+    proof : float
+        Operations of a proof.
     """
 
     problem: Any
     policies: Any
     effort: str = "one system"
+    proof: float = 0.0
 
     @abstractmethod
     def candidates(self, lp: Any) -> Iterator[Found]:
@@ -191,4 +198,5 @@ def network_route(question: Question, sys: Any, X: Any, controls: Any) -> Networ
         raise DataError("the cone of a large network is that of its nodes; leave X out, and give the nodes theirs.")
     A, B = closed_loop_of(sys, controls)
     problem = question.of(NetworkCost, A, B, sys.X, sys.model.discrete, sys.model.n_nodes)
-    return NetworkRoute(problem, NetworkPolicies(problem, sys.model), "network", net=sys)
+    entries = sum(M.values.nnz for M in (problem.A, problem.B, problem.limits))
+    return NetworkRoute(problem, NetworkPolicies(problem, sys.model), "network", _PROOF * entries, net=sys)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...cones import Cone
+from ...exact.budget import spend
 from ...exact.condition import Condition
 from ...networks.network import ConeNetwork
 from ...progress import Target
@@ -154,6 +155,7 @@ def solved(route: Route, lp: Programs) -> OptimalFeedback:
     """The answer by a route."""
     problem = route.problem
     lp.stage("assumptions")
+    spend(route.proof)
     assumptions = problem.assumptions()
     stands = obstacle(problem, assumptions)
     if stands:
@@ -163,6 +165,7 @@ def solved(route: Route, lp: Programs) -> OptimalFeedback:
     if found is not None:
         return found
     for vector in route.growing_vectors(lp):
+        spend(route.proof)
         refuted = settled(assumptions, problem=problem, witness=GrowingCost(vector))
         if refuted.status is Status.REFUTED:
             return OptimalFeedback(status=Status.REFUTED, certificate=refuted, iterations=route.policies.steps)
@@ -175,6 +178,7 @@ def solved(route: Route, lp: Programs) -> OptimalFeedback:
 
 def _proven(route: Route, found: Found, assumptions: Sequence[Condition]) -> OptimalFeedback | None:
     def prove(part: float) -> OptimalCostCertificate | None:
+        spend(route.proof)
         bounds = {"lower": found.p * (1 - part), "upper": found.p * (1 + part)}
         return settled(assumptions, problem=route.problem, policy=found.policy, **bounds) or None
 
