@@ -5,6 +5,7 @@ every module that uses them sees it, and runs the tests.
 """
 
 import ast
+import inspect
 import os
 import signal
 import types
@@ -81,15 +82,15 @@ def notices(module, own, tree, tests):
 
 
 def code(names, module):
-    """Functions and methods that a module defines, by name."""
+    """Functions and methods that a module defines, by name, without what decorates them."""
     for name, thing in names.items():
         if getattr(thing, "__module__", None) != module:
             continue
         if isinstance(thing, types.FunctionType):
-            yield name, thing
+            yield name, inspect.unwrap(thing)
         elif isinstance(thing, type):
             for attribute, method in vars(thing).items():
                 inner = method.func if isinstance(method, cached_property) else method
                 inner = getattr(inner, "__func__", getattr(inner, "fget", inner))
                 if isinstance(inner, types.FunctionType):
-                    yield f"{name}.{attribute}", inner
+                    yield f"{name}.{attribute}", inspect.unwrap(inner)
