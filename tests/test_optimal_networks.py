@@ -373,3 +373,20 @@ def test_costs_may_be_fractions():
 def test_a_time_limit_ends_it():
     a = kp.optimal_feedback(**transport(2000), time_limit=1e-9)
     assert a.status is kp.Status.UNDECIDED and a.F is None
+
+
+def test_controls_along_a_generator_push_nothing_out():
+    """h'B = 2 - 2 = 0 exactly, although two terms meet there."""
+    eye, X = np.eye(2), kp.PolyhedralCone([[0, 1], [1, -2]])
+    net = kp.feedback_interconnect(kp.stack([-2 * eye], B=[eye], C=[eye], dt=0, X=X), np.zeros((2, 2)))
+    for limits in (np.array([[0.125, 0]]), sp.csr_array([[0.125, 0]])):
+        a = kp.optimal_feedback(net, [3, 1], [0], limits, controls=[[1], [-2]])
+        assert a and a.check()
+
+
+def test_a_network_that_leaves_its_cone_is_told_so():
+    nodes = kp.stack(-np.ones((2, 1, 1)), B=np.ones((2, 1, 1)), C=np.ones((2, 1, 1)), dt=0)
+    net = kp.feedback_interconnect(nodes, np.array([[0, -1.0], [0, 0]]))
+    for limits in (np.array([[0, 0.1]]), sp.csr_array([[0, 0.1]])):
+        a = kp.optimal_feedback(net, [1, 1], [0], limits, controls=[[0], [1.0]])
+        assert a.status == "UNDECIDED" and "without any input" in a.message

@@ -2,8 +2,8 @@
 
 A double has 53 digits, so that the product of two is a double if they have 53 in all, or one is a power of two.
 Others are split into halves of 26 digits and a sign, a = a1 + a2, b = b1 + b2: the four products are doubles.
-What falls on one entry of the result is not added up but goes to different layers: the rows of layer k are the rows
-k n, ..., k n + n - 1 of a tower, and l'M is the product of l, repeated for every layer, with the tower.
+What falls on one entry of the result is added with its rounding error, which goes to another layer: the rows of layer
+k are the rows k n, ..., k n + n - 1 of a tower, and l'M is the product of l, repeated for every layer, with the tower.
 """
 
 from __future__ import annotations
@@ -100,14 +100,30 @@ def _halves(values: Floats) -> tuple[Floats, Floats]:
 
 
 def _layered(rows: Index, columns: Any, values: Floats, shape: tuple[int, int]) -> Matrix:
-    """Entries at given places, those that fall on one place in different layers."""
-    plain = sp.csr_array((np.ones(len(values)), (rows, columns)), shape=shape)
-    if plain.nnz == len(values):
-        return Matrix(sp.csr_array((values, (rows, columns)), shape=shape))
-    key = rows.astype(np.int64) * shape[1] + columns
-    order = np.argsort(key, kind="stable")
-    first = np.flatnonzero(np.diff(key[order], prepend=-1))
-    layer = np.empty(len(key), dtype=np.int64)
-    layer[order] = np.arange(len(key)) - np.repeat(first, np.diff(first, append=len(key)))
-    size = (int(layer.max()) + 1) * shape[0], shape[1]
-    return Matrix(sp.csr_array((values, (layer * shape[0] + rows, columns)), shape=size))
+    """Entries at given places; those that fall on one place are added, and what rounding leaves goes to more layers."""
+    layers = []
+    while not layers or len(values):
+        key = rows.astype(np.int64) * shape[1] + columns
+        order = np.argsort(key, kind="stable")
+        first = np.flatnonzero(np.diff(key[order], prepend=-1))
+        count = np.diff(first, append=len(key))
+        total, left = values[order[first]], []
+        for k in range(1, int(count.max(initial=1))):
+            more = np.flatnonzero(count > k)
+            at = order[first[more] + k]
+            total[more], rest = _with_remainder(total[more], values[at])
+            left.append((at[rest != 0], rest[rest != 0]))
+        kept = total != 0
+        at = order[first[kept]]
+        layers.append(sp.csr_array((total[kept], (rows[at], columns[at])), shape=shape))
+        again = np.concatenate([at for at, _ in left]) if left else np.empty(0, dtype=np.intp)
+        values = np.concatenate([rest for _, rest in left]) if left else np.empty(0)
+        rows, columns = rows[again], columns[again]
+    return Matrix(layers[0] if len(layers) == 1 else sp.csr_array(sp.vstack(layers, format="csr")))
+
+
+def _with_remainder(a: Floats, b: Floats) -> tuple[Floats, Floats]:
+    """Doubles s and e with s = fl(a + b) and s + e = a + b exactly (Knuth), where nothing overflows."""
+    s = a + b
+    away = s - a
+    return s, (a - (s - away)) + (b - away)

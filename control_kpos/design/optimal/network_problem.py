@@ -116,9 +116,8 @@ class NetworkCost(LinearCost):
             Matrix(np.asarray(sp.csr_array(M.values[i])[:, j].toarray()))
             for M, i, j in ((self.A, rows, x.indices), (self.B, acting, columns), (self.limits, blocks, x.indices))
         )
-        A, B = (
-            Matrix.from_fractions(M.fractions().reshape(-1, len(h.indices), M.shape[1]).sum(axis=0)) for M in (A, B)
-        )
+        layered = (M.fractions().reshape(M.shape[0] // h.nnz, h.nnz, M.shape[1]) for M in (A, B))
+        A, B = (Matrix.from_fractions(M.sum(axis=0)) for M in layered)
         owner = np.searchsorted(blocks, self.owner[columns])
         given = self.X, self.discrete, self.s, self.r, limits, owner, self.kinds[blocks], self.discount
         normal, ray = (Matrix(v.data).fractions() for v in (h, x))
