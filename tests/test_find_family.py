@@ -267,6 +267,12 @@ def test_poles_that_cannot_be_placed_are_refused(poles, error, words):
         design_cone_and_feedback(([[0, 1], [0, 0]], [[0], [1]]), poles=poles)
 
 
+def test_poles_that_are_slower_than_the_rate_are_refused():
+    with pytest.raises(DataError, match="rate asks for 1"):
+        design_cone_and_feedback(([[0, 1], [0, 0]], [[0], [1]]), poles=[-0.5, -2], rate=1)
+    assert design_cone_and_feedback(([[0, 1], [0, 0]], [[0], [1]]), poles=[-2, -3], rate=1)
+
+
 def test_discrete_time_design():
     design = design_cone_and_feedback(ct.ss([[0, 1], [-1, 1.2]], [[0], [1]], np.eye(2), 0, 0.1))
     assert design and (np.abs(design.poles) < 1).all() and design.closed_loop.dt == 0.1

@@ -167,6 +167,10 @@ def design_cone_and_feedback(
     plant = _plant(sys, "sys")
     asked = None if rate is None else exact_number(rate, "rate", nonnegative=True)
     places = None if poles is None else _given_poles(poles, plant)
+    if places is not None and asked is not None:
+        slowest = float(1 - np.abs(places).max()) if plant.discrete else float(-places.max())
+        if slowest < asked:
+            raise DataError(f"poles decay at {about(slowest)}, and rate asks for {about(asked)}; give one of them.")
     others = [
         _plant(item, f"vertices[{k}]") for k, item in enumerate(items([] if vertices is None else vertices, "vertices"))
     ]
@@ -250,7 +254,7 @@ def _search(
 
     near = np.abs(np.linalg.eigvals(matrices[0]))
     patterns = _poles(near, discrete, robust, seed) if poles is None else iter([poles])
-    fast = (_fast_enough(pattern, rate, discrete) for pattern in patterns)
+    fast = (_fast_enough(pattern, None if poles is not None else rate, discrete) for pattern in patterns)
     gains = (F for F in (placed(matrices[0], inputs[0], pattern) for pattern in fast) if F is not None)
     found = first_proven(enumerate(gains), proven)
     return found or _not_found(ended(ended_by()))
