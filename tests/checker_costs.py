@@ -148,6 +148,13 @@ def kept(A=-2, w=1, x="1/2", *, least=None, v=None, bounds=(), rows=(), covers=N
     return {"claim": "order interval", "status": "REFUTED", "data": data, "proof": {}}
 
 
+def ending(number):
+    """[0, number] as it stands in the file."""
+    out = kept()
+    out["data"]["x_max"] = {"array": [number]}
+    return out
+
+
 SMALLEST = {"least": "1/2", "v": 1}
 BOUNDED = {"rows": [3], "bounds": ["3/2"]}
 INTERVALS = {
@@ -160,6 +167,10 @@ INTERVALS = {
     "interval, discrete": (kept("1/2", 1, 2, discrete=True), "PROVED"),
     "interval, discrete, too small": (kept("1/2", 1, 1, discrete=True), "WRONG"),
     "interval, not positive": (kept("-1/2", 1, 2, discrete=True), "WRONG"),
+    "interval to a third": (ending("2/3"), "UNREADABLE"),
+    "interval to a large number": (ending(2**53), "PROVED"),
+    "interval to a number that is no double": (ending(2**53 + 1), "UNREADABLE"),
+    "interval to a larger number": (ending(2**60), "PROVED"),
     "interval, smallest": (kept(**SMALLEST), "PROVED"),
     "interval, smallest by far": (kept(least="1/4", v=1), "PROVED"),
     "interval, smallest too large": (kept(x=1, least="3/4", v=1), "WRONG"),
@@ -187,7 +198,11 @@ INTERVALS = {
     "no bound, just": (kept(**SMALLEST, **BOUNDED, witness=("BoundExceeded", "1/2", 0)), "WRONG"),
     "no bound, beyond": (kept(**SMALLEST, **BOUNDED, witness=("BoundExceeded", 1, 0)), "WRONG"),
     "no bound, outside": (kept(**SMALLEST, rows=[-3], bounds=[1], witness=("BoundExceeded", -1, 0)), "WRONG"),
-    "no bound, of none": (kept(**SMALLEST, rows=[3], bounds=[1], witness=("BoundExceeded", "1/2", 1)), "UNREADABLE"),
+    "no bound, of none": (kept(**SMALLEST, rows=[3], bounds=[1], witness=("BoundExceeded", "1/2", 1)), "WRONG"),
+    "no bound, before all": (
+        kept(**SMALLEST, rows=[3], bounds=[1], witness=("BoundExceeded", "1/2", -1)),
+        "UNREADABLE",
+    ),
     "no bound, no smallest": (kept(rows=[3], bounds=[-1], witness=("BoundExceeded", 0, 0)), "UNREADABLE"),
 }
 COSTS |= INTERVALS
