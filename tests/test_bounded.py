@@ -189,9 +189,11 @@ def test_forged_witnesses_refute_nothing():
             == "UNDECIDED"
         )
     no = kp.order_interval(system([[0, 1], [-22, -13]], X=SEED), [0, 1], constraints=([[1, 0]], ["1/23"])).certificate
-    for x, row in (([0.05, 0], 0), ([0.01, 0], 0), (no.witness.x, 1), (no.witness.x, -1)):
+    for x, row in (([0.05, 0], 0), ([0.01, 0], 0), (no.witness.x, 1)):
         forged = BoundExceeded(np.array(x, dtype=float), row)
         assert type(no).settle(**no.data() | {"witness": forged}).status == "UNDECIDED"
+    with pytest.raises(DataError, match="number of a row"):
+        type(no).settle(**no.data() | {"witness": BoundExceeded(no.witness.x, -1)})
 
 
 def test_an_undecided_certificate_states_nothing():
@@ -308,3 +310,15 @@ def test_wrong_bounds(kwargs, error, words):
     plant = kp.ConeStateSpace([[-1, 1], [1, 1]], [[0], [1]], np.eye(2), 0)
     with pytest.raises(error, match=words):
         kp.state_feedback(plant, **kwargs)
+
+
+def test_no_disturbance_is_told_as_any_other():
+    b = kp.order_interval(system([[-1, 0], [0, -2]]), [0, 0])
+    assert b and b.certificate.gap == 0 and "contains this one" in b.explain() and b._repr_html_()
+
+
+def test_constraints_beside_what_grows_are_left_open():
+    grows = system([[1, 0], [0, -1]])
+    assert kp.order_interval(grows, [0, 1], constraints=([[0, 1]], [1]))
+    b = kp.order_interval(grows, [0, 1], constraints=([[0, 1]], ["1/2"]))
+    assert b.status == "UNDECIDED" and "an invariant interval was found" in b.message

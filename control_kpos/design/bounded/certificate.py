@@ -149,7 +149,9 @@ class OrderIntervalCertificate(ClaimOnPositivity):
         if not isinstance(w, BoundExceeded) or self.x_min is None or self.rows is None:
             return None
         (rows, bounds), (x, least) = self._limits(), (exactly(*pair)[None] for pair in ((w, "x"), (self, "x_min")))
-        if type(w.row) is not int or not 0 <= w.row < rows.shape[0]:
+        if type(w.row) is not int or w.row < 0:
+            raise DataError("the number of a row is not negative.")
+        if w.row >= rows.shape[0]:
             return None
         f, b = rows[np.array([w.row])], bounds[np.array([w.row])][None]
         return [
@@ -234,7 +236,8 @@ class OrderIntervalCertificate(ClaimOnPositivity):
         high, low = (facets @ exactly(self, name).fractions() for name in ("x_max", "x_min"))
         if any(b == 0 and a != 0 for a, b in zip(low, high, strict=True)):
             return float("inf")
-        return float(raised(max(Fraction(0), *((b - a) / b for a, b in zip(low, high, strict=True) if b)), 9))
+        parts = ((b - a) / b for a, b in zip(low, high, strict=True) if b)
+        return float(raised(max([Fraction(0), *parts]), 9))
 
     def explain(self) -> str:
         """What is proven, in words."""

@@ -32,6 +32,10 @@ from .covers import covered
 # States up to which intervals are exact; beyond, how far x_max and x_min are apart, relatively, tried in turn.
 _EXACT = 30
 _APART = (1e-13, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4)
+_OPEN = (
+    "an invariant interval was found, but the constraints are neither proven on it nor refuted on all others, which "
+    "may be smaller. Without constraints the answer is that interval."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -145,11 +149,14 @@ def _found(system: Any, w: Matrix, rows: Matrix | None, bounds: Matrix | None) -
             "" if positivity.witness is None else "x' = A x does not keep X, so no [0, x_max] inside is invariant."
         )
         return OrderInterval(status=positivity.status, certificate=positivity, message=message)
-    loop = lyapunov_on(positivity)
+    loop, plain = lyapunov_on(positivity), False
     for x_max, x_min in _intervals(loop, w):
         found = _settled(loop, w, rows, bounds, x_max, x_min)
-        if found is not None:
+        if found is not None and found.status is not Status.UNDECIDED:
             return found
+        plain = plain or found is not None
+    if plain:
+        return OrderInterval(status=Status.UNDECIDED, message=_OPEN)
     for d in _growing(loop, w) if not loop else ():
         proof = OrderIntervalCertificate.settle(positivity=positivity, w_max=w, witness=NoInterval(d))
         if proof.status is Status.REFUTED:
@@ -167,7 +174,7 @@ def _settled(
     x_max: Matrix,
     x_min: Matrix | None,
 ) -> OrderInterval | None:
-    """The answer for an interval, with the constraints proven or one of them refuted; None where neither is proven."""
+    """The answer for an interval, with the constraints proven or one of them refuted; None if it is not invariant."""
     settle = partial(OrderIntervalCertificate.settle, positivity=loop.positivity, w_max=w)
     least = {} if x_min is None else {"lyapunov": exactly(loop, "v"), "x_min": x_min}
     plain = settle(x_max=x_max, **least)
@@ -182,7 +189,7 @@ def _settled(
         proof = None if x is None else settle(**least, rows=rows, bounds=bounds, witness=BoundExceeded(x, i))
         if proof is not None and proof.status is Status.REFUTED:
             return OrderInterval(status=Status.REFUTED, certificate=proof)
-    return None
+    return OrderInterval(status=Status.UNDECIDED)
 
 
 def _answer(proof: OrderIntervalCertificate, reached: Sequence[Fraction] | None) -> OrderInterval:
