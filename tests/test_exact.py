@@ -434,3 +434,12 @@ def test_rows_of_the_identity_are_not_multiplied():
             np.testing.assert_allclose(forms.values.toarray() if sp.issparse(forms.values) else forms.values, exact)
             signs = signs.toarray() if sp.issparse(signs) else signs
             np.testing.assert_array_equal(signs, np.sign(exact))
+
+
+def test_one_row_before_a_sparse_matrix_is_multiplied_alone():
+    rng = np.random.default_rng(0)
+    M, R = rng.integers(-3, 4, (60, 40)), np.concatenate([np.eye(40, dtype=int), rng.integers(-2, 3, (5, 40))])
+    row = np.array([[Fraction(int(k), 3**40) for k in rng.integers(1, 3**30, 60)]], dtype=object)
+    M[:, ::3], at = 0, np.arange(45)[::-1]
+    forms = BilinearForms(Matrix.from_fractions(row), *(Matrix(sp.csr_array(m.astype(float))) for m in (M, R)))
+    np.testing.assert_array_equal(forms._sparse_pairs(np.zeros(45, dtype=int), at), np.sign(row @ M @ R.T)[0, ::-1])

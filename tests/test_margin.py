@@ -17,7 +17,7 @@ from control_kpos.networks import NetworkInstability
 from control_kpos.proof import independent
 from control_kpos.proof.certificate import Status
 from control_kpos.theorems.perron_pair import decide
-from control_kpos.theorems.refinement import rational_multiple
+from control_kpos.theorems.refinement import Refined, frames, rational_multiple
 
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
 BESIDE = ((np.nextafter(22.0, 0), Status.PROVED), (22.0, Status.REFUTED), (np.nextafter(22.0, 23), Status.REFUTED))
@@ -160,6 +160,22 @@ def test_decisions_are_those_of_fractions(seed):
         assert (found.vector > 0).all() and (found.vector @ M < 0).all()
     else:
         assert (found.vector >= 0).all() and found.vector.any() and (M @ found.vector >= 0).all()
+
+
+@pytest.mark.parametrize("n", [60, 1500])
+@pytest.mark.parametrize("above", [-1, 0, 1])
+def test_both_vectors_in_floating_point_tell_the_side_before_integers_do(n, above):
+    rng, W = np.random.default_rng(n), sp.csr_array(kp.examples.random_regular(n, 3, seed=1)).tocoo()
+    x = rng.integers(1, 20, n).astype(object)
+    data = rng.integers(2**49, 2**50, W.nnz).astype(object) * x[W.row]
+    W = SparseIntegers.of(W.row, W.col, data, (n, n))
+    N = W + SparseIntegers.diagonal(-(W.apply(x) // x) + above)  # N x = above x
+    right, left = (Refined(*side) for side in frames(N))
+    y = right.frame.between(left.frame) * left.solver.nearly[:-1]
+    first = next(iter(right))
+    assert first.leaning(y) in {0, -above} and next(step for step in right if step.P > 90).leaning(y) == -above
+    assert next(iter(right)) is first
+    np.testing.assert_array_equal(N.T.toarray(), N.toarray().T)
 
 
 @pytest.mark.parametrize("length", [20, 60, 150])

@@ -271,13 +271,17 @@ class BilinearForms:
     def _sparse_pairs(self, k: NDArray[np.intp], i: NDArray[np.intp]) -> NDArray[np.int8]:
         """Exact signs at the positions (k, i), k in ascending order, when some operand is sparse."""
         rows, k = np.unique(k, return_inverse=True)
-        columns, i = np.unique(i, return_inverse=True)
+        columns, i = (i, np.arange(len(i))) if (np.diff(i) > 0).all() else np.unique(i, return_inverse=True)
         right = _csr_integers(self.right, columns)
         middle = None if self.middle is None else _columns_as_integers(self.middle, np.unique(right.indices))
         step = max(1, _CHUNK // self._row_work(middle))
         parts = []
         for start in range(0, len(rows), step):
             left = _csr_integers(self.left, rows[start : start + step])
+            if len(rows) == 1:  # each pair has this row
+                row = left.toarray()[0]
+                parts.append(np.sign(right.apply(row if middle is None else middle.T.apply(row))[i]).astype(np.int8))
+                break
             at = slice(*np.searchsorted(k, (start, start + step)))
             forms = (left if middle is None else left @ middle).paired(right, k[at] - start, i[at])
             parts.append(np.sign(forms).astype(np.int8))
@@ -420,6 +424,7 @@ def _columns_as_integers(m: Matrix, columns: NDArray[np.intp]) -> SparseIntegers
         at = np.nonzero(m.numerators[:, columns])
         data = m.numerators[at[0], columns[at[1]]]
     else:
-        part = sp.csr_array(m.values)[:, columns].tocoo()
+        part = sp.csr_array(m.values)
+        part = (part if len(columns) == m.shape[1] else part[:, columns]).tocoo()  # columns are in ascending order
         at, data = part.coords, integers_of_doubles(part.data)[0]
     return SparseIntegers.of(at[0], columns[at[1]], data, (m.shape[0], m.shape[1]))

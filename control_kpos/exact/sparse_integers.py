@@ -42,8 +42,9 @@ class SparseIntegers:
             first = np.flatnonzero(np.diff(key, prepend=-1))
             if first.size < key.size:
                 key, data = key[first], np.add.reduceat(data, first)
-        indptr = np.searchsorted(key, np.arange(shape[0] + 1) * shape[1])
-        return cls(data, (key % shape[1]).astype(np.intp), indptr.astype(np.intp), shape[1])
+        rows, columns = np.divmod(key, max(shape[1], 1))
+        indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=shape[0]))])
+        return cls(data, columns.astype(np.intp), indptr.astype(np.intp), shape[1])
 
     @classmethod
     def dense(cls, rows: Integers) -> SparseIntegers:
@@ -70,7 +71,24 @@ class SparseIntegers:
     @property
     def T(self) -> SparseIntegers:
         """The transpose."""
-        return SparseIntegers.of(self.indices, self.rows, self.data, (self.width, self.height))
+        at = np.arange(len(self.data))
+        places = sp.csr_array((at, self.indices, self.indptr), shape=(self.height, self.width)).tocsc()
+        indices, indptr = places.indices.astype(np.intp), places.indptr.astype(np.intp)
+        return SparseIntegers(self.data[places.data], indices, indptr, self.height)
+
+    @cached_property
+    def mantissas(self) -> tuple[Floats, NDArray[np.int64]]:
+        """The entries in floating point; see the function."""
+        return mantissas(self.data)
+
+    @cached_property
+    def sizes(self) -> Integers:
+        """|N_ii|, or the largest of these where N_ii = 0: the same for the transpose."""
+        diagonal = np.zeros(self.height, dtype=object)
+        own = self.rows == self.indices
+        diagonal[self.rows[own]] = np.abs(self.data[own])
+        diagonal[diagonal == 0] = max(1, diagonal.max(initial=0))
+        return diagonal
 
     def take(self, rows: Index) -> SparseIntegers:
         """Some rows."""

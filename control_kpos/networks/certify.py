@@ -116,8 +116,9 @@ def certify_as_given(model: NetworkModel, progress: Progress | None = None) -> N
 def _certified(model: NetworkModel, progress: Progress | None) -> NetworkCertificate:
     loop, exact = loop_weights(model), None
     least = 1.0 if model.discrete else 0.0
+    close_by = Hidden(_CLOSE * rate_scale(model), least)
     if not model.has_feedthrough or loop is not None:
-        for data in candidates(model, least):
+        for data in candidates(model, least, close_by):
             certificate = settle(model, data, loop)
             if certificate.status is Status.PROVED:
                 return certificate
@@ -135,7 +136,7 @@ def _certified(model: NetworkModel, progress: Progress | None) -> NetworkCertifi
         found = NetworkCertificate.settle(model=model, witness=algebraic_witness(model))
     else:
         with np.errstate(all="ignore"):  # candidates that overflow are not proven
-            return _close_or_unstable(model, least, loop, progress, exact)
+            return _close_or_unstable(model, least, loop, progress, exact, close_by)
     return found if found.status is not Status.UNDECIDED else certify_exactly(model, loop)
 
 
@@ -145,14 +146,15 @@ def _close_or_unstable(
     loop: LoopWeights,
     progress: Progress | None,
     exact: NetworkCertificate | None,
+    close_by: Hidden,
 ) -> NetworkCertificate:
     """A growing direction, in integers as soon as the margin is seen to be near; `exact` if they have been tried."""
-    close_by = None if exact is not None else Hidden(_CLOSE * rate_scale(model), least)
-    found = unstable(model, least, loop, progress, close_by)
-    if found.status is not Status.UNDECIDED or exact is not None:
-        return found if exact is None or found.status is not Status.UNDECIDED else exact
+    if exact is not None or not close_by.ended:
+        found = unstable(model, least, loop, progress, close_by if exact is None else None)
+        if found.status is not Status.UNDECIDED or exact is not None:
+            return found if exact is None or found.status is not Status.UNDECIDED else exact
     found = certify_exactly(model, loop, growing=True)
-    if found.status is Status.UNDECIDED and close_by is not None and close_by.ended:
+    if found.status is Status.UNDECIDED and close_by.ended:
         return unstable(model, least, loop, progress)
     return found
 
@@ -175,19 +177,23 @@ def settle(model: NetworkModel, data: Data, loop: LoopWeights, required: Fractio
     return NetworkCertificate.settle(model=model, v=v, r=r, q=q, sigma=sigma, loop_weights=loop, **rates)
 
 
-def candidates(model: NetworkModel, shift: float) -> Iterator[Data]:
-    """Theorem-4 data from solves at the shift: first with uniform c, then with c close to v itself."""
+def candidates(model: NetworkModel, shift: float, close_by: Hidden | None = None) -> Iterator[Data]:
+    """Theorem-4 data from solves at the shift: first with uniform c, then with c close to v itself.
+
+    They end where `close_by` sees the margin.
+    """
     system = PortSystem(model, shift)
     if not system.is_finite:
         return
     c = interior(model, dual=True)
     for tolerance in (1e-7, 1e-11, 1e-13):
         v, _, reached = system.dual(c, tolerance)
-        if not (np.isfinite(v).all() and is_inside(model, v, dual=True)):
-            return
-        if is_inside(model, reached, dual=True):
+        inside = np.isfinite(v).all() and is_inside(model, v, dual=True)
+        if inside and is_inside(model, reached, dual=True):
             yield supply_rates(model, v)
-            # inverse iteration evens out the relative margins where v spans many orders of magnitude
+        elif (close_by is not None and close_by.bounded(model, v, reached)) or not inside:
+            return
+        # inverse iteration evens out the relative margins where v spans many orders of magnitude
         c = mix(model, v, 0.0, dual=True)
 
 

@@ -66,7 +66,11 @@ class Coordinates:
         TooLargeError
             Facets that are not doubles are too many to be written out.
         """
-        group, facets, rays = np.arange(size), {}, {}
+        group, facets, rays, pieces = np.arange(size), {}, {}, list(pieces)
+        if all(isinstance(cone, Orthant) for cone, _ in pieces):
+            one = np.ones(size, dtype=object)
+            eye = SparseIntegers.diagonal(one)
+            return cls(eye, eye, one, Cones(group))
         blocks: list[tuple[Index, Integers, Integers]] = []
         for cone, places in pieces:
             n = cone.dim
@@ -90,6 +94,10 @@ class Coordinates:
         for places, H, R in blocks:
             heights[places] = (H * R.T).sum(axis=1)
         return cls(into, out, heights, Cones(group, facets, rays))
+
+    def of_map(self, A: SparseIntegers) -> SparseIntegers:
+        """A map between states in these coordinates, times their heights."""
+        return A if self.into is self.out else self.into @ A @ self.out
 
     def lifted(self, found: Decision) -> Integers:
         """v or x of a decision, in the units of the cones, times a positive number."""
@@ -150,8 +158,10 @@ class Pencil:
     memory: Memory = field(default_factory=dict, repr=False)
 
     def at(self, shift: Any) -> SparseIntegers:
-        """N - shift E times a positive number."""
+        """N - shift E times a positive number, with a place for each entry of the diagonal."""
         mu = Fraction(shift)
+        if not mu and (self.N.rows == self.N.indices).sum() == self.N.height:
+            return self.N
         return self.N.times(mu.denominator) + SparseIntegers.diagonal(-mu.numerator * self.E)
 
     def decide(self, shift: Any, *, marginal: bool = False, growing: bool = False) -> Decision | None:
@@ -256,7 +266,7 @@ def _proposals(
 def _pencil(A: Matrix, X: Cone) -> tuple[Coordinates, Pencil]:
     at = Coordinates.of(pieces_of(X), X.dim)
     S, factor = sparse_integers(A)
-    N = (at.into @ S @ at.out).times(factor.numerator)
+    N = at.of_map(S).times(factor.numerator)
     return at, Pencil(N, at.heights * factor.denominator, at.cones)
 
 

@@ -30,7 +30,7 @@ from ..exact.matrix import Index, Integers, bit_length
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
 from ..exact.sparse_integers import Floats, SparseIntegers
 from .perron_root import approach
-from .refinement import Borders, Frame, Pair, Step, balancing_units, frames, moved, rational_multiple, refine
+from .refinement import Frame, Pair, Refined, Step, balancing_units, frames, moved, rational_multiple
 
 # Bits at which a root that may be zero is first looked at as zero.
 _FIRST_ATTEMPT = 110
@@ -258,40 +258,47 @@ def _decide_part(
 
 def _near_margin(made: Pair, growing: bool) -> Decision | None:
     """Bordered refinement of the Perron vector, from either side."""
-    (frame, solver), (other, transposed) = made
-    if growing or solver.perron[-1] < -_NO_ROUNDING:
-        grown = _grown(frame, solver, _FIRST_ATTEMPT)
+    right, left = Refined(*made[0]), Refined(*made[1])
+    if (growing or right.solver.nearly[-1] < -_NO_ROUNDING) and not _leans_below(right, left):
+        grown = _grown(right, _FIRST_ATTEMPT)
         if grown is not None:
             return grown
     sign, goal, step = 0, _FIRST_ATTEMPT, None
-    for step in refine(other, transposed):
+    for step in left:
         sign = step.sign
         if sign:
             break
         if goal <= step.P or step.is_exact:
-            exact = _marginal(frame, solver, goal)
+            exact = _marginal(right, goal)
             if exact is not None:
                 return exact
             goal *= 2
     if step is None or not sign:
         return None
     if sign > 0:
-        return Decision(True, _ambient(other, step.X)) if (step.X > 0).all() else None
-    return _grown(frame, solver)
+        return Decision(True, _ambient(left.frame, step.X)) if (step.X > 0).all() else None
+    return _grown(right)
 
 
-def _grown(frame: Frame, solver: Borders, bits: float = np.inf) -> Decision | None:
+def _leans_below(right: Refined, left: Refined) -> bool:
+    """True if both Perron vectors in floating point tell that the root is negative."""
+    y = right.frame.between(left.frame) * left.solver.nearly[:-1]
+    step = next(iter(right), None)
+    return step is not None and step.leaning(y) > 0
+
+
+def _grown(right: Refined, bits: float = np.inf) -> Decision | None:
     """x >= 0 with N x >= 0, once the sign of t is certain, or from that many bits on in small integers."""
-    step = next((step for step in refine(frame, solver) if step.sign or bits <= step.P or step.is_exact), None)
+    step = next((step for step in right if step.sign or bits <= step.P or step.is_exact), None)
     if step is None or step.sign > 0 or not (step.X > 0).all():
         return None
-    return Decision(False, _ambient(frame, step.X)) if step.sign else _in_small_integers(frame, step)
+    return Decision(False, _ambient(right.frame, step.X)) if step.sign else _in_small_integers(right.frame, step)
 
 
-def _marginal(frame: Frame, solver: Borders, bits: int) -> Decision | None:
+def _marginal(right: Refined, bits: int) -> Decision | None:
     """x >= 0 with N x >= 0 in small integers, from an approximation of that many bits."""
-    step = next((step for step in refine(frame, solver) if bits <= step.P or step.is_exact), None)
-    return None if step is None or not (step.X > 0).all() else _in_small_integers(frame, step)
+    step = next((step for step in right if bits <= step.P or step.is_exact), None)
+    return None if step is None or not (step.X > 0).all() else _in_small_integers(right.frame, step)
 
 
 def _in_small_integers(frame: Frame, step: Step) -> Decision | None:

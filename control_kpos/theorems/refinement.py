@@ -21,7 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import scipy.linalg
@@ -40,7 +40,7 @@ _BITS = 40
 # Steps of the conjugate gradients that balance a matrix.
 _BALANCING_STEPS = 1000
 # t is this many bits longer than the residual before its sign counts.
-_CLEAR = 10
+_CLEAR = 4
 # Operations after which a margin that stays undecided is given up: a minute.
 _MOST = 6e10
 # The exponent of a residual of zero.
@@ -50,18 +50,21 @@ _STALLS = 3
 # Larger parts are given to a Krylov method first: on expanders, factors fill in and Krylov methods converge at once.
 _FACTORED_FIRST, _NARROW = 1000, 40
 _KRYLOV_TRIAL, _KRYLOV_STEPS = (16, 2.0**-5), 250
-_KRYLOV_ERROR = 2.0**-26
+_KRYLOV_ERROR, _KRYLOV_BEST = 2.0**-26, 2.0**-50
+# What is left open of a product with a Perron vector in floating point.
+_KNOWN = 2.0**-20
 # Matrices this dense, or smaller than the second number, are factored as dense ones.
 _DENSE, _SMALL = 0.1, 48
 
 
 class Step(NamedTuple):
-    """x = X 2^-P in the units of the frame, t = T 2^-P, and a residual below 2^(error - P)."""
+    """x = X 2^-P in the units of the frame, t = T 2^-P, and the residual, `rest` 2^(error - P), below 2^(error - P)."""
 
     X: Integers
     T: int
     P: int
     error: int
+    rest: Floats
 
     @property
     def is_exact(self) -> bool:
@@ -72,6 +75,15 @@ class Step(NamedTuple):
     def sign(self) -> int:
         """Of t, and of -N x everywhere; 0 while the residual leaves it open."""
         return int(np.sign(self.T)) if self.T.bit_length() > self.error + _CLEAR else 0
+
+    def leaning(self, y: Floats) -> int:
+        """The sign that t will have, judged by y with y'F nearly 0; 0 if the errors of y may hide it.
+
+        y'(F x + t 1) = t y'1, so that t misses y'rest / y'1, up to the errors of x and y multiplied.
+        """
+        own = y * self.rest[:-1]
+        t = np.ldexp(float(self.T), -self.error) * y.sum() + own.sum()
+        return int(np.sign(t)) if abs(t) > _KNOWN * np.abs(own).sum() else 0
 
 
 class Frame:
@@ -87,18 +99,18 @@ class Frame:
 
     def __init__(self, N: SparseIntegers, units: NDArray[np.int64]) -> None:
         self.units = units
-        self.N, self.size = N.in_units(units, _sizes(N))
+        self.N, self.size = N.in_units(units, N.sizes)
         self._given = N
         self._size = mantissas(self.size)
 
     @cached_property
     def _own(self) -> tuple[Floats, NDArray[np.int64]]:
-        return mantissas(_sizes(self._given))
+        return mantissas(self._given.sizes)
 
     @cached_property
     def F(self) -> sp.csr_array:
         """D^{-1} N in floating point."""
-        mantissa, exponent = mantissas(self.N.data)
+        mantissa, exponent = self.N.mantissas
         rows = self.N.rows
         with np.errstate(all="ignore"):
             values = np.ldexp(mantissa / self._size[0][rows], np.maximum(exponent - self._size[1][rows], -1100))
@@ -150,10 +162,14 @@ class Borders:
         correction = sp.csr_array((np.ones(1), ([self.k], [self.k])), shape=self.F.shape)
         return Factors(sp.csc_array(self.F - correction))
 
-    def mirrored(self, F: sp.csr_array, G: Floats) -> Borders:
-        """The same for F = G^{-1} F_here' G with a diagonal G, from the same factors."""
+    def mirrored(self, F: sp.csr_array, G: Floats, y: Floats | None = None) -> Borders:
+        """The same for F = G^{-1} F_here' G with a diagonal G, from the same factors, or near the margin from the y of
+        `directions`.
+        """
         out = Borders(F, self.k)
-        own = {} if self._is_krylov else {"_factors": _Mirrored(self._factors, G)}
+        own: dict[str, Any] = {} if self._is_krylov else {"_factors": _Mirrored(self._factors, G)}
+        if y is not None and self._is_krylov and abs(self.nearly[-1]) < _KRYLOV_ERROR:
+            own["nearly"] = np.append(y / G * (self.n / (y / G).sum()), 0.0)
         vars(out).update(_is_krylov=self._is_krylov, **own)
         return out
 
@@ -165,35 +181,34 @@ class Borders:
 
     @cached_property
     def _is_krylov(self) -> bool:
-        """True if factors fill in and GMRES converges at once, as it does on expanders."""
+        """True if factors fill in and BiCGSTAB converges at once, as it does on expanders."""
         if self.n <= _FACTORED_FIRST or envelope(self.F)[1] <= _NARROW * self.n:
             return False
         steps, goal = _KRYLOV_TRIAL
         right = np.random.default_rng(0).normal(size=self.n + 1)
-        z, _ = spla.gmres(self._operator, right, rtol=goal, restart=steps, maxiter=1)
-        return bool(np.linalg.norm(self._operator @ z - right) <= 1.01 * goal * np.linalg.norm(right))
+        z, _ = bicgstab(self._iteration, right, np.zeros(self.n + 1), goal * norm(right), steps)
+        return norm(right - (z - self._iteration @ z)) <= 1.01 * goal * norm(right)
 
     @cached_property
-    def _operator(self) -> spla.LinearOperator:
-        return spla.LinearOperator((self.n + 1, self.n + 1), matvec=lambda z: self._product(z.ravel()), dtype=float)
+    def _iteration(self) -> sp.csr_array:
+        """I + K with borders divided by sqrt(n)."""
+        n, F, border = self.n, self.F, np.full(self.n, self.n**-0.5)
+        data = np.concatenate([np.insert(F.data, F.indptr[1:], border), border])
+        indices = np.concatenate([np.insert(F.indices, F.indptr[1:], n), np.arange(n)])
+        indptr = np.append(F.indptr + np.arange(n + 1), len(data))
+        return sp.csr_array((data, indices, indptr), shape=(n + 1, n + 1)) + sp.eye_array(n + 1, format="csr")
 
-    def _product(self, z: Floats) -> Floats:
-        size = np.sqrt(self.n)
-        return np.append(self.F @ z[:-1] + z[-1] / size, z[:-1].sum() / size)
-
-    def __matmul__(self, z: Floats) -> Floats:
-        return z + self._product(z)
-
-    def _krylov(self, right: Floats) -> Floats:
+    def _krylov(self, right: Floats, start: Floats | None = None, error: float = _KRYLOV_ERROR) -> Floats:
         size = np.sqrt(self.n)
         scaled = np.append(right[:-1], right[-1] / size)
         goal = _KRYLOV_ERROR * norm(scaled)
-        start = np.append(
-            np.full(self.n, right[-1] / self.n), 0.0
-        )  # what is left of the last equation starts no method
-        z, _ = bicgstab(self, -scaled, start, goal, _KRYLOV_STEPS)
-        if not norm(self._product(z) - scaled) <= 2 * goal:
-            z, _ = spla.gmres(self._operator, scaled, rtol=_KRYLOV_ERROR, restart=_KRYLOV_STEPS, maxiter=1)
+        if start is None:  # what is left of the last equation starts no method
+            start = np.append(np.full(self.n, right[-1] / self.n), 0.0)
+        start = np.append(start[:-1], start[-1] * size)
+        z, _ = bicgstab(self._iteration, -scaled, start, error * norm(scaled), _KRYLOV_STEPS)
+        if not norm(scaled + z - self._iteration @ z) <= 2 * goal:
+            K = self._iteration - sp.eye_array(self.n + 1)
+            z, _ = spla.gmres(K, scaled, rtol=_KRYLOV_ERROR, restart=_KRYLOV_STEPS, maxiter=1)
         return np.append(z[:-1], z[-1] / size)
 
     def solve(self, right: Floats) -> Floats:
@@ -210,12 +225,21 @@ class Borders:
     @cached_property
     def perron(self) -> Floats:
         """(x, t) with F x + t 1 = 0 and entries of x about 1."""
-        return self.solve(np.append(np.zeros(self.n), self.n))
+        return self._krylov(self._sum, self.nearly, _KRYLOV_BEST) if self._is_krylov else self.nearly
+
+    @cached_property
+    def nearly(self) -> Floats:
+        """`perron` to about half as many digits, where these take time."""
+        return self.solve(self._sum)
+
+    @property
+    def _sum(self) -> Floats:
+        return np.append(np.zeros(self.n), self.n)
 
     def directions(self) -> tuple[Floats, Floats] | None:
         """x, y with F x = a e_k and y'F = a e_k', near the margin nearly Perron vectors; None if not positive."""
         if self._is_krylov:
-            x, y = self.perron[:-1], self.mirrored(sp.csr_array(self.F.T), np.ones(self.n)).perron[:-1]
+            x, y = self.nearly[:-1], self.mirrored(sp.csr_array(self.F.T), np.ones(self.n)).nearly[:-1]
         else:
             unit = np.zeros(self.n)
             unit[self.k] = 1.0
@@ -277,15 +301,6 @@ class _Mirrored:
         return self._of.solve(self._G * b, transposed=True) / self._G
 
 
-def _sizes(N: SparseIntegers) -> Integers:
-    """D = |N_ii|, or the largest of these where N_ii = 0: the same for N' and in all units of the unknowns."""
-    diagonal = np.zeros(N.height, dtype=object)
-    own = N.rows == N.indices
-    diagonal[N.rows[own]] = np.abs(N.data[own])
-    diagonal[diagonal == 0] = max(1, diagonal.max(initial=0))
-    return diagonal
-
-
 Pair: TypeAlias = tuple[tuple[Frame, Borders], tuple[Frame, Borders]]
 
 
@@ -314,7 +329,7 @@ def frames(N: SparseIntegers) -> Pair | None:
         if found is None:
             return None
         other = Frame(N.T, _centred(frame.left(found[1])[1]))
-        return (frame, solver), (other, solver.mirrored(other.F, frame.between(other)))
+        return (frame, solver), (other, solver.mirrored(other.F, frame.between(other), found[1]))
 
 
 def _centred(units: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -329,10 +344,10 @@ def balancing_units(N: SparseIntegers) -> NDArray[np.int64]:
     Zero if they differ little as it is.
     """
     n, rows = N.height, N.rows
-    mantissa, exponent = mantissas(N.data)
+    mantissa, exponent = N.mantissas
     with np.errstate(divide="ignore"):
         length = np.log2(np.abs(mantissa)) + exponent
-    size, power = mantissas(_sizes(N))
+    size, power = mantissas(N.sizes)
     own = np.log2(size) + power
     inside = (rows != N.indices) & (N.data != 0)
     i, j, length = rows[inside], N.indices[inside], (length - own[rows])[inside]
@@ -356,23 +371,40 @@ def refine(frame: Frame, solver: Borders) -> Iterator[Step]:
     start = solver.perron
     if not (np.isfinite(start).all() and np.abs(start).max() < 2.0**20):
         return
-    whole: Integers = np.rint(np.ldexp(start, _BITS)).astype(np.int64).astype(object)
-    X, T, P, stalls, spent = whole[:-1], int(whole[-1]), _BITS, 0, 0.0
+    bits = _BITS if np.abs(start).max() >= 2.0**9 else 53
+    whole: Integers = np.rint(np.ldexp(start, bits)).astype(np.int64).astype(object)
+    X, T, P, stalls, spent = whole[:-1], int(whole[-1]), bits, 0, 0.0
     while stalls < _STALLS and spent < _MOST:
         cost = (100.0 + P) * len(frame.N.data)
         spend(cost)
         spent += cost
         rest, top = _residual(frame, X, T, (n << P) - int(X.sum()))
-        yield Step(X, T, P, top)
+        yield Step(X, T, P, top, rest)
         if not rest.any():
             return
         step = max(4, _BITS - top)
         change = np.rint(np.ldexp(solver.solve(rest), _BITS))
         if not np.abs(change).max() < 2.0**62:
             return
-        added: Integers = np.left_shift(change.astype(np.int64).astype(object), top + step - _BITS)
+        added: Integers = change.astype(np.int64).astype(object)
+        added = added if top + step == _BITS else np.left_shift(added, top + step - _BITS)
         X, T, P = np.left_shift(X, step) + added[:-1], (T << step) + int(added[-1]), P + step
         stalls = stalls + 1 if step < 8 else 0
+
+
+class Refined:
+    """The steps of `refine`, each made once."""
+
+    def __init__(self, frame: Frame, solver: Borders) -> None:
+        self.frame, self.solver = frame, solver
+        self._steps: list[Step] = []
+        self._more = refine(frame, solver)
+
+    def __iter__(self) -> Iterator[Step]:
+        yield from self._steps
+        for step in self._more:
+            self._steps.append(step)
+            yield step
 
 
 def _residual(frame: Frame, X: Integers, T: int, missing: int) -> tuple[Floats, int]:

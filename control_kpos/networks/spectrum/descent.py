@@ -29,6 +29,8 @@ from .port_solves import PortSystem, banded_order, direct_loop
 Progress: TypeAlias = Callable[[str], None]
 # Where solutions miss a cone by their error, they are sought with these parts of the tolerance.
 _CLOSER = (1.0, 1e-3, 1e-6)
+# Bounds on the distance to the margin, by vectors that are not iterated on, may be this many times larger than it.
+_BOUNDED = 16.0
 
 
 @dataclass
@@ -182,7 +184,7 @@ class Hidden:
     Attributes
     ----------
     ended : bool
-        True if it ended a descent.
+        True if it ended a descent, or saved one.
     """
 
     def __init__(self, unit: float, least: float = 0.0, relative: float = 1.0) -> None:
@@ -192,6 +194,14 @@ class Hidden:
     def __call__(self, at: Approach) -> bool:
         jump, self._before = abs(at.theta - self._before), at.theta
         self.ended = max(jump, self.relative * abs(at.theta - self.least)) < self.unit
+        return self.ended
+
+    def bounded(self, model: NetworkModel, v: Floats, c: Floats) -> bool:
+        """Whether v with (least I - A_cl)'v = c bounds the distance, by Collatz and Wielandt."""
+        if not is_inside(model, v, dual=True):
+            v, c = -v, -c
+        own, ahead = (cone_coordinates(model, z, dual=True) for z in (v, c))
+        self.ended = all((np.abs(b) < _BOUNDED * self.unit * a).all() for a, b in zip(own, ahead, strict=True))
         return self.ended
 
 

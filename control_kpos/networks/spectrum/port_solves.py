@@ -31,6 +31,8 @@ _ENVELOPE_PER_UNKNOWN = 40
 _ENVELOPE_TOTAL = 2 * 10**6
 _SWEEPS = 60
 _ITERATIONS = 400
+# Part of a solution that its residual may be for it to show that there is none.
+_SINGULAR = 1e-6
 
 
 class Loop:
@@ -125,7 +127,7 @@ class Loop:
             self.iterations += count
             now = norm(b - (trial - T @ trial))
             if not now < 0.5 * error:
-                break
+                return trial if now <= _SINGULAR * norm(trial) else best
             best, error = trial, now
         return best
 

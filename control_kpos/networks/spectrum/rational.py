@@ -85,7 +85,7 @@ class NetworkPencil:
         inputs = SparseIntegers(
             heard.data, heard.indices, np.concatenate([np.zeros(n, dtype=np.intp), heard.indptr]), size
         )
-        N = at.into @ (states + inputs) @ at.out
+        N = at.of_map(states + inputs)
         E = at.heights * state
         E[n:] = 0
         direct = -at.heights * port
@@ -153,7 +153,7 @@ class ClosedPencil(NetworkPencil):
     def pencil(self) -> Pencil:
         """See `NetworkPencil`."""
         (A, B, heard), at, (state, port) = self._parts, self.coordinates, self._scales
-        return Pencil(at.into @ (A + B @ heard) @ at.out, at.heights * (state * port), at.cones)
+        return Pencil(at.of_map(A + B @ heard), at.heights * (state * port), at.cones)
 
     def outcome(self, found: Decision) -> Outcome:
         """See `NetworkPencil`."""
