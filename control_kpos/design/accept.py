@@ -122,8 +122,10 @@ def accept(
 
     def prove(candidate: Floats) -> Accepted | None:
         margins = margins_of(plant, candidate)
+        if not (margins >= needed).all():
+            return None
         size = plant.gain_of(candidate)
-        if not (margins >= needed).all() or not (candidate is F or size <= gain):
+        if not (candidate is F or size <= gain):
             return None
         spend(_effort(plant, margins))
         try:
@@ -267,10 +269,13 @@ def _all_proven(parts: Iterable[Certificate | None]) -> Any:
 def _proven_loop(M: Matrix, plant: Plant, rate: float | Fraction) -> LyapunovCertificate | None:
     """Theorem 2 for one closed loop, with the tightest rate or exactly this one where the plain one does not do."""
     loop = linear_lyapunov(M, plant.X, discrete=plant.discrete)
-    if loop and loop.decay_rate < rate:
-        loop = linear_lyapunov(M, plant.X, discrete=plant.discrete, rate="max")
-        if loop and loop.decay_rate < rate <= loop.decay_rate_bound and rate <= loop.decay_rate * (1 + _EQUAL):
-            loop = linear_lyapunov(M, plant.X, discrete=plant.discrete, rate=rate)
+    if not loop:
+        return None
+    if loop.decay_rate >= rate:
+        return loop
+    loop = linear_lyapunov(M, plant.X, discrete=plant.discrete, rate="max")
+    if loop and loop.decay_rate < rate <= loop.decay_rate_bound and rate <= loop.decay_rate * (1 + _EQUAL):
+        loop = linear_lyapunov(M, plant.X, discrete=plant.discrete, rate=rate)
     return loop if loop and (loop.decay_rate >= rate or loop.required_rate is not None) else None
 
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.intake import choice, exact_number, is_number, real_number
+from ..exact.intake import choice, exact_number, is_number
 from ..exact.matrix import Matrix
 from ..progress import Target
 from ..systems.system import System
@@ -153,8 +153,7 @@ def state_feedback(
     method, target = choice(method, "method", _METHODS), read_rate(rate)
 
     def design(lp: Programs) -> DesignResult:
-        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports)
-        plant = replace(plant, gap=real_number(gap, "gap", positive=True))
+        plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, gap=gap)
         own = constraints is not None or objective is not None
         if own and (target == "max" or disturbance is not None):
             raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
@@ -162,7 +161,8 @@ def state_feedback(
         blocked = beyond_feedback(plant, message, U=plant.system.U) if ports else None
         if blocked is not None:
             return blocked
-        interval = read_interval(plant, state_bounds, input_bounds, disturbance_bounds)
+        bounds = (state_bounds, input_bounds, disturbance_bounds)
+        interval = read_interval(plant, *bounds) if any(part is not None for part in bounds) else None
         if interval is not None and (own or disturbance is not None or target == "max"):
             raise DataError(
                 "bounds on states, inputs or disturbances go with a number as rate, and not with disturbance, "

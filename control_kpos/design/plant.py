@@ -19,7 +19,7 @@ from ..errors import (
     NotProperConeError,
     ShapeError,
 )
-from ..exact.intake import exact_matrix, flag, found, items, require_shape
+from ..exact.intake import exact_matrix, flag, found, items, real_number, require_shape
 from ..exact.matrix import Matrix
 from ..systems.system import System
 
@@ -268,6 +268,7 @@ def read_plant(
     vertices: Sequence[Any] | None = None,
     ports: bool = False,
     output: bool = False,
+    gap: float = 1e-3,
 ) -> Plant:
     """Check the arguments of a design and gather them.
 
@@ -293,6 +294,7 @@ def read_plant(
         read_bound(gain_bound, m),
         _pattern(structure, m, q if output else n),
         flag(ports, "ports"),
+        gap=real_number(gap, "gap", positive=True),
         names={} if isinstance(sys, System) else {key: getattr(sys, label) for key, label in _LABELS.items()},
     )
 

@@ -14,6 +14,7 @@ import re
 import reprlib
 from collections.abc import Mapping, Sequence
 from fractions import Fraction
+from math import isfinite
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -229,7 +230,8 @@ def exact_number(value: Any, name: str, *, positive: bool = False, nonnegative: 
     kind = "positive number" if positive else "number that is not negative" if nonnegative else "number"
     if value is None or isinstance(value, (bool, np.bool_)):
         raise DataError(f"{name} is {value}; give a {kind}.")
-    number = exact_matrix(value, name, ndim=0)[None].fractions()[0]
+    plain = type(value) is int or (type(value) is float and isfinite(value))
+    number = Fraction(value) if plain else exact_matrix(value, name, ndim=0)[None].fractions()[0]
     if (positive and not number > 0) or (nonnegative and not number >= 0):
         raise DataError(f"{name} is {float(number):g}; give a {kind}.")
     return number

@@ -173,12 +173,13 @@ def read_cone(given: Cone | ArrayLike | None, name: str, size: int, of: str, rem
     """The cone X, U or Y of a system with `size` states, inputs or outputs."""
     if given is None:
         return nonnegative(size)
-    cone = as_cone(given, name)
+    cone = given if isinstance(given, Cone) else as_cone(given, name)
     if removal is not None and cone.dim == removal.full != size:
         return nonnegative(size) if isinstance(cone, Orthant) else removal.cone(cone)
     if cone.dim != size:
         raise ConeMismatchError(f"{name} is a cone in {cone.dim} dimensions, but the system has {size} {of}.")
-    cone.require_proper(name)
+    if not cone.is_proper:
+        cone.require_proper(name)
     return cone
 
 

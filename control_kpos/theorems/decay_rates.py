@@ -31,20 +31,21 @@ def drift_forms(v: Matrix, A: Matrix, rays: Matrix, discrete: bool, rate: Rate =
     """v'A x_i + rate v'x_i, with A - I for A in discrete time."""
     if not np.isfinite(float(rate)):
         raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
-    eye = Matrix.identity(A.shape[0], sparse=A.is_sparse)
-    rows, blocks = [v], [A]
+    if not discrete and not rate:
+        return BilinearForms(v, A, rays)
+    rows, blocks, eye = [v], [A], Matrix.identity(A.shape[0], sparse=A.is_sparse)
     if discrete:
         rows, blocks = [*rows, v], [*blocks, -eye]
     if rate:
         row, block = at_rate(v, rate, eye)
         rows, blocks = [*rows, row], [*blocks, block]
-    if len(blocks) == 1:
-        return BilinearForms(v, A, rays)
     return BilinearForms(Matrix.join(rows, -1), Matrix.join(blocks, -2), rays)
 
 
 def at_rate(v: Matrix, rate: Rate, eye: Matrix) -> tuple[Matrix, Matrix]:
     """rate v' as a product of two matrices, in doubles if the rate is one."""
+    if rate == 1:
+        return v, eye
     if rate == float(rate):
         return v, Matrix(eye.values * float(rate))
     return Matrix.from_fractions(v.fractions() * rate), eye

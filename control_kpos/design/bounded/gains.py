@@ -51,17 +51,14 @@ _TURNS, _ENOUGH = 30, 1e-4
 
 def read_interval(
     plant: Plant, state_bounds: ArrayLike | None, input_bounds: ArrayLike | None, disturbance_bounds: ArrayLike | None
-) -> Interval | None:
-    """The bounds, if there are any.
+) -> Interval:
+    """The bounds, of which one at least is given.
 
     Raises
     ------
     ShapeError, DataError
         Sizes that do not fit; x_max not inside X, w_max not in X, u_max not positive; bounds that say nothing.
     """
-    given = (state_bounds, input_bounds, disturbance_bounds)
-    if all(value is None for value in given):
-        return None
     x = None if state_bounds is None else _inside(state_bounds, "state_bounds", plant.X, ">")
     pushed = np.zeros(plant.n) if disturbance_bounds is None else disturbance_bounds
     w = _inside(pushed, "disturbance_bounds", plant.X, ">=")
