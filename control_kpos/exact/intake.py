@@ -230,7 +230,7 @@ def exact_number(value: Any, name: str, *, positive: bool = False, nonnegative: 
     kind = "positive number" if positive else "number that is not negative" if nonnegative else "number"
     if value is None or isinstance(value, (bool, np.bool_)):
         raise DataError(f"{name} is {value}; give a {kind}.")
-    plain = type(value) is int or (type(value) is float and isfinite(value))
+    plain = (type(value) is int and abs(value) < 2**53) or (type(value) is float and isfinite(value))
     number = Fraction(value) if plain else exact_matrix(value, name, ndim=0)[None].fractions()[0]
     if (positive and not number > 0) or (nonnegative and not number >= 0):
         raise DataError(f"{name} is {float(number):g}; give a {kind}.")

@@ -207,7 +207,7 @@ class Hidden:
 
 def rate_scale(model: NetworkModel) -> float:
     """A typical rate of the nodes, per unit of time: the largest median of |A_j| over the stacks."""
-    return max(1e-300, *(float(np.median(np.abs(s.A.values).max(axis=(1, 2)))) for s in model.stacks))
+    return max(1e-300, *(float(np.median(np.abs(s.A.values).max(axis=(1, 2), initial=0.0))) for s in model.stacks))
 
 
 def apply_loop(model: NetworkModel, x: Floats) -> Floats:
