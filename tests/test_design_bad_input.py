@@ -9,6 +9,7 @@ import pytest
 import control_kpos as kp
 from control_kpos.design.controllability import controllability_notes
 from control_kpos.design.plant import read_plant
+from control_kpos.errors import ShapeError
 from control_kpos.exact import programs as linear_programs
 from control_kpos.exact.programs import Solution
 
@@ -244,3 +245,22 @@ def test_refusals_name_their_cone():
     assert "stability while X stays invariant cannot be had with any F" in still.explain()
     out = kp.output_feedback(ct.ss([[1, 0], [0, -1]], [[0], [1]], np.eye(2), 0))
     assert out.status is kp.Status.REFUTED and out.check() and "nonnegative orthant" in out.explain()
+
+
+@pytest.mark.parametrize(
+    "design",
+    [
+        lambda static: kp.state_feedback(static),
+        lambda static: kp.output_feedback(static),
+        lambda static: kp.observer_gain(static),
+        lambda static: kp.gain_rate_tradeoff(static),
+        lambda static: kp.optimal_feedback(static, [], [1], np.zeros((1, 0))),
+        lambda static: kp.order_interval(static, []),
+        lambda static: kp.design_cone_and_feedback(static),
+        lambda static: kp.scale_free_certificate(static, weight=0.5),
+        lambda static: kp.scale_free_certificate([kp.ConeStateSpace([[-1]], [[1]], [[1]], 0), static], weight=0.5),
+    ],
+)
+def test_systems_without_states_are_refused(design):
+    with pytest.raises(ShapeError, match=r"no states|not empty"):
+        design(kp.ConeStateSpace([], [], [], [[0.5]]))

@@ -303,7 +303,10 @@ def read_system(sys: Any, X: Cone | ArrayLike | None) -> System:
     """The exact data of sys, with the cone X if one is given."""
     if not isinstance(sys, (StateSpace, System)):
         raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace, or a control.StateSpace and X=.")
-    return System.read(sys, X=X)
+    system = System.read(sys, X=X)
+    if not system.sizes[0]:
+        raise ShapeError("sys has no states; there is nothing to design.")
+    return system
 
 
 def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:

@@ -347,6 +347,8 @@ def scale_free_certificate(
     ('PROVED', True, False)
     """
     stacks, members, dt = gather(nodes, "nodes")
+    if not all(s.sizes[0] for s in stacks):
+        raise ShapeError("nodes: a node has no states; every type of node needs at least one.")
     count = sum(len(s) for s in stacks)
     shape = _link(stacks, count, link)
     bare = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
