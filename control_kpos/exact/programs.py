@@ -13,13 +13,11 @@ from __future__ import annotations
 import os
 import queue
 import threading
-import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
-import highspy
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
@@ -29,13 +27,6 @@ from .budget import seconds_left
 
 T = TypeVar("T")
 Outcome: TypeAlias = Literal["optimal", "infeasible", "unbounded", "failed"]
-
-_OUTCOMES: dict[Any, Outcome] = {
-    highspy.HighsModelStatus.kOptimal: "optimal",
-    highspy.HighsModelStatus.kInfeasible: "infeasible",
-    highspy.HighsModelStatus.kUnbounded: "unbounded",
-    highspy.HighsModelStatus.kUnboundedOrInfeasible: "infeasible",
-}
 
 # Of HiGHS's simplex method, on the scaled program; its default is 1e-7, its smallest 1e-10.
 _TOLERANCE = 1e-9
@@ -304,15 +295,6 @@ def _rows(A: Any, n: int) -> sp.csr_array:
     return sp.csr_array((dense[held], np.flatnonzero(held) % max(dense.shape[1], 1), indptr), shape=dense.shape)
 
 
-class _QuietHighs(highspy.Highs):
-    """HiGHS prints two lines from C when it is first asked for anything, and its constructor registers callbacks."""
-
-    def enableCallbacks(self) -> None:
-        """Register callbacks with the output switched off."""
-        self.setOptionValue("output_flag", False)
-        super().enableCallbacks()
-
-
 def _run_highs(
     cost: NDArray[np.float64],
     matrix: sp.csr_array,
@@ -323,17 +305,21 @@ def _run_highs(
     presolve: bool,
     time_limit: float,
 ) -> Solution:
-    begun = time.monotonic()
+    from . import highs  # noqa: PLC0415  (loads highspy, which needs time and few need)
+
     rows, columns = balance(matrix)
     right = np.concatenate([np.ldexp(upper, rows), *(np.ldexp(side, -columns) for side in box)])
     size = -_exponent(right[np.isfinite(right)])
     objective = np.ldexp(cost, columns)
-    price = -_exponent(objective)
-
-    solver = _QuietHighs()
+    data = np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices])
+    scaled = highs.ScaledProgram(
+        cost=np.ldexp(objective, -_exponent(objective)),
+        matrix=sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape),
+        lower=np.ldexp(lower, rows + size),
+        upper=np.ldexp(upper, rows + size),
+        box=(np.ldexp(box[0], size - columns), np.ldexp(box[1], size - columns)),
+    )
     options: dict[str, Any] = {
-        "threads": 1,
-        "presolve": "choose" if presolve else "off",
         "simplex_iteration_limit": _STEPS[0] + _STEPS[1] * (cost.size + lower.size),
         "ipm_iteration_limit": _INTERIOR_STEPS,
     }
@@ -341,49 +327,10 @@ def _run_highs(
         options |= {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
     if method == "ipm":
         options |= {"solver": "ipm", "run_crossover": "off"}
-    if np.isfinite(time_limit):
-        options["time_limit"] = float(max(time_limit, 1e-3))
-    for name, value in options.items():
-        solver.setOptionValue(name, value)
-    # as arrays: an HighsLp copies its vectors number by number through Python
-    passed = solver.passModel(
-        cost.size,
-        lower.size,
-        matrix.nnz,
-        int(highspy.MatrixFormat.kRowwise),
-        int(highspy.ObjSense.kMinimize),
-        0.0,
-        np.ldexp(objective, price),
-        np.ldexp(box[0], size - columns),
-        np.ldexp(box[1], size - columns),
-        np.ldexp(lower, rows + size),
-        np.ldexp(upper, rows + size),
-        matrix.indptr.astype(np.int32),
-        matrix.indices.astype(np.int32),
-        np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices]),
-        np.zeros(cost.size, dtype=np.int32),
-    )
-    if passed == highspy.HighsStatus.kError:
-        return failure("HiGHS refused the program")
-    if solver.run() == highspy.HighsStatus.kError:
-        # one pool of threads serves the whole process, and another caller of HiGHS has chosen its size
-        solver.setOptionValue("threads", 0)
-        solver.run()
-    if not presolve and solver.getModelStatus() != highspy.HighsModelStatus.kOptimal:
-        left = time_limit - (time.monotonic() - begun)
-        return _run_highs(cost, matrix, lower, upper, box, method, True, left)
-    outcome = _OUTCOMES.get(solver.getModelStatus(), "failed")
-    if outcome == "infeasible" and not lower.size:
-        outcome = "unbounded"
-    if outcome != "optimal":
-        return Solution(outcome, np.empty(0), message=f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
-    x = np.ldexp(np.asarray(solver.getSolution().col_value, dtype=float), columns - size)
-    basic = None
-    if method == "simplex":
-        _, index = solver.getBasicVariables()  # type: ignore[attr-defined]
-        index = np.asarray(index, dtype=np.intp)
-        basic = np.where(index >= 0, index, cost.size - 1 - index)
-    return Solution("optimal", x, basic=basic)
+    outcome, x, basic, message = highs.run(scaled, options, presolve, time_limit)
+    if outcome == "optimal":
+        x = np.ldexp(x, columns - size)
+    return Solution(outcome, x, basic=basic, message=message)
 
 
 def _exponent(values: NDArray[np.float64]) -> int:
