@@ -32,6 +32,7 @@ from .theorems.stability import LyapunovCertificate, linear_lyapunov
 if TYPE_CHECKING:
     from .design import (
         DesignResult,
+        FiniteCostCertificate,
         OptimalCostCertificate,
         OptimalFeedback,
         OrderInterval,
@@ -85,6 +86,7 @@ __all__ = [
     "DifferentialCertificate",
     "DissipativityCertificate",
     "FalseClaimError",
+    "FiniteCostCertificate",
     "FoundCone",
     "InstabilityCombination",
     "InstabilityDirection",
@@ -152,9 +154,9 @@ _ON_DEMAND = {
     name: room
     for room, names in {
         ".design": (
-            "DesignResult OptimalCostCertificate OptimalFeedback OrderInterval OrderIntervalCertificate Tradeoff "
-            "gain_rate_tradeoff network_feedback observer_gain optimal_feedback order_interval output_feedback "
-            "scale_free_feedback state_feedback"
+            "DesignResult FiniteCostCertificate OptimalCostCertificate OptimalFeedback OrderInterval "
+            "OrderIntervalCertificate Tradeoff gain_rate_tradeoff network_feedback observer_gain optimal_feedback "
+            "order_interval output_feedback scale_free_feedback state_feedback"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

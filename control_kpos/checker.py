@@ -1427,7 +1427,7 @@ def residual(c: LinearCost, p: Vector, policy: list[Fraction] | None = None, *, 
 
 
 def linear_cost(e: Said, limit: int) -> LinearCost:
-    """The data, with  l_g'x >= 0,  s'x + r'mu > 0,  and A x + B mu in X, for all admissible mu and x in X.
+    """The data, with  l_g'x >= 0,  and A x + B mu in X, for all admissible mu and x in X.
 
     On the facets h of a simplicial cone: h'A x + sum_g m_g(B'h) l_g'x >= 0, disturbances counted as controls; in
     continuous time if h'x = 0.
@@ -1454,7 +1454,6 @@ def linear_cost(e: Said, limit: int) -> LinearCost:
         A, B, L, X, s, r, kinds, columns, *((discount, Fraction(1)) if discrete else (Fraction(1), discount))
     )
     need(all(above(pullback({g: Fraction(1)}, L), X) for g in range(len(kinds))), "l'x >= 0")
-    need(all(dot(total((1, s), (1, pushed(out, r))), x) > 0 for x in X.rays), "s'x + r'mu > 0")
     expect(len(X.rays) == X.dim, "invariance under all inputs is checked on simplicial cones")
     tamed = replace(out, kinds=[CONTROL if kind == DISTURBANCE else kind for kind in kinds])
     for j, h in enumerate(X.inverse):  # the facets
@@ -1463,27 +1462,58 @@ def linear_cost(e: Said, limit: int) -> LinearCost:
     return out
 
 
-def optimal_cost(e: Said, limit: int) -> None:
-    """lower'x <= the optimal cost from x <= the cost of the policy <= upper'x on X.
+def costly(c: LinearCost) -> None:
+    """Every stage costs something, but at x = 0:  s'x + r'mu > 0  for all admissible mu."""
+    need(all(dot(total((1, c.s), (1, pushed(c, c.r))), x) > 0 for x in c.X.rays), "s'x + r'mu > 0")
 
-    upper'x >= 0,  D(upper)'x <= 0 for the policy,  D(lower)'x >= 0.  mu_i = policy_i l_g'x is admissible.
-    """
-    c = linear_cost(e, limit)
-    policy, (lower, upper) = sequence(e["policy"]), (entries(array(e[name]), c.X.dim) for name in ("lower", "upper"))
-    expect(len(policy) == sum(map(len, c.columns)) and all(type(a) is int and abs(a) <= 1 for a in policy), "a policy")
+
+def admissible(c: LinearCost, policy: list[Fraction]) -> None:
+    """mu_i = policy_i l_g'x keeps to the limits of the controls."""
+    expect(len(policy) == sum(map(len, c.columns)) and all(a in (-1, 0, 1) for a in policy), "a policy")
     for g, kind in enumerate(c.kinds):
         mine = [policy[i] for i in c.columns[g]]
         expect(kind in (CONTROL, DISTURBANCE) or min(mine) >= 0, "mu >= 0 in a group")
         expect(kind in (CONTROL, DISTURBANCE) or sum(mine) <= 1, "1'mu <= l'x")
         expect(kind != SHARED or sum(mine) == 1, "1'mu = l'x")
+
+
+def optimal_cost(e: Said, limit: int) -> None:
+    """lower'x <= the optimal cost from x <= the cost of the policy <= upper'x on X.
+
+    upper'x >= 0,  D(upper)'x <= 0 for the policy,  D(lower)'x >= 0.
+    """
+    c = linear_cost(e, limit)
+    costly(c)
+    policy, (lower, upper) = sequence(e["policy"]), (entries(array(e[name]), c.X.dim) for name in ("lower", "upper"))
+    expect(all(type(a) is int for a in policy), "a policy")
+    admissible(c, policy)
     need(above(upper, c.X), "upper'x >= 0")
     need(above(total((-1, residual(c, upper, policy))), c.X), "D(upper)'x <= 0")
     need(above(residual(c, lower), c.X), "D(lower)'x >= 0")
 
 
+def finite_cost(e: Said, limit: int) -> None:
+    """lower_k'x <= the optimal cost of the steps from k on, from x, <= the cost of their policies <= upper_k'x on X.
+
+    With T(p) = D(p) + p and lower_N = upper_N = terminal, in discrete time:  (T(lower_k+1) - lower_k)'x >= 0,  and
+    (upper_k - T(upper_k+1))'x >= 0 for policy k.
+    """
+    c = linear_cost(e, limit)
+    expect(e["discrete"], "steps are of discrete time")
+    policies, (last,) = rows(e["policies"], sum(map(len, c.columns))), rows(e["terminal"], c.X.dim)
+    bounds = [[entries(p, c.X.dim) for p in [*rows(e[name], c.X.dim), last]] for name in ("lower", "upper")]
+    expect(all(len(p) == len(policies) + 1 > 1 for p in bounds), "two bounds for every step")
+    steps = zip(policies, pairwise(bounds[0]), pairwise(bounds[1]), strict=True)
+    for policy, (lower, after), (upper, rest) in steps:
+        admissible(c, policy)
+        need(above(total((1, residual(c, after)), (1, after), (-1, lower)), c.X), "(T(lower+) - lower)'x >= 0")
+        need(above(total((1, upper), (-1, residual(c, rest, policy)), (-1, rest)), c.X), "(upper - T(upper+))'x >= 0")
+
+
 def infinite_cost(e: Said, limit: int) -> None:
     """No policy has a finite cost from inside X: d'x >= 0, not always 0, and D(d)'x >= 0 without costs."""
     c, (_, w) = linear_cost(e, limit), record(e, "witness", "GrowingCost")
+    costly(c)
     d = entries(array(w["d"]), c.X.dim)
     need(above(d, c.X) and bool(d), "d'x >= 0")
     need(above(residual(c, d, costs=0), c.X), "d'x does not fall")
@@ -1539,6 +1569,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("order interval", "REFUTED"): no_order_interval,
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
+    ("finite-horizon cost", "PROVED"): finite_cost,
 }
 
 

@@ -281,6 +281,25 @@ CERTIFICATES = {
             discrete=True,
         ).certificate
     ),
+    "finite cost": lambda: optimal(horizon=3, terminal_cost=["1/3", "1/7"]).certificate,
+    "finite cost, rounded": lambda: (
+        optimal(
+            A=[["1/3", "1/7"], ["1/11", 0.2]], X=None, discrete=True, horizon=3, limits=[[0, "1/" + "9" * 250]]
+        ).certificate
+    ),
+    "finite cost, groups and a disturbance": lambda: (
+        optimal(
+            [["1/2", "1/4"], [0, "1/4"]],
+            [[0, -0.125], [0.25, 0]],
+            X=None,
+            r=[1, "-1/3"],
+            groups=[[0, 1]],
+            disturbance=([["1/7"], [0]], [[0.5, 0]]),
+            discrete=True,
+            discount="1/2",
+            horizon=2,
+        ).certificate
+    ),
     "optimal cost, not finite": lambda: optimal([[2, 0], [0, 0.5]], [[0.5], [0]], limits=[[1, 0]], X=None).certificate,
     "order interval": lambda: interval([0, 1], ([[1, 0], [0, -1]], ["1/22", 0.5])).certificate,
     "order interval, four generators": lambda: (

@@ -131,6 +131,48 @@ COSTS = {
 }
 
 
+def stepwise(low, high=None, policies=(-1, -1), *, A=1, B="1/2", last=0, more=None, **data):
+    """The same in two steps from a terminal cost; x+ = x + mu / 2, s = 2, r = 1: p = (2 - |1 + p / 2|) + p."""
+    content = cheapest(A, B, **{"policy": [0], "low": 0, "high": 0} | data)
+    own = {"lower": low, "upper": low if high is None else high, "policies": policies, "terminal": [last]}
+    data = {k: x for k, x in content["data"].items() if k != "policy"} | {"witness": None}
+    data |= {name: {"matrix": [x if isinstance(x, list) else [x] for x in rows]} for name, rows in own.items()}
+    return {**content, "claim": "finite-horizon cost", "data": data | (more or {})}
+
+
+HORIZONS = {
+    "finite cost": (stepwise(["3/2", 1]), "PROVED"),
+    "finite cost, wide": (stepwise([1, "1/2"], [2, "3/2"]), "PROVED"),
+    "finite cost, lower too high": (stepwise(["13/8", 1], [2, 1]), "WRONG"),
+    "finite cost, lower too high at the end": (stepwise([1, "9/8"], [2, 2]), "WRONG"),
+    "finite cost, upper too low": (stepwise([1, 1], ["11/8", 1]), "WRONG"),
+    "finite cost, upper too low at the end": (stepwise([0, 0], [2, "7/8"]), "WRONG"),
+    "finite cost, dear policy": (stepwise(["3/2", 1], policies=(1, -1)), "WRONG"),
+    "finite cost, with a terminal cost": (stepwise([2, 2], last=2), "PROVED"),
+    "finite cost, with a lower terminal cost": (stepwise([2, 2], last="7/4"), "WRONG"),
+    "finite cost, negative": (stepwise(["-9/2", -3], s=0, r=0, last=-2, policies=(1, 1)), "PROVED"),
+    "finite cost, of a stage for nothing": (stepwise(["1/4", "1/2"], s=1, last=1, policies=(-1, -1)), "PROVED"),
+    "finite cost, with a factor": (stepwise(["5/4", 1], discount="1/2"), "PROVED"),
+    "finite cost, of an unstable system": (stepwise([10, 2], A=4, B=0, s=3), "PROVED"),
+    "finite cost, out of the cone": (stepwise([0, 0], [9, 9], A="1/4"), "WRONG"),
+    "finite cost, policy beyond its limit": (stepwise([0, 0], [9, 9], policies=(-2, -1)), "UNREADABLE"),
+    "finite cost, half a policy": (stepwise([0, 0], [9, 9], policies=("-1/2", -1)), "UNREADABLE"),
+    "finite cost, policy of two": (stepwise([0, 0], [9, 9], policies=([-1, 0], [-1, 0])), "UNREADABLE"),
+    "finite cost, a policy missing": (stepwise(["3/2", 1], policies=(-1,)), "UNREADABLE"),
+    "finite cost, a bound too many": (stepwise(["3/2", 1], [9, "3/2", 1]), "UNREADABLE"),
+    "finite cost, a low bound too many": (stepwise([9, "3/2", 1], ["3/2", 1]), "UNREADABLE"),
+    "finite cost, no step": (stepwise([], policies=()), "UNREADABLE"),
+    "finite cost, continuous": (stepwise([0, 0], [9, 9], A=-1, discrete=False, discount=0), "UNREADABLE"),
+    "finite cost, group": (stepwise([4, 2], A=1, B="-1/4", r=1, kinds=1, policies=(0, 0)), "PROVED"),
+    "finite cost, group below 0": (stepwise([0, 0], [9, 9], kinds=1, B="1/4", policies=(-1, 0)), "UNREADABLE"),
+    "finite cost, two ends": (
+        stepwise(["3/2", 1], more={"terminal": {"matrix": [[0], [0]]}}),
+        "UNREADABLE",
+    ),
+    "finite cost, refuted": (stepwise(["3/2", 1]) | {"status": "REFUTED"}, "WRONG"),
+}
+
+
 def kept(A=-2, w=1, x="1/2", *, least=None, v=None, bounds=(), rows=(), covers=None, discrete=False, witness=None):
     """x' = A x + w on the half-line with [0, x]; a witness (kind, vector, row) refutes it."""
     vectors = {"w_max": [w], "x_max": x if x is None else [x], "lyapunov": v and [v], "x_min": least and [least]}
@@ -205,4 +247,4 @@ INTERVALS = {
     ),
     "no bound, no smallest": (kept(rows=[3], bounds=[-1], witness=("BoundExceeded", 0, 0)), "UNREADABLE"),
 }
-COSTS |= INTERVALS
+COSTS |= INTERVALS | HORIZONS

@@ -17,6 +17,13 @@ def plant(A, B=None, C=None, **more):
     return kp.ConeStateSpace(A, B, C, np.zeros((len(C), len(B[0]))), **more)
 
 
+def after_one_step(cost):
+    """The terminal cost that a plan of one step is about."""
+    return kp.optimal_feedback(
+        plant([[1]], dt=True), [1], [0], [[0]], horizon=1, terminal_cost=cost
+    ).certificate.terminal
+
+
 def supplied(W, q, r):
     return kp.feedback_interconnect([LAG, LAG], W, supply_rates=[(q, r)] * 2).certificate
 

@@ -16,6 +16,7 @@ NODE = kp.examples.mass_spring_node()
 RING = kp.examples.ring(3)
 NETWORK = kp.feedback_interconnect([NODE] * 3, RING)
 SIMPLE = kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)
+STEPS = kp.ConeStateSpace([[0.5]], [[0.5]], [[1]], 0, True)
 OUT_WEIGHTS = kp.scale_free_certificate([SIMPLE])
 DESIGN = kp.state_feedback(PLANT, X=PAPER)
 CURVE = kp.gain_rate_tradeoff(PLANT, [0.5, 1], X=PAPER)
@@ -163,6 +164,10 @@ CALLS |= {  # design
             "time_limit": 2.0,
             "progress": None,
         },
+    ),
+    "optimal_feedback over some steps": (
+        kp.optimal_feedback,
+        {"sys": STEPS, "s": [2], "r": [1], "limits": [[0.5]], "horizon": 2, "terminal_cost": [1], "time_limit": 2.0},
     ),
     "order_interval": (
         kp.order_interval,

@@ -7,7 +7,7 @@ from fractions import Fraction
 import exact_systems
 import numpy as np
 import pytest
-from exact_plants import LAG, THIRD, THIRDS, plant, supplied
+from exact_plants import LAG, THIRD, THIRDS, after_one_step, plant, supplied
 from test_house import METHODS, PUBLIC
 
 import control_kpos as kp
@@ -20,8 +20,7 @@ from control_kpos.exact.matrix import Matrix
 
 CONE, SAME = [["1/3", "1/7"], [0, 1]], kp.PolyhedralCone([[7, 3], [0, 1]])
 SIDE, SIDES = [["1/3"]], [[THIRD]]
-LINE = kp.orthant(1)
-PLANE = kp.orthant(2)
+LINE, PLANE = kp.orthant(1), kp.orthant(2)
 MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
 MIXED, MIXED_SAME = [["-1", "1/3"], ["1/7", "-2"]], [[-1, THIRD], [Fraction(1, 7), -2]]
 GAINED = [["1/3", 1], [1, -3]]
@@ -241,6 +240,7 @@ EXACT = {
         "disturbance": lambda: (best(disturbance=([["1/9"]], SIDE)).limits, [[Fraction(1, 8)], [THIRD]]),
         "discount": lambda: (best(discount="1/3").discount, THIRD),
         "controls": lambda: (best(controls=SIDE).B, SIDES),
+        "terminal_cost": lambda: (after_one_step(["1/3"]), SIDES),
     },
     "order_interval": {
         "sys": lambda: (kept(sys=plant([["-1/3"]])).positivity.A, [[-THIRD]]),
@@ -382,7 +382,7 @@ NO_DATA = {
     }
     | {"show_legend", "warn_infinite", "use_prefix_suffix", "states"},
     "whole numbers": {"n", "nu", "ny", "k", "max_rays", "seed", "restarts", "pieces", "refine", "node", "types"}
-    | {"facets", "n_nodes", "degree", "groups"},
+    | {"facets", "n_nodes", "degree", "groups", "horizon"},
     "seconds, and who hears of them": {"time_limit", "progress"},
     "signals by place or name": {"inputs", "outputs"},
     "a timebase, which python-control keeps in doubles": {"dt"},

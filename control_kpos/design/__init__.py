@@ -5,13 +5,16 @@ from .bounded.interval import OrderInterval, order_interval
 from .feedback import observer_gain, output_feedback, state_feedback
 from .network.scale_free import scale_free_feedback
 from .network.search import network_feedback
+from .optimal.answer import OptimalFeedback
 from .optimal.certificate import OptimalCostCertificate
-from .optimal.search import OptimalFeedback, optimal_feedback
+from .optimal.finite import FiniteCostCertificate
+from .optimal.search import optimal_feedback
 from .result import DesignResult
 from .tradeoff import Tradeoff, gain_rate_tradeoff
 
 __all__ = [
     "DesignResult",
+    "FiniteCostCertificate",
     "OptimalCostCertificate",
     "OptimalFeedback",
     "OrderInterval",

@@ -43,7 +43,7 @@ class Question:
         n, m = X.dim, B.shape[1]
         sparse = issubclass(kind, NetworkCost)
         form = _sparse if sparse else _dense
-        states = _row(_flat(self.s, "s", nodes), "s", n, "state of sys")
+        states = of_states(self.s, "s", n, nodes)
         inputs = _row(self.r, "r", m, "input of sys (or column of controls)")
         owner, kinds = _blocks(self.groups, m, flag(self.use_all, "use_all"))
         L = exact_matrix(self.limits, "limits")
@@ -63,6 +63,11 @@ class Question:
             B, L = Matrix.join([B, G], -1), Matrix.join([L, sizes], -2)
             inputs = Matrix.join([inputs, Matrix.zeros(1, G.shape[1])], -1)
         return kind(A, B, X, discrete, states, inputs, L, owner, kinds, _discount(self.discount, discrete))
+
+
+def of_states(values: Any, name: str, n: int, nodes: int) -> Matrix:
+    """Costs of the states as a row; of a network of so many nodes also one row a node."""
+    return _row(_flat(values, name, nodes), name, n, "state of sys")
 
 
 def _longer(indptr: Index, rows: int) -> Index:

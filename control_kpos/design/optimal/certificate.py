@@ -12,21 +12,25 @@ because upper'x falls and upper lies in X*.
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from ...cards import raised
 from ...errors import DataError
 from ...exact.condition import Condition, residuals
+from ...exact.matrix import Matrix
 from ...proof.certificate import Certificate, Status, Vector, exactly
 from ...proof.encoding import register_record, require_kinds
 from ...proof.weights import ProofOmittedError
 from .network_problem import PRICES, NetworkCost
 from .problem import ABOVE, BLOCKS, CONTROL, COSTS, DISTURBANCE, INSIDE, KEPT, LIMITS, Index, LinearCost
+
+C = TypeVar("C", bound="ClaimOnCost")
 
 
 @register_record
@@ -46,7 +50,101 @@ class GrowingCost:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OptimalCostCertificate(Certificate):
+class ClaimOnCost(Certificate):
+    """A claim about an optimal control problem with linear cost, which files hold by the names of its parts.
+
+    Attributes
+    ----------
+    problem : LinearCost
+    """
+
+    problem: LinearCost
+
+    def __post_init__(self) -> None:
+        _require_sound(self.problem)
+        super().__post_init__()
+
+    def _assumptions(self) -> Sequence[Condition]:
+        return vars(self).get("_known") or self._premises()
+
+    def _premises(self) -> Sequence[Condition]:
+        return self.problem.assumptions()
+
+    @property
+    @abstractmethod
+    def _bounds(self) -> tuple[Matrix, Matrix]:
+        """The bounds of the optimal cost, each a row."""
+
+    def evidence(self) -> dict[str, Any]:
+        """Nothing: the inequalities are in the data.  On cones that are not simplicial the facets are missing."""
+        if not self.problem.X.is_simplicial:
+            raise ProofOmittedError("invariance under all inputs needs the facets of X; it is for control_kpos alone")
+        return {}
+
+    def contents(self) -> dict[str, Any]:
+        """The problem by the names of its parts, and the fields."""
+        own = {key: value for key, value in self.data().items() if key != "problem"}
+        if self.problem.A.shape[0] != self.problem.X.dim or self.problem.B.shape[0] != self.problem.X.dim:
+            raise DataError(
+                "the closed loop of this network has entries that are no doubles; files cannot hold it yet."
+            )
+        parts = {f.name: getattr(self.problem, f.name) for f in fields(LinearCost)}
+        return {**parts, **own, **{name: tuple(parts[name].tolist()) for name in BLOCKS}, **self._coded()}
+
+    @abstractmethod
+    def _coded(self) -> dict[str, Any]:
+        """Policies as files hold them."""
+
+    @classmethod
+    @abstractmethod
+    def _decoded(cls, own: dict[str, Any]) -> dict[str, Any]:
+        """The fields but for the problem, with policies as certificates hold them."""
+
+    @classmethod
+    def restore(cls: type[C], contents: dict[str, Any]) -> C:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        require_kinds(LinearCost, contents)
+        own = dict(contents)
+        parts: dict[str, Any] = {f.name: own.pop(f.name) for f in fields(LinearCost)}
+        blocks: dict[str, Any] = {name: _whole(parts[name], name) for name in BLOCKS}
+        sparse = all(parts[name].is_sparse for name in ("A", "B", "limits"))
+        return cls.settle(problem=(NetworkCost if sparse else LinearCost)(**parts | blocks), **cls._decoded(own))
+
+    def _against(self) -> tuple[str, str]:
+        """Whom the costs are against, in words."""
+        if DISTURBANCE not in self.problem.kinds:
+            return "", ""
+        return " against every admissible disturbance", " against the worst one"
+
+    def _gap(self) -> Fraction | float:
+        """The largest (upper - lower)'x / upper'x on X, exactly; of networks no less."""
+        lower, upper = self._bounds
+        if isinstance(self.problem, NetworkCost):
+            return self.problem.gap(lower.values[0], upper.values[0])
+        rays = self.problem.X.exact_rays.plain().fractions()
+        low, high = (rays @ bound.fractions()[0] for bound in (lower, upper))
+        if any(b <= 0 != b - a for a, b in zip(low, high, strict=True)):
+            return float("inf")
+        return max(Fraction(0), *((b - a) / (b or 1) for a, b in zip(low, high, strict=True)))
+
+    @property
+    def gap(self) -> float:
+        """The largest (upper - lower)'x / upper'x on X, rounded up; inf where upper'x <= 0, NaN without bounds."""
+        try:
+            found = self._gap()
+        except DataError:
+            return float("nan")
+        return float(raised(found, 9)) if isinstance(found, Fraction) else found
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class OptimalCostCertificate(ClaimOnCost):
     """Proof of a policy with linear cost and of the optimal cost from both sides, or that no cost is finite.
 
     Attributes
@@ -63,25 +161,20 @@ class OptimalCostCertificate(Certificate):
     claim: ClassVar[str] = "optimal cost"
     no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, *PRICES})
 
-    problem: LinearCost
     policy: Index | None = None
     lower: Vector = Vector()
     upper: Vector = Vector()
 
-    def __post_init__(self) -> None:
-        _require_sound(self.problem)
-        super().__post_init__()
-
-    def _assumptions(self) -> Sequence[Condition]:
-        return vars(self).get("_known") or self.problem.assumptions()
+    @property
+    def _bounds(self) -> tuple[Matrix, Matrix]:
+        return exactly(self, "lower")[None], exactly(self, "upper")[None]
 
     def conditions(self) -> Sequence[Condition]:
         """The assumptions, and the two inequalities."""
         problem, policy = self.problem, self.policy
         if policy is None or not problem.is_policy(policy):
             raise DataError("a policy takes for every control -1, 0 or 1, and at most one column of every group.")
-        lower, upper = (exactly(self, name)[None] for name in ("lower", "upper"))
-        return [*self._assumptions(), *problem.bracket(lower, upper, policy)]
+        return [*self._assumptions(), *problem.bracket(*self._bounds, policy)]
 
     def refutation(self) -> Sequence[Condition] | None:
         """The assumptions, and a vector along which nothing falls."""
@@ -91,40 +184,13 @@ class OptimalCostCertificate(Certificate):
             return None
         return [*self._assumptions(), *self.problem.growing(exactly(self.witness, "d")[None])]
 
-    def evidence(self) -> dict[str, Any]:
-        """Nothing: the inequalities are in the data.  On cones that are not simplicial the facets are missing."""
-        if not self.problem.X.is_simplicial:
-            raise ProofOmittedError("invariance under all inputs needs the facets of X; it is for control_kpos alone")
-        return {}
-
-    def contents(self) -> dict[str, Any]:
-        """The problem by the names of its parts, and the fields."""
-        own = {key: value for key, value in self.data().items() if key != "problem"}
-        if self.problem.A.shape[0] != self.problem.X.dim or self.problem.B.shape[0] != self.problem.X.dim:
-            raise DataError(
-                "the closed loop of this network has entries that are no doubles; files cannot hold it yet."
-            )
-        parts = {f.name: getattr(self.problem, f.name) for f in fields(LinearCost)}
-        whole = {**{name: parts[name] for name in BLOCKS}, "policy": own["policy"]}
-        return {**parts, **own, **{name: x if x is None else tuple(x.tolist()) for name, x in whole.items()}}
+    def _coded(self) -> dict[str, Any]:
+        return {"policy": None if self.policy is None else tuple(self.policy.tolist())}
 
     @classmethod
-    def restore(cls, contents: dict[str, Any]) -> OptimalCostCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By the names in files.
-        """
-        require_kinds(LinearCost, contents)
-        own = dict(contents)
-        parts: dict[str, Any] = {f.name: own.pop(f.name) for f in fields(LinearCost)}
-        blocks: dict[str, Any] = {name: _whole(parts[name], name) for name in BLOCKS}
-        if own.get("policy") is not None:
-            own["policy"] = _whole(own["policy"], "policy")
-        sparse = all(parts[name].is_sparse for name in ("A", "B", "limits"))
-        return cls.settle(problem=(NetworkCost if sparse else LinearCost)(**parts | blocks), **own)
+    def _decoded(cls, own: dict[str, Any]) -> dict[str, Any]:
+        policy = own.get("policy")
+        return {**own, "policy": None if policy is None else _whole(policy, "policy")}
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.lower is None:
@@ -133,16 +199,15 @@ class OptimalCostCertificate(Certificate):
 
     def explain(self) -> str:
         """What is proven, in words."""
-        disturbed = DISTURBANCE in self.problem.kinds
+        every, worst = self._against()
         if isinstance(self.refuted_by, GrowingCost):
-            worst = " against the worst disturbance" if disturbed else ""
+            worst = " against the worst disturbance" if worst else ""
             return (
                 f"Refuted: no admissible input has a finite cost from inside X{worst}. There is {self.witness}{worst}. "
                 "Widen the limits, or act on other states."
             )
         if not self:
             return "Undecided: the policy and the bounds of its cost are not proven."
-        every, worst = (" against every admissible disturbance", " against the worst one") if disturbed else ("", "")
         stable = "" if self._is_discounted else " Its closed loop is exponentially stable."
         return (
             f"Proved: for every x in X the policy costs at most upper'x{every}, and no policy costs less than "
@@ -150,35 +215,17 @@ class OptimalCostCertificate(Certificate):
         )
 
     @property
-    def gap(self) -> float:
-        """The largest (upper - lower)'x / upper'x on X, rounded up; inf where upper'x = 0, NaN without bounds."""
-        if self.lower is None or self.upper is None:
-            return float("nan")
-        found = self._gap()
-        return float(raised(found, 9)) if isinstance(found, Fraction) else found
-
-    def _gap(self) -> Fraction | float:
-        """The same, exactly; of networks no less."""
-        if isinstance(self.problem, NetworkCost):
-            return self.problem.gap(self.lower, self.upper)
-        rays = self.problem.X.exact_rays.plain().fractions()
-        low, high = (rays @ exactly(self, name).fractions() for name in ("lower", "upper"))
-        if any(b <= 0 for b in high):
-            return float("inf")
-        return max(Fraction(0), *((b - a) / b for a, b in zip(low, high, strict=True)))
-
-    @property
     def _is_discounted(self) -> bool:
         return self.problem.discount != int(self.problem.discrete)
 
 
-def settled(assumptions: Sequence[Condition], **data: Any) -> OptimalCostCertificate:
+def settled(kind: type[C], assumptions: Sequence[Condition], **data: Any) -> C:
     """The certificate, for a problem whose assumptions have been evaluated; `check` evaluates them again."""
-    draft = OptimalCostCertificate(**data)
+    draft = kind(**data)
     vars(draft)["_known"] = assumptions
     with np.errstate(all="ignore"):
         status, conditions = draft._evaluate()
-    out = OptimalCostCertificate(**data, status=status, residuals=residuals(conditions))
+    out = kind(**data, status=status, residuals=residuals(conditions))
     vars(out)["_own_conditions"] = conditions
     return out
 

@@ -13,22 +13,22 @@ from .problem import CONTROL, COSTS, DISTURBANCE, KEPT, LIMITS, LinearCost
 
 
 def obstacle(problem: LinearCost, conditions: Sequence[Condition]) -> str:
-    """What does not hold of the assumptions; an error for data that mean nothing."""
+    """What does not hold of the assumptions that are needed; an error for data that mean nothing."""
     found = {condition.name: condition for condition in conditions}
     at = found[LIMITS].worst_violation()
     if at is not None:
         first = int(np.count_nonzero(problem.kinds != DISTURBANCE))
         name = f"limits[{at[0]}]" if at[0] < first else f"disturbance M[{at[0] - first}]"
         raise DataError(f"{name} is negative at generator {at[1]} of X; |u| <= l'x needs l'x >= 0 on X.")
-    costs = found[COSTS]
-    at = costs.worst_violation()
-    if at is not None and float(costs.forms.values[at]) < 0:
+    costs = found.get(COSTS)
+    at = None if costs is None else costs.worst_violation()
+    if costs is not None and at is not None and float(costs.forms.values[at]) < 0:
         raise DataError(
             f"the cost is negative at generator {at[1]} of X for some admissible input; raise s, or lower |r|."
         )
     if found[KEPT].verdict() is not True:
         return _leaves(problem, found[KEPT])
-    if costs.verdict() is not True:
+    if costs is not None and costs.verdict() is not True:
         where = "some state" if at is None else f"generator {at[1]} of X"
         return f"the cost of some admissible input at {where} is 0; bounds from below need s'x + r'u > 0, so raise s."
     return ""

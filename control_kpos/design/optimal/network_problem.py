@@ -34,7 +34,6 @@ from .problem import (
     COSTS,
     DISTURBANCE,
     GROUP,
-    INSIDE,
     KEPT,
     LIMITS,
     SHARED,
@@ -57,6 +56,11 @@ class NetworkCost(LinearCost):
     def cones(self) -> NodeCones:
         """X by nodes."""
         return NodeCones(self.X)
+
+    @cached_property
+    def rays(self) -> Matrix:
+        """See `LinearCost`."""
+        return self.cones.rays
 
     @cached_property
     def acting(self) -> sp.csr_array:
@@ -125,7 +129,7 @@ class NetworkCost(LinearCost):
 
     # -- prices
 
-    def _below(self, p: Matrix, *, costs: bool = True) -> tuple[Matrix, list[Condition]]:
+    def _below(self, p: Matrix, step: str = "", *, costs: bool = True) -> tuple[Matrix, list[Condition]]:
         """z <= m(r + B'p) for a row p, and the proof; with r = 0 without costs."""
         kind, r = self.kinds[self.owner], self.r if costs else Matrix.zeros(*self.r.shape)
         p = _scaled(p, self.factor)
@@ -135,16 +139,16 @@ class NetworkCost(LinearCost):
         z = self._by_block(np.minimum, least[None])[0]
         z[self.kinds == GROUP] = np.minimum(z[self.kinds == GROUP], 0)
         where = np.array([~free | (y >= 0), either | (free & (y < 0))])
-        return Matrix(z[None]), self._priced(BELOW_PRICE, r, p, z, 1, where)
+        return Matrix(z[None]), self._priced(BELOW_PRICE + step, r, p, z, 1, where)
 
-    def _above(self, p: Matrix, policy: Index) -> tuple[Matrix, list[Condition]]:
+    def _above(self, p: Matrix, policy: Index, step: str) -> tuple[Matrix, list[Condition]]:
         """z >= what a policy pays for r + B'p, against any disturbance, and the proof."""
         free, p = self.kinds[self.owner] == DISTURBANCE, _scaled(p, self.factor)
         y, error = self._inputs(self.r, p)
         paid = np.where(free, np.abs(y) + error, policy * y + np.abs(policy) * error)
         z = np.bincount(self.owner, paid, minlength=len(self.kinds)).astype(float)
         where = np.array([free | (policy < 0), free | (policy > 0)])
-        return Matrix(z[None]), self._priced(ABOVE_PRICE, self.r, p, z, -1, where)
+        return Matrix(z[None]), self._priced(ABOVE_PRICE + step, self.r, p, z, -1, where)
 
     def _inputs(self, r: Matrix, p: Matrix, *, exact: bool = False) -> tuple[Floats, Floats]:
         """r + B'p in floating point, and more than its error; if `exact`, no error where there is one term only."""
@@ -176,26 +180,25 @@ class NetworkCost(LinearCost):
 
     # -- exact forms
 
-    def _moved(self, s: Matrix, z: Matrix, p: Matrix) -> BilinearForms:
-        """(s + (A - I)'p + sum_g z_g l_g)'x on the generators x."""
-        own = -p if self.discrete else _scaled(p, -self.discount)
+    def _moved(self, s: Matrix, z: Matrix, p: Matrix, before: Matrix | None = None) -> BilinearForms:
+        """(s + (A - I)'p + sum_g z_g l_g)'x on the generators x; with `before` in the place of I'p."""
+        own = _scaled(p, -self.discount) if not self.discrete else -p if before is None else -before
         left = Matrix.join([s, z, repeated(_scaled(p, self.factor), self.A), own], -1)
-        return BilinearForms(left, self._middle, self.cones.rays)
+        return BilinearForms(left, self._middle, self.rays)
 
-    def bracket(self, lower: Matrix, upper: Matrix, policy: Index) -> list[Condition]:
+    def above(self, upper: Matrix, policy: Index, before: Matrix | None = None, step: str = "") -> list[Condition]:
         """See `LinearCost`."""
-        (least, below), (paid, above) = self._below(lower), self._above(upper, policy)
-        return [
-            Condition(INSIDE, BilinearForms(upper, None, self.cones.rays), ">="),
-            *above,
-            Condition(ABOVE, self._moved(self.s, paid, upper), "<="),
-            *below,
-            Condition(BELOW, self._moved(self.s, least, lower), ">="),
-        ]
+        paid, proof = self._above(upper, policy, step)
+        return [*proof, Condition(ABOVE + step, self._moved(self.s, paid, upper, before), "<=")]
+
+    def below(self, lower: Matrix, before: Matrix | None = None, step: str = "") -> list[Condition]:
+        """See `LinearCost`."""
+        least, proof = self._below(lower, step)
+        return [*proof, Condition(BELOW + step, self._moved(self.s, least, lower, before), ">=")]
 
     def assumptions(self) -> list[Condition]:
         """See `LinearCost`."""
-        rays, facets = self.cones.rays, self.cones.facets
+        rays, facets = self.rays, self.cones.facets
         worst, proof = self._worst_pushes()
         left, n = Matrix.join([worst, *[facets] * height(self.A, facets.shape[1])], -1), rays.shape[1]
         kept = BilinearForms(left, self._part(n, n + left.shape[1]), rays)
@@ -209,7 +212,7 @@ class NetworkCost(LinearCost):
 
     def gap(self, lower: Floats, upper: Floats) -> float:
         """No less than the largest (upper - lower)'x / upper'x on X."""
-        rays = self.cones.rays.values
+        rays = self.rays.values
         size = abs(rays) @ (np.abs(lower) + np.abs(upper))
         error = error_factor(int(np.diff(rays.indptr).max(initial=1)) + 2) * size + underflow(rays.shape[1])
         low, high = rays @ lower - error, rays @ upper + error
@@ -217,9 +220,34 @@ class NetworkCost(LinearCost):
             return float("inf")
         return float(((high - low) / (high - 2 * error)).max(initial=0.0) * (1 + 8 * HALF_ULP))
 
+    # -- one step more, in discrete time
+
+    def earlier(self, p: Matrix) -> tuple[Matrix, Index, Floats | None]:
+        """See `LinearCost`; in floating point."""
+        row, factor, s, L = p.values[0], float(self.factor), np.asarray(self.s.values[0]), self.limits.values
+        y = np.asarray(self.r.values[0]) + factor * (row @ self.acting)
+        moved = s + factor * (row @ self.resting) + self.best(y[None])[0] @ L
+        coming = np.abs(s) + factor * (np.abs(row) @ abs(self.resting)) + np.abs(moved)
+        paid = np.abs(np.asarray(self.r.values[0])) + factor * (np.abs(row) @ self.reach[0])
+        sizes = abs(self.rays.values) @ (coming + 2 * np.bincount(self.owner, paid, minlength=len(self.kinds)) @ abs(L))
+        return Matrix(moved[None]), self.policy(y), sizes
+
+    @cached_property
+    def heights(self) -> sp.csr_array:
+        """See `LinearCost`."""
+        products = sp.csr_array(self.normals @ self.rays.values.T)
+        products.data[self.cones.apart(*_entries(products))] = 0.0
+        products.eliminate_zeros()
+        return products
+
+    @cached_property
+    def normals(self) -> Any:
+        """See `LinearCost`."""
+        return self.cones.facets.values
+
     def growing(self, d: Matrix) -> list[Condition]:
         """See `LinearCost`."""
-        rays, (least, below) = self.cones.rays, self._below(d, costs=False)
+        rays, (least, below) = self.rays, self._below(d, costs=False)
         everywhere = Matrix(np.ones((1, rays.shape[0])))
         return [
             Condition("d'x >= 0", BilinearForms(d, None, rays), ">="),

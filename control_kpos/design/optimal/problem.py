@@ -24,11 +24,12 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...cones import Cone
 from ...exact.condition import Condition
-from ...exact.matrix import Matrix
+from ...exact.matrix import Matrix, bit_length
 from ...exact.signs import BilinearForms
 from ..plant import shifted, times
 
@@ -39,6 +40,8 @@ CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
 # Names of the conditions.
 LIMITS, KEPT, COSTS = "l'x >= 0", "h'(A x + B mu) >= 0", "s'x + r'mu > 0"
 INSIDE, ABOVE, BELOW = "upper'x >= 0", "D(upper)'x <= 0", "D(lower)'x >= 0"
+# Binary digits after which costs of steps are rounded, safely.
+LONGEST = 2000
 # The fields that say which columns of B go together.
 BLOCKS = ("owner", "kinds")
 
@@ -89,6 +92,16 @@ class LinearCost:
     def rows(self) -> Matrix:
         """s, the limits, and A - I below each other: what a left factor (1, m, p) of a Bellman residual multiplies."""
         return Matrix.join([self.s, self.limits, self.discounted[0]], -2)
+
+    @cached_property
+    def rows_and_states(self) -> Matrix:
+        """The same with I below, for costs of one step more."""
+        return Matrix.join([self.rows, Matrix.identity(self.X.dim)], -2)
+
+    @cached_property
+    def rays(self) -> Matrix:
+        """The generators of X."""
+        return self.X.exact_rays
 
     def fits(self) -> bool:
         """True if A and B have the sizes of X and of the columns."""
@@ -161,12 +174,50 @@ class LinearCost:
         """r + B'p for a row p, with the discount."""
         return _sum(self.r, times(p, self.discounted[1]))
 
-    def residual(self, p: Matrix, policy: Index | None = None) -> BilinearForms:
-        """D(p)'x on the generators x; with a policy, what it makes of p instead of the best one."""
+    def residual(self, p: Matrix, policy: Index | None = None, before: Matrix | None = None) -> BilinearForms:
+        """D(p)'x on the generators x; with a policy, what it makes of p instead of the best one.
+
+        With a row `before`, (D(p) + p - before)'x: zero where `before` is p one step earlier.
+        """
         y, unit = self.inputs_of(p).as_integers()
         parts = self.best(y) if policy is None else self.under(policy.astype(object), y)
-        left = Matrix.join([Matrix.identity(1), over(parts, unit), p], -1)
-        return BilinearForms(left, self.rows, self.X.exact_rays)
+        left = [Matrix.identity(1), over(parts, unit), p]
+        if before is None:
+            return BilinearForms(Matrix.join(left, -1), self.rows, self.rays)
+        return BilinearForms(Matrix.join([*left, _sum(p, -before)], -1), self.rows_and_states, self.rays)
+
+    # -- one step more, in discrete time
+
+    def earlier(self, p: Matrix) -> tuple[Matrix, Index, Floats | None]:
+        """D(p) + p for a row p, the optimal cost of one step more, with the policy of that step.
+
+        The third is None if the row is exact; else it is rounded, and its error on the generators is less than 2^-45
+        of these sizes.
+        """
+        y, unit = self.inputs_of(p).as_integers()
+        left = Matrix.join([Matrix.identity(1), over(self.best(y), unit), p, p], -1)
+        moved = Matrix.from_fractions(times(left, self.rows_and_states).fractions())
+        numbers, unit = moved.as_integers()
+        if bit_length(np.append(numbers, Fraction(unit).denominator)) < LONGEST:
+            return moved, self.policy(y[0]), None
+        sizes = np.abs(np.asarray(self.rays.values)) @ np.abs(moved.values[0])
+        return Matrix(moved.values), self.policy(y[0]), sizes
+
+    @cached_property
+    def heights(self) -> sp.csr_array:
+        """h'x in floating point for facets h and generators x where it is positive."""
+        products = np.asarray(self.X.facets) @ np.asarray(self.X.rays).T
+        return sp.csr_array(np.where(self.X.incidence, 0.0, products))
+
+    @cached_property
+    def normals(self) -> Any:
+        """Facet normals in floating point, one a row."""
+        return np.asarray(self.X.facets)
+
+    def covering(self, sizes: Floats) -> Floats:
+        """A row e with e'x >= size on every generator x, as computed: sum_h h max_x (size / h'x) over h'x > 0."""
+        G = self.heights
+        return np.maximum.reduceat(sizes[G.indices] / G.data, G.indptr[:-1]) @ self.normals
 
     def near(self, facet: int, generator: int) -> tuple[Any, Any, LinearCost, Index]:
         """A facet h and a generator x in fractions, the part of the problem that h'A x, B'h and l'x are about, and
@@ -178,11 +229,16 @@ class LinearCost:
 
     def bracket(self, lower: Matrix, upper: Matrix, policy: Index) -> list[Condition]:
         """What proves that lower'x is below the optimal cost, and upper'x above that of a policy; rows lower, upper."""
-        return [
-            Condition(INSIDE, BilinearForms(upper, None, self.X.exact_rays), ">="),
-            Condition(ABOVE, self.residual(upper, policy), "<="),
-            Condition(BELOW, self.residual(lower), ">="),
-        ]
+        inside = Condition(INSIDE, BilinearForms(upper, None, self.rays), ">=")
+        return [inside, *self.above(upper, policy), *self.below(lower)]
+
+    def above(self, upper: Matrix, policy: Index, before: Matrix | None = None, step: str = "") -> list[Condition]:
+        """What proves that a policy costs at most upper'x; for one step, at most before'x with the rest."""
+        return [Condition(ABOVE + step, self.residual(upper, policy, before), "<=")]
+
+    def below(self, lower: Matrix, before: Matrix | None = None, step: str = "") -> list[Condition]:
+        """What proves that every policy costs at least lower'x; for one step, as `above`."""
+        return [Condition(BELOW + step, self.residual(lower, None, before), ">=")]
 
     def assumptions(self) -> list[Condition]:
         """Limits in X*; every admissible input keeps X; every stage costs something but at x = 0."""

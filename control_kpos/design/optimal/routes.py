@@ -116,8 +116,10 @@ class SystemRoute(Route):
 
     def gain(self, policy: Index) -> Matrix:
         """See `Route`."""
-        signs, owner = policy[self._chosen, None], self.problem.owner[self._chosen]
-        return Matrix.from_fractions(signs.astype(object) * self.problem.limits.fractions()[owner])
+        signs, limits = policy[self._chosen, None], self.problem.limits[self.problem.owner[self._chosen]]
+        if limits.is_double:
+            return Matrix(signs * limits.values + 0.0)
+        return Matrix.from_fractions(signs.astype(object) * limits.fractions())
 
     def loop(self, gain: Matrix, policy: Index) -> ConeStateSpace:
         """From further inputs to y, with A + B F exact."""

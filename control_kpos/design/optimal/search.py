@@ -3,71 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ...cones import Cone
+from ...errors import DataError
 from ...exact.budget import spend
 from ...exact.condition import Condition
-from ...networks.network import ConeNetwork
 from ...progress import Target
-from ...proof.answer import Answer, first_proven
+from ...proof.answer import first_proven
 from ...proof.certificate import Status
-from ...systems.statespace import ConeStateSpace
 from ..running import Programs, within
+from .answer import OptimalFeedback
 from .arguments import Question, goes_sparse
 from .certificate import GrowingCost, OptimalCostCertificate, settled
+from .horizon import planned, read_horizon
 from .messages import obstacle
 from .policies import Found
-from .problem import Floats
 from .routes import Route, network_route, system_route
 
 # How far apart the proven bounds are from the cost that was computed, relative to it, tried in turn.
 _APART = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4)
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OptimalFeedback(Answer):
-    """Outcome of `optimal_feedback`.  `bool(answer)` is True only for PROVED.
-
-    Attributes
-    ----------
-    F : ndarray or csr_array, shape (m, n), or None
-        u = F x: a row is minus or plus its limit, or 0.  With `controls` mu = F x, and u = controls mu.  Sparse for
-        networks with sparse limits, or of more than 300 states.
-    cost : ndarray, shape (n,), or None
-        p of the optimal cost p'x, as computed; `cost_bounds` has what is proven.
-    cost_bounds : tuple of ndarray, shapes (n,), or None
-        Proven: lower'x <= optimal cost from x <= cost of F <= upper'x, for every x in X.
-    closed_loop : ConeStateSpace or ConeNetwork or None
-        From further inputs to y, with A + B F exact.  If F is sparse, a network again: the same nodes, every state an
-        input and an output, the links of A + B F, in doubles.
-    iterations : int
-        Linear systems solved.
-    """
-
-    F: Any = None
-    cost: Floats | None = None
-    cost_bounds: tuple[Floats, Floats] | None = None
-    closed_loop: ConeStateSpace | ConeNetwork | None = None
-    iterations: int = 0
-
-    @property
-    def K(self) -> Any:
-        """-F, for u = -K x as python-control writes it."""
-        return None if self.F is None else -self.F
-
-    def facts(self) -> list[tuple[str, str]]:
-        """Names and values for the card that a notebook shows.
-
-        Returns
-        -------
-        list of (str, str)
-        """
-        return [("policies tried", str(self.iterations))] if self else []
 
 
 def optimal_feedback(
@@ -82,6 +41,8 @@ def optimal_feedback(
     use_all: bool = False,
     disturbance: tuple[ArrayLike, ArrayLike] | None = None,
     discount: Any = None,
+    horizon: int | None = None,
+    terminal_cost: ArrayLike | None = None,
     time_limit: float | None = None,
     progress: Target = None,
 ) -> OptimalFeedback:
@@ -113,6 +74,11 @@ def optimal_feedback(
         x' = A x + B u + G w with |w_j| <= m_j'x, rows m_j of M, chosen by an adversary who maximises the cost.
     discount : number, optional
         Continuous time: the rate rho >= 0 of the weight exp(-rho t); discrete time: the factor beta of beta^k.
+    horizon : int, optional
+        Discrete time: minimise the cost of so many steps, with a gain for every one of them.  Default: of all steps.
+    terminal_cost : array_like, shape (n,), optional
+        With `horizon` the state x after the last step costs terminal_cost'x, of either sign.  Default: nothing.  The
+        upper bound of the cost of all steps makes a predictive controller stable; see the guide.
     time_limit : float, optional
         Seconds; what is not settled by then is UNDECIDED.  None: operations are counted.
     progress : callable or bool, optional
@@ -123,12 +89,14 @@ def optimal_feedback(
     OptimalFeedback
         PROVED with the gain, and bounds of the optimal cost; REFUTED, with proof, if no policy has a finite cost from
         inside X; UNDECIDED otherwise, also where some admissible input leaves X (the message says which facet,
-        generator and inputs, and the limits that would do) or where some stage costs nothing.
+        generator and inputs, and the limits that would do) or where some stage costs nothing.  With `horizon` costs may
+        have either sign; the bounds are equal where the fractions stay short.
 
     Raises
     ------
     ShapeError, DataError, ConeMismatchError, NotProperConeError
-        Arguments that do not fit together; limits that are negative somewhere on X; a cost that is.
+        Arguments that do not fit together; limits that are negative somewhere on X; a cost that is, without `horizon`;
+        a horizon in continuous time.
 
     Notes
     -----
@@ -148,7 +116,13 @@ def optimal_feedback(
     """
     question = Question(s, r, limits, groups, use_all, disturbance, discount)
     route = (network_route if goes_sparse(sys, limits, X) else system_route)(question, sys, X, controls)
-    return within(time_limit, lambda lp: solved(route, lp), route.effort, answer=OptimalFeedback, progress=progress)
+    if horizon is None and terminal_cost is not None:
+        raise DataError(
+            "terminal_cost is what the state after the last step costs; give horizon=, the number of steps."
+        )
+    plan = None if horizon is None else read_horizon(route, horizon, terminal_cost, sys)
+    design = partial(solved, route) if plan is None else partial(planned, route, plan)
+    return within(time_limit, design, route.effort, answer=OptimalFeedback, progress=progress)
 
 
 def solved(route: Route, lp: Programs) -> OptimalFeedback:
@@ -166,7 +140,7 @@ def solved(route: Route, lp: Programs) -> OptimalFeedback:
         return found
     for vector in route.growing_vectors(lp):
         spend(route.proof)
-        refuted = settled(assumptions, problem=problem, witness=GrowingCost(vector))
+        refuted = settled(OptimalCostCertificate, assumptions, problem=problem, witness=GrowingCost(vector))
         if refuted.status is Status.REFUTED:
             return OptimalFeedback(status=Status.REFUTED, certificate=refuted, iterations=route.policies.steps)
     return OptimalFeedback(
@@ -180,7 +154,9 @@ def _proven(route: Route, found: Found, assumptions: Sequence[Condition]) -> Opt
     def prove(part: float) -> OptimalCostCertificate | None:
         spend(route.proof)
         bounds = {"lower": found.p * (1 - part), "upper": found.p * (1 + part)}
-        return settled(assumptions, problem=route.problem, policy=found.policy, **bounds) or None
+        return (
+            settled(OptimalCostCertificate, assumptions, problem=route.problem, policy=found.policy, **bounds) or None
+        )
 
     least = route.apart(found)
     proof = first_proven((part for part in _APART if part >= least), prove)
