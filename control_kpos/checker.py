@@ -1219,9 +1219,9 @@ def feedback(e: Said, limit: int) -> None:
 def together(part: Json, X: Cone, closed: list[Matrix], discrete: bool, limit: int) -> None:
     """A part is about X and the time of the closed loops, or a bound on the gain at the generators of X.
 
-    What is `positive` is one of them with ports, and an `order interval` that of one.  In a `common vector` are the
-    transposed of all, and in a `disturbance gain` those of one, on the dual cone: nonnegative on X, and if X has n
-    generators, each of them on one.
+    What is `positive` is one of them with ports, and an `order interval` that of one.  In a `common vector` are all of
+    them, or the transposed of all, and in a `disturbance gain` those of one, on the dual cone: nonnegative on X, and if
+    X has n generators, each of them on one.
     """
     claim, data = part["claim"], part["data"]
     own_cone, closed_loop = ("stable", "gain bound", "positive", "order interval"), ("positive", "order interval")
@@ -1232,14 +1232,17 @@ def together(part: Json, X: Cone, closed: list[Matrix], discrete: bool, limit: i
         expect(directions(own) == directions(X), "all parts are about one cone")
         expect(claim not in closed_loop or given(data["A"], X.dim, X.dim) in closed, "it is about a closed loop")
         return
+    matrices = [given(A, own.dim, own.dim) for A in (sequence(data["A"]) if claim == "common vector" else [data["A"]])]
+    if claim == "common vector" and directions(own) == directions(X) and matrices == closed:
+        return
     expect(own.dim == X.dim and all(above(f, X) for f in own.rays), "the dual cone is nonnegative on the cone")
     edges = len(X.rays) > X.dim or all(len(pullback(f, X.rays)) == 1 for f in own.rays)
     expect(edges, "the dual cone is the whole of it")
     turned = [transposed(A) for A in closed]
     if claim == "common vector":
-        expect([given(A, X.dim, X.dim) for A in sequence(data["A"])] == turned, "all closed loops have the vector")
+        expect(matrices == turned, "all closed loops have the vector")
     else:
-        expect(given(data["A"], X.dim, X.dim) in turned, "the gain is that of a closed loop")
+        expect(matrices[0] in turned, "the gain is that of a closed loop")
 
 
 def directions(C: Cone) -> list[list[tuple[int, Fraction]]]:

@@ -72,6 +72,13 @@ def designed(**demands):
     return kp.state_feedback(plant, **demands).certificate
 
 
+def of_vertices(*family, **demands):
+    """A feedback of the first state for these matrices, with one common vector."""
+    vertices = [(A, [[1], [0]]) for A in family]
+    plant = kp.ConeStateSpace(*vertices[0], np.eye(2), np.zeros((2, 1)))
+    return kp.state_feedback(plant, vertices=vertices, **demands).certificate
+
+
 def two_vertices():
     A, B, _, _ = kp.examples.mass_spring()
     return [(A, B), (np.array([[0, 1], [-1.2, -0.1]]), B)]
@@ -224,6 +231,10 @@ CERTIFICATES = {
         kp.state_feedback(kp.ConeStateSpace([[-1, 0], [0, -2]], [[1], [0]], [[1, 0]], 0), gain_bound=1).certificate
     ),
     "feedback, common vector": lambda: designed(vertices=two_vertices()),
+    "feedback, common vector of the dual": lambda: of_vertices([[-1, 3], [0, -3]], [[-5, 4], [4, -5]]),
+    "feedback, disturbance gain of vertices": lambda: of_vertices(
+        [[1, 1], [1, -3]], [["1/2", 1], [1, -4]], gain_bound=8, disturbance=([[1], [1]], [[1, 0]])
+    ),
     "feedback, disturbance gain": lambda: designed(gain_bound=[50.0], disturbance=([[0], [1]], [[1, 0]])),
     "Jacobians, common vector": lambda: kp.differential_positivity(FAMILY, kp.orthant(2)),
     "Jacobians": lambda: kp.differential_positivity([[[-2, 1], [1, 2]], FAMILY[1]], kp.orthant(2)),

@@ -47,6 +47,7 @@ STEP = scalar("stable", A="1/2", discrete=True)
 BOUND = {"radii": {"tuple": [{"array": [[1]]}]}}
 SHEAR = {"matrix": [[-2, 1], [0, -2]]}
 TURNED = {"matrix": [[-2, 0], [1, -2]]}
+HALVED = {"matrix": [[-2, "1/2"], [0, -2]]}
 NARROW = {"cone": [[1, {"rays": [[2, 1], [2, -1]], "w": [1, 0], "Z": [["1/4", "1/2"], ["1/4", "-1/2"]]}]]}
 WIDE = {"cone": [[1, {"rays": [[1, 2], [1, -2]], "w": [1, 0], "Z": [["1/2", "1/4"], ["1/2", "-1/4"]]}]]}
 LINE = scalar("stable")
@@ -90,13 +91,21 @@ CASES = {
         ),
         "PROVED",
     ),
-    "loops not turned": (
+    "a vector in the dual cone, loops not turned": (
         beside(
-            changed(vector(PLANE), v={"array": [1, 1]}, A={"tuple": [TURNED]}) | {"proof": {"P": [None]}},
+            changed(vector(PLANE), v={"array": [2, 1]}, A={"tuple": [TURNED]}) | {"proof": {"P": [None]}},
+            loops=[SHEARED],
+        ),
+        "PROVED",
+    ),
+    "loops neither turned nor not": (
+        beside(
+            changed(vector(PLANE), v={"array": [1, 1]}, A={"tuple": [HALVED]}) | {"proof": {"P": [None]}},
             loops=[SHEARED],
         ),
         "UNREADABLE",
     ),
+    "loops not turned, on another cone": (beside(vector(NARROW, -2), loops=[loop(WEDGE)]), "UNREADABLE"),
     **{
         f"bounds that nothing covers, {claim}": (changed(scalar(claim, W=W), **BOUND), "UNREADABLE")
         for claim, W in COVERED

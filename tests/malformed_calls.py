@@ -132,6 +132,7 @@ CALLS |= {  # design
             "rate": 1,
             "structure": None,
             "vertices": None,
+            "per_mode": False,
             "disturbance": None,
             "ports": False,
             "state_bounds": None,

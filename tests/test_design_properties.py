@@ -9,6 +9,7 @@ import planted
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from statements import fractions_of
 
 import control_kpos as kp
 from control_kpos.exact.intake import exact_matrix
@@ -136,7 +137,8 @@ def test_units_change_no_verdict_and_those_of_inputs_and_time_only_scale_the_gai
     assert e and e.check()
     slow = design(time * A, time * B / inputs, rays)
     assert abs(slow.limit / inputs - d.limit) <= 0.01 * d.limit + 1e-12
-    assert kp.linear_lyapunov(A + B @ (e.F * S / inputs), kp.PolyhedralCone(rays))
+    F = fractions_of(e.F * S / inputs)  # by powers of two
+    assert kp.linear_lyapunov(fractions_of(A) + fractions_of(B) @ F, kp.PolyhedralCone(rays))
 
 
 @settings(max_examples=20)

@@ -67,7 +67,7 @@ def test_what_a_local_search_found_is_no_limit():
 def test_limits_of_vertices_are_about_a_common_vector():
     A, B = PLANT.A, PLANT.B
     d = kp.state_feedback(PLANT, X=PAPER, vertices=[(A, B), (A, 0.8 * B)])
-    assert d and np.isfinite(d.limit) and "no gain with a common Lyapunov vector" in d.explain()
+    assert d and np.isfinite(d.limit) and "no gain with a common vector x inside X" in d.explain()
 
 
 def test_limits_of_networks():

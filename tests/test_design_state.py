@@ -222,26 +222,6 @@ def test_vertices_share_one_gain_and_one_vector(plant, method):
         assert np.linalg.eigvals(closed).real.max() <= -0.5 + 1e-9
 
 
-def test_disturbance_gain_is_the_one_of_the_closed_loop(plant):
-    E, G = [[0], [1]], [[1, 0]]
-    d = kp.state_feedback(plant, X=PAPER, disturbance=(E, G), gain_bound=8)
-    assert d and d.check()
-    closed = d.closed_loop.A
-    true = float((-np.array(G) @ np.linalg.solve(closed, np.array(E)))[0, 0])
-    assert true <= d.value and d.value == pytest.approx(true, rel=2e-2)
-    assert d.limit == pytest.approx(1 / 12, rel=1e-3)  # |F x_1| <= 8 allows F = (-11, -8): 1 / (1 + 11)
-
-
-def test_disturbance_without_bound_says_so(plant):
-    d = kp.state_feedback(plant, X=PAPER, disturbance=([[0], [1]], [[1, 0]]))
-    assert d.status is kp.Status.UNDECIDED and "gain_bound" in d.message
-
-
-def test_disturbance_that_leaves_the_cone_is_refuted(plant):
-    d = kp.state_feedback(plant, X=PAPER, disturbance=([[-1], [0]], [[1, 0]]), gain_bound=8)
-    assert d.status is kp.Status.REFUTED and d.check()
-
-
 def test_ports(plant):
     d = kp.state_feedback(plant, X=PAPER, ports=True)
     assert d and d.closed_loop.is_cone_positive()

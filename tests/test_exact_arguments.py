@@ -373,6 +373,7 @@ NO_DATA = {
         "discrete",
         "uniform",
         "ports",
+        "per_mode",
         "strict",
         "inverse",
         "trusted",

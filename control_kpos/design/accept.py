@@ -24,7 +24,7 @@ from ..exact.rounding import double_below
 from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
 from ..systems.statespace import ConeStateSpace
-from ..theorems.positivity import cone_positivity
+from ..theorems.positivity import PositivityCertificate, cone_positivity
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
 from .actuator_loss import certified_fraction
 from .bounded.certificate import OrderIntervalCertificate
@@ -212,18 +212,34 @@ def _others(
             yield _proven_loop(closed_loop(M, plant.coupling, Matrix.identity(plant.n)), plant, rate)
     if plant.disturbance is not None:
         E, G, H, D = plant.disturbance
-        W, Z = orthant(E.shape[1]), orthant(G.shape[0])
-        proof = cone_positivity(closed[0], E, closed_loop(G, H, full), D, plant.X, W, Z, discrete=plant.discrete)
-        yield DisturbanceCertificate.settle(positivity=proof, x=x, gamma=gamma)
+        W, Z, seen = orthant(E.shape[1]), orthant(G.shape[0]), closed_loop(G, H, full)
+        for M in closed:
+            proof = cone_positivity(M, E, seen, D, plant.X, W, Z, discrete=plant.discrete)
+            yield DisturbanceCertificate.settle(positivity=proof, x=x, gamma=gamma)
     if plant.interval is not None:
         yield from (_in_interval(plant, full, loop) for loop in loops)
     if len(closed) > 1:
-        positive, candidates = tuple(l.positivity for l in loops), ((lambda: x), partial(_inside, plant, closed, rate))
-        found = (candidate() for candidate in candidates)
         yield first_proven(
-            (y for y in found if y is not None),
-            lambda y: CommonVectorCertificate.of(positive, y, Fraction(rate)) or None,
+            _common(plant, closed, tuple(l.positivity for l in loops), rate, x),
+            lambda pair: CommonVectorCertificate.of(*pair, Fraction(rate)) or None,
         )
+
+
+def _common(
+    plant: Plant, closed: tuple[Matrix, ...], positive: tuple[Any, ...], rate: float | Fraction, x: Floats | None
+) -> Iterator[tuple[tuple[Any, ...], Floats]]:
+    """Candidates for a common vector, x inside X first: a v inside X* is one of the transposed loops on X*."""
+    if x is not None:
+        yield positive, x
+    rays, facets = plant.rays, plant.facets
+    found = _inside(rays, facets, closed, rate, plant)
+    if found is not None:
+        yield positive, found
+    turned = tuple(M.T for M in closed)
+    found = _inside(facets, rays, turned, rate, plant)
+    if found is not None:
+        dual = plant.X.dual
+        yield tuple(PositivityCertificate.settle(A=M, X=dual, discrete=plant.discrete) for M in turned), found
 
 
 def _in_interval(plant: Plant, full: Matrix, loop: LyapunovCertificate) -> OrderIntervalCertificate | None:
@@ -241,19 +257,21 @@ def _in_interval(plant: Plant, full: Matrix, loop: LyapunovCertificate) -> Order
     return OrderIntervalCertificate.settle(**data)
 
 
-def _inside(plant: Plant, closed: tuple[Matrix, ...], rate: float | Fraction) -> Floats | None:
-    """x inside X with A_s x + rate x in -X for every closed loop (A_s - I in discrete time), in floating point."""
-    if not affords(program_effort((len(closed) + 1) * len(plant.facets), len(plant.rays))):
+def _inside(
+    rays: Floats, facets: Floats, matrices: tuple[Matrix, ...], rate: float | Fraction, plant: Plant
+) -> Floats | None:
+    """x inside a cone with M x + rate x in the negative cone for all M (M - I in discrete time), in floating point."""
+    if not affords(program_effort((len(matrices) + 1) * len(facets), len(rays))):
         return None
-    rays, shift = plant.rays.T, (float(rate) - plant.discrete) * np.eye(plant.n)
-    H = plant.facets / (plant.facets @ rays).max(axis=1)[:, None]
-    moved = np.concatenate([H @ (np.asarray(M.values) + shift) @ rays for M in closed])
+    columns, shift = rays.T, (float(rate) - plant.discrete) * np.eye(plant.n)
+    H = facets / (facets @ columns).max(axis=1)[:, None]
+    moved = np.concatenate([H @ (np.asarray(M.values) + shift) @ columns for M in matrices])
     # a sum of generators with coefficients; the largest common margin
-    program = Program(coefficients=Block(len(plant.rays), low=0.0, high=1.0), margin=Block(1, low=-1.0, cost=-1.0))
+    program = Program(coefficients=Block(len(rays), low=0.0, high=1.0), margin=Block(1, low=-1.0, cost=-1.0))
     program.above(0.0, np.full(len(moved), plant.scale), coefficients=-moved)
-    program.below(-_INTERIOR, coefficients=-H @ rays)
+    program.below(-_INTERIOR, coefficients=-H @ columns)
     answer = program.solve()
-    return rays @ answer["coefficients"] if answer else None
+    return columns @ answer["coefficients"] if answer else None
 
 
 def _all_proven(parts: Iterable[Certificate | None]) -> Any:
@@ -338,6 +356,12 @@ def _bound_notes(plant: Plant) -> tuple[str, ...]:
     """What the rows of an interval are: F and -F."""
     bounded = plant.interval is not None and plant.interval.u_max is not None
     return ("These rows are F and -F: every |u_i| is at most its input bound on [0, x_max].",) if bounded else ()
+
+
+def proven_gamma(found: Accepted) -> float:
+    """The bound on the L-infinity gain from w to z that is proven for every vertex."""
+    parts = found.certificate.others  # type: ignore[attr-defined]
+    return max(part.gamma for part in parts if isinstance(part, DisturbanceCertificate))
 
 
 def proven_rate(certificate: Certificate, demanded: float | Fraction) -> float:

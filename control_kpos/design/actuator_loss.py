@@ -184,20 +184,22 @@ def _demands(plant: Plant, F: Matrix, certificate: Any, rate: float | Fraction) 
         yield Demand(falls, M, B, seen, strict=True)
         if rate:
             yield Demand(falls, shifted(M, rate), B, seen)
+    bounds = (part for part in others if isinstance(part, DisturbanceCertificate))
+    for part, drift, (_, B) in zip(bounds, drifts, plant.vertices, strict=False):
+        yield from _bounded_gain(plant, F, part, facets, seen, (drift, B))
     if plant.ports:
         _, _, C, D = plant.system.matrices
         yield Demand(plant.system.Y.exact_facets.plain(), C, D, seen)
     for part in others:
         if isinstance(part, CommonVectorCertificate):
-            common = lifted(exact_matrix(part.x, "x"), F.T)
+            vector = exact_matrix(part.x, "x")
+            left, right = (-vector, seen) if part.is_dual(loops) else (-facets, lifted(vector, F.T))
             for M, (_, B) in zip(drifts, plant.vertices, strict=True):
-                yield Demand(-facets, M, B, common, strict=True)
+                yield Demand(left, M, B, right, strict=True)
                 if rate:
-                    yield Demand(-facets, shifted(M, rate), B, common)
+                    yield Demand(left, shifted(M, rate), B, right)
         if isinstance(part, OrderIntervalCertificate):
             yield from _kept_interval(plant, F, part, facets, drifts)
-        if isinstance(part, DisturbanceCertificate):
-            yield from _bounded_gain(plant, F, part, facets, seen, drifts[0])
 
 
 def _kept_interval(
@@ -211,10 +213,10 @@ def _kept_interval(
 
 
 def _bounded_gain(
-    plant: Plant, F: Matrix, bound: DisturbanceCertificate, facets: Matrix, seen: Matrix, drift: Matrix
+    plant: Plant, F: Matrix, bound: DisturbanceCertificate, facets: Matrix, seen: Matrix, pair: tuple[Matrix, Matrix]
 ) -> Iterator[Demand]:
     """(G + H diag(s) F) X in the orthant, (A + B diag(s) F) x + E 1 < 0 and (G + H diag(s) F) x + D 1 < gamma 1."""
-    E, G, H, D = plant.disturbance  # type: ignore[misc]
+    (E, G, H, D), (drift, B) = plant.disturbance, pair  # type: ignore[misc]
     outer = Matrix.identity(G.shape[0])
     yield Demand(outer, G, H, seen)
     one = Matrix.join([exact_matrix(bound.x, "x"), Matrix.identity(1)], -1)
@@ -223,5 +225,5 @@ def _bounded_gain(
         Matrix.from_fractions(M.fractions().sum(axis=1, keepdims=True) - level)
         for M, level in ((E, 0), (D, Fraction(bound.gamma)))
     )
-    yield Demand(-facets, Matrix.join([drift, pushed], -1), plant.vertices[0][1], inside, strict=True)
+    yield Demand(-facets, Matrix.join([drift, pushed], -1), B, inside, strict=True)
     yield Demand(-outer, Matrix.join([G, through], -1), H, inside, strict=True)

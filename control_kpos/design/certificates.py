@@ -97,7 +97,8 @@ class FeedbackCertificate(Demand):
     loops : tuple of LyapunovCertificate
         One for each vertex (A_s + B_s F), each with its proof of invariance.
     others : tuple of Certificate
-        Gain bound, positivity from input to output, a common vector.
+        Gain bound, positivity from input to output, a common vector: x of the closed loops on X, or v, which is the x
+        of the transposed loops on X*.
     """
 
     claim: ClassVar[str] = "feedback"
@@ -125,9 +126,7 @@ class FeedbackCertificate(Demand):
         if isinstance(part, GainBoundCertificate):
             return part.X == X
         if isinstance(part, CommonVectorCertificate):
-            same = len(part.loops) == len(closed)
-            pairs = zip(part.loops, closed, strict=False)
-            return same and all(_is_alike(p, X, discrete) and _is_same(p.A, A) for p, A in pairs)
+            return part.is_about(X, closed, discrete) or part.is_about(X.dual, [A.T for A in closed], discrete)
         if isinstance(part, LyapunovCertificate):  # the plant in a network, if it is none of the loops
             return _is_alike(part, X, discrete)
         own = getattr(part, "positivity", part)
@@ -162,8 +161,18 @@ class FeedbackCertificate(Demand):
         if len(self.loops) == 1:
             return " ".join(part.explain() for part in self.parts())
         slowest = min(self.loops, key=lambda loop: loop.decay_rate)
-        rest = " ".join(part.explain() for part in self.others)
+        rest = " ".join(dict.fromkeys(map(self._said, self.others)))
         return f"All {len(self.loops)} vertices are proven; the slowest: {slowest.explain()} {rest}"
+
+    def _said(self, part: Certificate) -> str:
+        """What a part proves, in words about X."""
+        if not isinstance(part, CommonVectorCertificate) or not part.is_dual(self.loops):
+            return part.explain()
+        rate = f", with a decay rate of at least {floored(part.decay_rate)}" if part.decay_rate else ""
+        return (
+            f"Proved: V(x) = v'x with one v inside X* falls on X at all {len(self.loops)} vertices, so every system in "
+            f"their convex hull, also switching, is exponentially stable{rate}."
+        )
 
 
 def _require_vector(cls: Any, v: Any) -> None:
@@ -210,6 +219,16 @@ class CommonVectorCertificate(Demand, ClaimWithRate):
         row, first = Matrix(x[None]), loops[0]
         fastest = min(proven_rate(row, loop.A.T, first.X.exact_facets, first.discrete) for loop in loops)
         return cls.settle(loops=loops, x=x, decay_rate=fastest, required_rate=rate if rate > fastest else None)
+
+    def is_about(self, X: Cone, matrices: Sequence[Matrix], discrete: bool) -> bool:
+        """True if these are the matrices, the cone and the time that it is about."""
+        same = len(self.loops) == len(matrices)
+        pairs = zip(self.loops, matrices, strict=False)
+        return same and all(_is_alike(p, X, discrete) and _is_same(p.A, A) for p, A in pairs)
+
+    def is_dual(self, loops: Sequence[LyapunovCertificate]) -> bool:
+        """True if x is a v of these closed loops: it is about the transposed ones on X*."""
+        return not self.is_about(loops[0].X, [loop.A for loop in loops], loops[0].discrete)
 
     def parts(self) -> tuple[Certificate, ...]:
         """Proofs that this one rests on."""

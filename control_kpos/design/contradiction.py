@@ -34,6 +34,8 @@ from .plant import Plant, leading_sizes
 
 Rationals = NDArray[np.object_]
 
+# What the refutation of a common vector leaves open.
+_OTHER_VECTOR = "A common v in X*, with V(x) = v'x falling at all vertices, is not excluded by this. "
 # Where other cones come from.
 _OTHERS = "find_cone and design_cone_and_feedback look for one"
 
@@ -269,10 +271,10 @@ class NoFeedback(Contradiction):
 
     @property
     def scope(self) -> str:
-        """Of several vertices those that share a Lyapunov vector, if stability of more than one was used."""
+        """Of several vertices those with a common vector inside X, if stability of more than one was used."""
         w = self.witness
         used = w.d.fractions().any(axis=0).sum() if isinstance(w, Functionals) and w.d is not None else 0
-        return " with a common Lyapunov vector for all vertices" if used > 1 else ""
+        return " with a common vector x inside X for all vertices" if used > 1 else ""
 
     def functionals(self) -> Any:
         """The witness; for multipliers of the rows of `exact_inequalities` the facets that they combine.
@@ -334,11 +336,11 @@ class NoFeedback(Contradiction):
             demands.append(speed)
         if not pairs and drift:  # what decreases is a vector inside X
             demands[-1] += " while X stays invariant"
-        every = f"F{self.scope}"
+        every, besides = f"F{self.scope}", _OTHER_VECTOR if self.scope else ""
         verdict = f"cannot be had with any {every}" if len(demands) == 1 else f"exclude each other for every {every}"
         return (
             f"Proved impossible: {' and '.join(demands)} {verdict}, X being {described(self.X)}; attached is {w}, "
-            f"checked in exact arithmetic. Relax a demand, or choose another cone: {_OTHERS}."
+            f"checked in exact arithmetic. {besides}Relax a demand, or choose another cone: {_OTHERS}."
         )
 
 

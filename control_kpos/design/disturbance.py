@@ -17,17 +17,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..cones import orthant
-from ..errors import DataError, ShapeError
+from ..errors import ShapeError
 from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix
 from ..exact.program import Block, Program, Solver
 from ..proof.answer import first_proven
-from .accept import Accepted, accept, beyond_feedback, succeed, undecided
+from ..proof.certificate import Status
+from .accept import Accepted, accept, beyond_feedback, proven_gamma, succeed, undecided
 from .limits import disturbance_limit
 from .plant import Floats, Plant
 from .result import DesignResult
+from .running import Programs
 from .simplicial.inequalities import output_rows
 from .simplicial.program import SimplicialProgram, scaled_rows, stacked
+from .simplicial.search import exact_design
 
 LINF_GAIN = "L-infinity gain from w to z"
 # Relative increase of gamma that is spent on a small gain and on margins.
@@ -53,17 +56,22 @@ def read_disturbance(data: Sequence[ArrayLike], plant: Plant) -> tuple[Matrix, M
     return E, G, H, D
 
 
-def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp: Solver) -> DesignResult:
-    """The gain of smallest L-infinity gain from w to z (within 0.1 %), then of small size."""
-    if len(plant.vertices) > 1:
-        raise DataError("disturbance rejection takes one plant; leave vertices out.")
-    E, G, H, D = read_disturbance(data, plant)
-    plant = replace(plant, disturbance=(E, G, H, D))
+def leaves_at_once(plant: Plant) -> DesignResult | None:
+    """REFUTED if the disturbance leaves X, or z its orthant, whatever the feedback is."""
+    E, G, _, D = plant.disturbance  # type: ignore[misc]
     W, Z = orthant(E.shape[1]), orthant(G.shape[0])
     message = "w in the orthant must not leave X or z's orthant directly: E must map into X and D be nonnegative."
-    blocked = beyond_feedback(plant, message, B=E, D=D, U=W, Y=Z)
-    if blocked is not None:
-        return blocked
+    return beyond_feedback(plant, message, B=E, D=D, U=W, Y=Z)
+
+
+def objective_of(plant: Plant) -> str:
+    """What is minimised, in words."""
+    return f"{LINF_GAIN}, by one x for all vertices" if len(plant.vertices) > 1 else LINF_GAIN
+
+
+def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
+    """The gain of smallest L-infinity gain from w to z (within 0.1 %), then of small size."""
+    name = objective_of(plant)
     program = DisturbanceProgram(plant, rate, lp)
     least = program.program()
     least.add(gamma=Block(1, cost=1.0))
@@ -72,11 +80,12 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
     if not first or not (first["x"][: plant.n] > 0).all():
         reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
         message = f"the linear program has no solution ({reason}); whether there is a gain is not proven."
-        return undecided(message, plant, objective=LINF_GAIN)
+        plain = exact_design(replace(plant, disturbance=None), rate, lp)
+        return plain if plain.status is Status.REFUTED else undecided(message, plant, objective=name)
     x, best = first["x"], float(first["gamma"][0])
     if plant.gain_of(program.read(x)[0]) > _HUGE * max(plant.scale, 1.0):
         message = "gains of ten thousand times the size of the plant still do better; give gain_bound."
-        return undecided(message, objective=LINF_GAIN)
+        return undecided(message, objective=name)
 
     def points() -> Iterator[tuple[float, Floats]]:
         """Of each gamma, the point of smallest |F x_k|, then the first one."""
@@ -87,14 +96,12 @@ def reject_disturbance(plant: Plant, rate: float, data: Sequence[ArrayLike], lp:
 
     def prove(candidate: tuple[float, Floats]) -> Accepted | None:
         gamma, (F, inside) = candidate[0], program.read(candidate[1])
-
         return accept(plant, F, rate=rate, x=inside, gamma=gamma)
 
     found = first_proven(points(), prove)
     if found is None:
-        return undecided("a gain was found, but could not be proven.", objective=LINF_GAIN)
-    reached = found.certificate.others[-1].gamma  # type: ignore[attr-defined]
-    return succeed(plant, found, LINF_GAIN, reached, disturbance_limit(plant, rate, best))
+        return undecided("a gain was found, but could not be proven.", objective=name)
+    return succeed(plant, found, name, proven_gamma(found), disturbance_limit(plant, rate, best))
 
 
 class DisturbanceProgram(SimplicialProgram):
@@ -104,9 +111,10 @@ class DisturbanceProgram(SimplicialProgram):
         super().__init__(plant, lp)
         E, G, H, D = (np.asarray(M.values) for M in plant.disturbance)  # type: ignore[union-attr]
         self.rate, self.through = rate, D.sum(axis=1)
-        self.push = (plant.facets @ E).sum(axis=1) / np.einsum("ij,ij->i", plant.facets, plant.rays)
-        self.closed = stacked(self.closed, output_rows(G, H, np.eye(len(G)), plant.rays)[0])
-        self.total = np.hstack([G @ plant.rays.T, np.tile(H, (1, plant.n))])
+        push = (plant.facets @ E).sum(axis=1) / np.einsum("ij,ij->i", plant.facets, plant.rays)
+        self.push = np.tile(push, len(plant.vertices))
+        self.closed = stacked(self.closed, output_rows(G, H, np.eye(len(G)), plant.rays)[0][:, self.kept])
+        self.total = np.hstack([G @ plant.rays.T, np.tile(H, (1, plant.n))])[:, self.kept]
 
     def program(self, margin: float = 0.0, x: Floats | None = None) -> Program:
         """Invariance, with a margin relative to its rows at x, z in its orthant, and (A + B F) x + E 1 < 0."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -16,16 +17,18 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.intake import choice, exact_number, is_number
+from ..exact.intake import choice, exact_number, flag, is_number
 from ..exact.matrix import Matrix
 from ..progress import Target
 from ..systems.system import System
 from .accept import beyond_feedback
 from .bounded.gains import design_in_interval, read_interval
-from .disturbance import reject_disturbance
-from .modelling import design_with_constraints
+from .disturbance import leaves_at_once, objective_of, read_disturbance, reject_disturbance
+from .modelling import design_with_constraints, reject_with_constraints
+from .modes import by_mode, taken_apart
 from .plant import Plant, closed_loop, read_plant, read_system, require_simplicial
-from .polyhedral.search import design_by_alternation, design_in_two_steps
+from .polyhedral.rejection import reject_by_alternation
+from .polyhedral.search import by_common_v, design_by_alternation, design_in_two_steps
 from .result import OBSERVER, DesignResult, changed, dual_words
 from .running import Programs, SolverChoice, within
 from .simplicial.search import design_on_simplicial, first_gain
@@ -42,6 +45,7 @@ def state_feedback(
     gain_bound: ArrayLike | None = None,
     structure: ArrayLike | None = None,
     vertices: Sequence[Any] | None = None,
+    per_mode: bool = False,
     disturbance: Sequence[ArrayLike] | None = None,
     ports: bool = False,
     state_bounds: ArrayLike | None = None,
@@ -74,8 +78,12 @@ def state_feedback(
     structure : array_like of bool, shape (m, n), optional
         True where F may differ from zero.
     vertices : sequence of (A_s, B_s), or of systems, optional
-        One F for all of them, and for their convex hull, with one common vector as proof.  They replace A and B
-        of `sys`, whose own A and B are served only if they are among them; `closed_loop` is that of the first.
+        One F for all of them, and for their convex hull, with one common vector as proof: an x inside X that all map
+        inwards, or where there is none a v inside X* with v'x falling.  They replace A and B of `sys`, whose own A and
+        B are served only if they are among them; `closed_loop` is that of the first.
+    per_mode : bool
+        True: the vertices are modes of a switched system, and each has a gain F_s of its own, u = F_s x in mode s: the
+        controller knows the mode.  One common vector proves stability for any switching.
     disturbance : (E, G), (E, G, H) or (E, G, H, D), optional
         Minimise the L-infinity gain from w to z in x' = (A + B F) x + E w, z = (G + H F) x + D w instead of the gain
         F; w and z in orthants, and positivity from w to z is part of the design.
@@ -155,35 +163,38 @@ def state_feedback(
     def design(lp: Programs) -> DesignResult:
         plant = read_plant(sys, X, gain_bound=gain_bound, structure=structure, vertices=vertices, ports=ports, gap=gap)
         own = constraints is not None or objective is not None
-        if own and (target == "max" or disturbance is not None):
-            raise DataError("constraints and objective go with a number as rate, and not with disturbance.")
+        if own and (target == "max" or (disturbance is not None and objective is not None)):
+            raise DataError("constraints and objective go with a number as rate, and objective not with disturbance.")
         message = "B U is not inside X, and no feedback changes that; choose another X or U, or ports=False."
         blocked = beyond_feedback(plant, message, U=plant.system.U) if ports else None
         if blocked is not None:
             return blocked
         bounds = (state_bounds, input_bounds, disturbance_bounds)
         interval = read_interval(plant, *bounds) if any(part is not None for part in bounds) else None
+        if flag(per_mode, "per_mode") and disturbance is not None and len(disturbance) > 2:
+            raise DataError("per_mode goes with disturbance=(E, G), without H: z is the same in all modes.")
         if interval is not None and (own or disturbance is not None or target == "max"):
             raise DataError(
                 "bounds on states, inputs or disturbances go with a number as rate, and not with disturbance, "
                 "constraints or objective."
             )
-        if interval is not None:
-            bounded = replace(plant, interval=interval)
-            return design_in_interval(bounded, target, lp, lambda free: _design(free, target, None, method, lp))
-        if own:
-            return design_with_constraints(plant, target, constraints, objective, lp)
-        return _design(plant, target, disturbance, method, lp)
+        plant = replace(plant, interval=interval)
+
+        def designed(plant: Plant) -> DesignResult:
+            if interval is not None:
+                return design_in_interval(plant, target, lp, lambda free: _design(free, target, method, lp))
+            if disturbance is not None:
+                return _rejecting(plant, target, disturbance, constraints, method, lp)
+            if own:
+                return design_with_constraints(plant, target, constraints, objective, lp)
+            return _design(plant, target, method, lp)
+
+        return taken_apart(designed(by_mode(plant)), plant) if per_mode else designed(plant)
 
     return within(time_limit, design, solver=solver, progress=progress)
 
 
-def _design(plant: Plant, target: Any, disturbance: Any, method: str, lp: Programs) -> DesignResult:
-    if disturbance is not None:
-        require_simplicial(plant.X, "disturbance rejection")
-        if target == "max" or plant.pattern is not None:
-            raise DataError("disturbance goes with a fixed rate, and not with structure.")
-        return reject_disturbance(plant, target, disturbance, lp)
+def _design(plant: Plant, target: Any, method: str, lp: Programs) -> DesignResult:
     if method == "two-step":
         return design_in_two_steps(plant, target if target != "max" else 0.0, lp)
     if method in ("one-shot", "first"):
@@ -192,7 +203,28 @@ def _design(plant: Plant, target: Any, disturbance: Any, method: str, lp: Progra
         return design_by_alternation(plant, target, lp)
     if method == "first" and target != "max":
         return first_gain(plant, target, lp)
-    return design_on_simplicial(plant, target, lp)
+    result = design_on_simplicial(plant, target, lp)
+    if result or len(plant.vertices) == 1:
+        return result
+    return by_common_v(plant, target, lp) or result
+
+
+def _rejecting(
+    plant: Plant, target: Any, disturbance: Any, constraints: Any, method: str, lp: Programs
+) -> DesignResult:
+    if target == "max":
+        raise DataError("disturbance goes with a fixed rate.")
+    noisy = replace(plant, disturbance=read_disturbance(disturbance, plant))
+    blocked = leaves_at_once(noisy)
+    if blocked is not None:
+        return blocked
+    name = objective_of(noisy)
+    if constraints is not None:
+        free = partial(_rejecting, plant, target, disturbance, None, method, lp.on_highs())
+        return reject_with_constraints(noisy, target, constraints, lp, name, free)
+    if plant.X.is_simplicial and plant.free is not None and method != "alternation":
+        return reject_disturbance(noisy, target, lp)
+    return reject_by_alternation(noisy, target, lp, _design(plant, target, method, lp), name)
 
 
 def read_rate(rate: Any) -> Any:

@@ -18,7 +18,7 @@ import numpy as np
 from ..exact.budget import OutOfBudgetError, affords, budget, spend
 from ..exact.program import alternative
 from ..proof.certificate import Status
-from .exact_rows import exact_geometry, exact_inequalities
+from .exact_rows import exact_geometry, exact_inequalities, homogeneous_rows
 from .plant import Plant
 from .refusal import EFFORT_PER_ENTRY, decide
 from .running import EFFORT
@@ -78,19 +78,18 @@ def _no_smaller_gain(plant: Plant, rate: float, gamma: float) -> bool:
     facets, rays = exact_geometry(plant)
     q = exact_inequalities(plant)
     inside = output_rows(G, H, np.eye(len(G), dtype=int).astype(object), rays)[0]
-    q = q.with_closed(inside, ())
-    spend(EFFORT_PER_ENTRY * (len(q.closed) + q.n + len(G)) * (q.size + 1))
-    total = np.concatenate([G @ rays.T, np.tile(H, (1, plant.n))], axis=1)
-    falls = -q.decreasing(int(plant.discrete) - Fraction(rate))
-    positive = np.eye(plant.n + 1, q.size + 1, dtype=int).astype(object)
-    positive[-1] = np.append(np.zeros(q.size, dtype=int), 1).astype(object)
+    rows, kept = homogeneous_rows(q.with_closed(inside, ()), rate, plant.discrete, plant.free)  # type: ignore[arg-type]
+    spend(EFFORT_PER_ENTRY * (len(rows) + len(G)) * (len(kept) + 1))
+    total = np.concatenate([G @ rays.T, np.tile(H, (1, plant.n))], axis=1)[:, kept]
+    closed, falls, positive = np.split(rows, np.cumsum([len(q.closed) + len(inside), len(q.drift)]))
     strict = [
-        _beside(falls, -(facets @ E).sum(axis=1)),
+        _beside(falls, np.tile(-(facets @ E).sum(axis=1), len(plant.vertices))),
         _beside(-total, Fraction(gamma) - D.sum(axis=1)),
-        positive,
+        _beside(positive, np.zeros(len(positive), dtype=int)),
+        np.append(np.zeros(len(kept), dtype=int), 1).astype(object)[None],
     ]
-    rows = np.concatenate([_beside(q.closed, np.zeros(len(q.closed), dtype=int)), *strict])
-    return alternative(rows, np.arange(len(rows)) >= len(q.closed))[0] is not None
+    rows = np.concatenate([_beside(closed, np.zeros(len(closed), dtype=int)), *strict])
+    return alternative(rows, np.arange(len(rows)) >= len(closed))[0] is not None
 
 
 def _beside(rows: Any, column: Any) -> Any:

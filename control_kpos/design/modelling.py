@@ -7,8 +7,9 @@ h_i'(A + B F) x_k >= 0 and v'(A + B F) x_k < 0 are linear in F; F and v are impr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,12 @@ from ..exact.programs import guarded, program_effort
 from .accept import Accepted, accept, succeed, undecided
 from .plant import Floats, Plant
 from .polyhedral.program import GainProgram
+from .polyhedral.rejection import Better, Rejection, rejected
 from .result import DesignResult
 from .running import Programs
 
 USER = "objective given"
+_BROKEN = "the gain found breaks the constraints given."
 _STARTS, _ROUNDS = 4, 6
 _MARGINS = (1e-6, 1e-9, 0.0)
 
@@ -41,10 +44,8 @@ def design_with_constraints(
     DataError
         If the callables do not return what cvxpy can use.
     """
-    if callable(lp.solver):
-        raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
     program = GainProgram(plant, lp.on_highs())
-    own = _OwnProgram(program, rate, constraints, objective, lp.solver)
+    own = _OwnProgram(program, rate, constraints, objective, lp)
     best: tuple[Accepted, float] | None = None
     hints = _hints(plant, rate, program)
     with suppress(OutOfBudgetError):
@@ -66,6 +67,52 @@ def design_with_constraints(
     return succeed(plant, accepted, name, value)
 
 
+def reject_with_constraints(
+    plant: Plant,
+    rate: float,
+    constraints: Callable[[Any], Sequence[Any]],
+    lp: Programs,
+    name: str,
+    without: Callable[[], DesignResult],
+) -> DesignResult:
+    """The gain of smallest L-infinity gain from w to z that is found under the user's own constraints.
+
+    Parameters
+    ----------
+    without : callable
+        The design without these constraints.
+    """
+    stable = design_with_constraints(replace(plant, disturbance=None), rate, constraints, None, lp)
+    if not stable:
+        return stable
+    program = GainProgram(plant, lp.on_highs())
+    own, rejection = _OwnProgram(program, rate, constraints, None, lp), Rejection(program, rate)
+
+    def better(gain: Floats, x: Floats, gamma: float) -> Floats | None:
+        S, s, t = rejection.for_gain(x)
+        own.message, slope = "no step improves it", rejection.slope(gain, x)
+        return next(own.gains((S, gamma * t - s), slope @ own.entries, rejection.outputs, margins=(0.0,)), None)
+
+    def small(x: Floats, gamma: float) -> Iterator[Floats]:
+        S, s, t = rejection.for_gain(x)
+        yield from filter(own.is_met, own.gains((S, gamma * t - s), own.cost, rejection.outputs))
+
+    gain = np.asarray(stable.F)
+    if rejection.point(gain) is None:  # its vertices share no x; those of a gain without the constraints may
+        free = without()
+        gain = _with_its_point(rejection, free, better) if free else gain
+    result = rejected(rejection, gain, name, better, small)
+    return result if not result or own.is_met(result.F) else undecided(_BROKEN, plant, objective=name)
+
+
+def _with_its_point(rejection: Rejection, free: DesignResult, better: Better) -> Floats:
+    """A gain that meets the constraints at an x of a gain that need not; that gain itself if none is found."""
+    gain = np.asarray(free.F)
+    found = rejection.point(gain, 1.0)
+    step = None if found is None else better(gain, found[0], 1e3 * abs(found[1]) + 1.0)
+    return gain if step is None else step
+
+
 def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...]:
     """Lyapunov vectors of gains without the user's constraints."""
     found = program.speed_up(program.facet_sum(), 2 * rate + plant.scale, rate + program.strict)
@@ -75,13 +122,16 @@ def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...
 class _OwnProgram:
     """What the user wrote on a cvxpy variable F, beside invariance and, for a given v, stability."""
 
-    def __init__(self, program: GainProgram, rate: float, constraints: Any, objective: Any, solver: Any) -> None:
+    def __init__(self, program: GainProgram, rate: float, constraints: Any, objective: Any, lp: Programs) -> None:
+        if callable(lp.solver):
+            raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
         import cvxpy  # noqa: PLC0415  (heavy, and needed by few)
 
         cp: Any = cvxpy
         self.cp, self.program, self.rate = cp, program, rate
-        self.options = {} if solver is None else {"solver": solver}
+        self.options = {} if lp.solver is None else {"solver": lp.solver}
         self.F: Any = cp.Variable(program.shape)
+        self.entries = cp.reshape(self.F, (self.F.size,), order="C")[program.free]
         self.message = "no vector v admits a gain"
         measured = program.seen.T / program.plant.sizes
         try:
@@ -99,39 +149,51 @@ class _OwnProgram:
 
     def certified(self, v: Floats) -> tuple[Accepted, float] | None:
         """A certified rounding of the best gain for v that meets the user's constraints to 1e-6, and what it costs."""
-        gain = self._gain(v)
+        S, s, w = self.program.stability(v)
+        gain = next(self.gains((S, -(self.rate + self.program.strict) * w - s), self.cost), None)
         found = None if gain is None else accept(self.program.plant, gain, rate=self.rate)
-        if found is None:
+        if found is None or not self.is_met(found.F):
             return None
-        self.F.value = found.F
         value = float(np.asarray(self.cost.value).item())
-        tolerance = 1e-6 * (1 + np.abs(found.F).max())
-        return (found, value) if np.isfinite(value) and all(_violation(c) <= tolerance for c in self.own) else None
+        return (found, value) if np.isfinite(value) else None
 
-    def _gain(self, v: Floats) -> Floats | None:
-        """The cheapest gain with the largest margins of invariance that some solver finds."""
+    def is_met(self, F: Any) -> bool:
+        """Whether a gain meets the user's constraints to 1e-6."""
+        self.F.value = F
+        tolerance = 1e-6 * (1 + np.abs(F).max())
+        return all(_violation(c) <= tolerance for c in self.own)
+
+    def gains(
+        self, rows: tuple[Any, Floats], cost: Any, outputs: Any = None, margins: tuple[float, ...] = _MARGINS
+    ) -> Iterator[Floats]:
+        """The cheapest gains with S l <= b for rows (S, b), with smaller and smaller margins of positivity.
+
+        The outputs are (P, p) with P l + p >= 0, or None.
+        """
         cp, program, F = self.cp, self.program, self.F
-        (G, g), (S, s, w), bound = program.invariance, program.stability(v), program.plant.gain_bound
-        entries = cp.reshape(F, (F.size,), order="C")
-        always = [*self.own, S @ entries[program.free] + s <= -(self.rate + program.strict) * w]
+        (G, g), bound, (S, b) = program.invariance, program.plant.gain_bound, rows
+        always = [*self.own, S @ self.entries <= b]
         held = np.setdiff1d(np.arange(F.size), program.free)
         if held.size:
-            always.append(entries[held] == 0)
+            always.append(cp.reshape(F, (F.size,), order="C")[held] == 0)
         self.message = f"{reason()} was reached"
-        for margin in _MARGINS:
-            rows = [*always, G @ entries[program.free] + g >= margin * program.sizes]
+        for margin in margins:
+            asked = [*always, G @ self.entries + g >= margin * program.sizes]
+            if outputs is not None:
+                size = abs(outputs[0]) @ np.full(outputs[0].shape[1], program.unit) + np.abs(outputs[1])
+                asked.append(outputs[0] @ self.entries + outputs[1] >= margin * size)
             if bound is not None:
                 most = bound[:, None] * (1 - margin) * program.plant.sizes
-                rows.append(cp.abs(F @ program.seen.T) <= most)
-            if not begin(program_effort(len(g) + len(s), len(program.free))):
+                asked.append(cp.abs(F @ program.seen.T) <= most)
+            if not begin(program_effort(len(g) + len(b), len(program.free))):
                 break
-            problem = cp.Problem(cp.Minimize(self.cost), rows)
+            problem = cp.Problem(cp.Minimize(cost), asked)
             self.message = guarded(lambda problem=problem: _status(problem, self.options), seconds_left())
             if self.message in ("optimal", "optimal_inaccurate"):
                 if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
-                    return np.array(F.value, dtype=float)
-                self.message = "the solver called a gain optimal that is no finite matrix"
-        return None
+                    yield np.array(F.value, dtype=float)
+                else:
+                    self.message = "the solver called a gain optimal that is no finite matrix"
 
 
 def _violation(constraint: Any) -> float:

@@ -109,7 +109,7 @@ class DesignResult(Answer):
     ----------
     status : Status
         PROVED: `F` does what was asked.  REFUTED: no gain does, proven by `certificate`; of several vertices no gain
-        with a common Lyapunov vector, as `explain` says.  UNDECIDED: no gain was found, or none could be proven.
+        with a common vector x inside X, as `explain` says.  UNDECIDED: no gain was found, or none could be proven.
     F : ndarray, shape (m, n), or None
         Gain of u = F x + w.  Of networks: shape (N, m, n), or a tuple of arrays.
     closed_loop : ConeStateSpace or network, or None
@@ -122,7 +122,7 @@ class DesignResult(Answer):
     value : float
         What was reached; NaN without a gain.
     limit : float
-        Proven: no gain for this cone that meets the demands (of several vertices: with a common Lyapunov vector) does
+        Proven: no gain for this cone that meets the demands (of several vertices: with a common vector x inside X) does
         better than this value.  Proven by exact multipliers when it is first read.  NaN where that is not proven, as
         for the local search of other methods, structures and cones: what was reached is the best found then.
     decay_rate : float
@@ -210,7 +210,7 @@ class DesignResult(Answer):
         """What is proven of other gains."""
         if not np.isfinite(self.limit):
             return "the best found"
-        scope = " with a common Lyapunov vector" if len(getattr(self.certificate, "loops", ())) > 1 else ""
+        scope = " with a common vector x inside X" if len(getattr(self.certificate, "loops", ())) > 1 else ""
         least, most = f"less than {floored(self.limit)}", f"more than {raised(self.limit)}"
         better = most if self.objective == LARGEST_RATE else least
         return f"and no gain{scope} for this cone that meets the demands has {better}, which is proven"

@@ -53,10 +53,21 @@ def design_by_alternation(plant: Plant, rate: Any, lp: Programs) -> DesignResult
             return DesignResult(status=Status.REFUTED, certificate=proof, message=message, notes=notes)
     if rate == "max":
         return _fastest(plant, program, lp)
-    return _any_rate(plant, program, lp, rate)
+    found, fastest = _any_rate(plant, program, lp, rate)
+    return _given_up(plant, rate, fastest, lp) if found is None else found
 
 
-def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hints: Floats) -> DesignResult:
+def by_common_v(plant: Plant, rate: Any, lp: Programs) -> DesignResult | None:
+    """A gain with one v inside X* for all vertices, where there is none with one x inside X; None if none is found."""
+    if rate == "max" or not affords():
+        return None
+    return _any_rate(plant, GainProgram(plant, lp), lp, rate)[0]
+
+
+def _any_rate(
+    plant: Plant, program: GainProgram, lp: Programs, rate: float, *hints: Floats
+) -> tuple[DesignResult | None, float]:
+    """The smallest gain found, or None; and the fastest decay rate found."""
     goal = rate + program.strict
     ceiling = 2 * rate + plant.scale
     best: tuple[Accepted, float] | None = None
@@ -81,8 +92,11 @@ def _any_rate(plant: Plant, program: GainProgram, lp: Programs, rate: float, *hi
                     best = accepted, size
             if best is not None and number >= 1 + len(hints):
                 break
-    if best is not None:
-        return succeed(plant, best[0], SMALLEST_GAIN, best[1])
+    return None if best is None else succeed(plant, best[0], SMALLEST_GAIN, best[1]), fastest
+
+
+def _given_up(plant: Plant, rate: float, fastest: float, lp: Programs) -> DesignResult:
+    """What is said where no gain was found: a proof that there is none, on a simplicial cone, or UNDECIDED."""
     proof = _unstructured_refutation(plant, rate, lp)
     if proof is not None:
         return proof
@@ -129,7 +143,7 @@ def _fastest(plant: Plant, program: GainProgram, lp: Programs) -> DesignResult:
     limit, v = best.rate, best.v
     # a common vector of several vertices may be much slower than each of them
     parts = RATE_PARTS if len(plant.vertices) == 1 else (*RATE_PARTS, 0.5, 0.2)
-    result = first_proven(parts, lambda part: _any_rate(plant, program, lp, limit * part, v))
+    result = first_proven(parts, lambda part: _any_rate(plant, program, lp, limit * part, v)[0])
     if result is None:
         return undecided(f"gains with a decay rate up to {floored(limit)} were found, but none was proven.", plant)
     return changed(result, objective=LARGEST_RATE, value=result.decay_rate)

@@ -1,0 +1,146 @@
+"""Disturbance rejection: exact on simplicial cones, by alternation elsewhere; structure, vertices, constraints."""
+
+import cvxpy as cp
+import numpy as np
+import pytest
+
+import control_kpos as kp
+
+PAPER = [[0, 1], [1, -2]]
+PYRAMID = [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]
+PUSHED = {"disturbance": ([[0], [1]], [[1, 0]])}
+BOTH = {"disturbance": ([[1], [1]], [[1, 0]])}
+
+
+@pytest.fixture
+def plant():
+    return kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0)
+
+
+def linf_gain(A, E, G, D=0.0):
+    """Of a stable system that is positive from w to z: the largest row sum of the DC gain."""
+    return float((np.asarray(D) - np.asarray(G) @ np.linalg.solve(A, np.asarray(E, dtype=float))).sum(axis=1).max())
+
+
+def test_disturbance_gain_is_the_one_of_the_closed_loop(plant):
+    E, G = PUSHED["disturbance"]
+    d = kp.state_feedback(plant, X=PAPER, disturbance=(E, G), gain_bound=8)
+    assert d and d.check()
+    closed = d.closed_loop.A
+    true = float((-np.array(G) @ np.linalg.solve(closed, np.array(E)))[0, 0])
+    assert true <= d.value and d.value == pytest.approx(true, rel=2e-2)
+    assert d.limit == pytest.approx(1 / 12, rel=1e-3)  # |F x_1| <= 8 allows F = (-11, -8): 1 / (1 + 11)
+
+
+def test_disturbance_without_bound_says_so(plant):
+    d = kp.state_feedback(plant, X=PAPER, disturbance=([[0], [1]], [[1, 0]]))
+    assert d.status is kp.Status.UNDECIDED and "gain_bound" in d.message
+
+
+def test_disturbance_that_leaves_the_cone_is_refuted(plant):
+    d = kp.state_feedback(plant, X=PAPER, disturbance=([[-1], [0]], [[1, 0]]), gain_bound=8)
+    assert d.status is kp.Status.REFUTED and d.check()
+
+
+@pytest.mark.parametrize("method", ["auto", "alternation"])
+def test_patterns_that_follow_the_blocks(method):
+    """x1' = x1 (1 + f) + x2 + w without the second entry of F: gain 1 / (f - 1 - 1/3) (1 + 1/3)."""
+    sys = kp.ConeStateSpace([[1, 1], [1, -3]], [[1], [0]], np.eye(2), np.zeros((2, 1)))
+    d = kp.state_feedback(sys, structure=[[True, False]], gain_bound=8, method=method, **BOTH)
+    assert d and d.check() and d.F[0, 1] == 0
+    best = linf_gain([[-7, 1], [1, -3]], *BOTH["disturbance"])
+    assert best <= d.value <= 1.002 * best
+    assert np.isnan(d.limit) if method == "alternation" else 0.999 * best <= d.limit <= best
+
+
+def test_patterns_within_a_block():
+    """The cone mixes x1 and x2, so that F = (f, 0) is no pattern of F T."""
+    A, B, X = np.array([[-1.0, 0], [1, -2]]), np.eye(2), [[1, 0], [1, 1]]
+    sys = kp.ConeStateSpace(A, B, np.eye(2), np.zeros((2, 2)), X=X)
+    d = kp.state_feedback(sys, structure=[[1, 0], [0, 1]], gain_bound=2, disturbance=([[1], [0]], [[1, -1]]))
+    assert d and d.check() and d.F[0, 1] == d.F[1, 0] == 0 and np.isnan(d.limit)
+    assert linf_gain(A + B @ d.F, [[1], [0]], [[1, -1]]) <= d.value
+    assert d.value < linf_gain(A, [[1], [0]], [[1, -1]])
+
+
+@pytest.mark.parametrize("method", ["auto", "alternation"])
+def test_vertices_share_one_bound(method):
+    vertices = [([[1, 1], [1, -3]], [[1], [0]]), ([[0.5, 1], [1, -4]], [[1], [0]])]
+    sys = kp.ConeStateSpace(*vertices[0], np.eye(2), np.zeros((2, 1)))
+    d = kp.state_feedback(sys, vertices=vertices, gain_bound=8, method=method, **BOTH)
+    true = [linf_gain(np.array(A) + np.array(B) @ d.F, *BOTH["disturbance"]) for A, B in vertices]
+    assert d and d.check() and max(true) <= d.value <= 1 / 7 * 1.002
+    assert "by one x for all vertices" in d.objective
+    bounds = [part for part in d.certificate.others if hasattr(part, "gamma")]
+    assert len(bounds) == 2 and (bounds[0].x == bounds[1].x).all()
+    assert d.explain().count("the L-infinity gain from w to z is below") == 1
+    if method == "auto":
+        assert 1 / 7 * 0.999 <= d.limit <= 1 / 7
+
+
+def test_vertices_in_discrete_time():
+    vertices = [([[0.5, 0.2], [0.3, 0.9]], [[0], [1]]), ([[0.4, 0.2], [0.3, 0.8]], [[0], [1]])]
+    sys = kp.ConeStateSpace(*vertices[0], np.eye(2), np.zeros((2, 1)), 1)
+    d = kp.state_feedback(sys, vertices=vertices, gain_bound=0.5, **BOTH)
+    for A, B in vertices:
+        loop = np.array(A) + np.array(B) @ d.F
+        assert (loop >= 0).all() and linf_gain(loop - np.eye(2), *BOTH["disturbance"]) <= d.value
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_alternation_reaches_the_optimum_where_that_is_known(seed):
+    rng = np.random.default_rng(seed)
+    A, B = rng.uniform(0, 1, (3, 3)) - 2 * np.eye(3) * rng.uniform(), rng.uniform(0, 1, (3, 1))
+    sys = kp.ConeStateSpace(A, B, np.eye(3), np.zeros((3, 1)))
+    asked = {"disturbance": (np.ones((3, 1)), rng.uniform(0, 1, (1, 3))), "gain_bound": 3}
+    d, e = kp.state_feedback(sys, **asked), kp.state_feedback(sys, method="alternation", **asked)
+    assert d.status is e.status
+    if d:
+        assert e.check() and d.limit <= e.value <= 1.01 * d.value
+        assert linf_gain(e.closed_loop.A, *asked["disturbance"]) <= e.value
+
+
+def test_a_cone_of_four_generators(tmp_path):
+    """x3' = (1 + f) x3 + w is all that F moves, and f = -1.5 is all it may: gain 2."""
+    A, B = np.diag([-1.0, -1, 1]), [[0], [0], [1]]
+    sys = kp.ConeStateSpace(A, B, np.eye(3), np.zeros((3, 1)), X=PYRAMID)
+    d = kp.state_feedback(sys, disturbance=([[0], [0], [1]], [[0, 0, 1]]), gain_bound=1.5)
+    assert d and d.check() and 2 <= d.value <= 2.01 and np.isnan(d.limit) and "the best found" in d.explain()
+    d.certificate.save(tmp_path / "d.json")
+    assert kp.load_certificate(tmp_path / "d.json") == d.certificate
+    wild = kp.state_feedback(sys, disturbance=([[1], [0], [0]], [[0, 0, 1]]), gain_bound=1.5)
+    assert wild.status is kp.Status.REFUTED and "E must map into X" in wild.message
+
+
+def test_constraints_of_the_user(plant):
+    free = kp.state_feedback(plant, X=PAPER, gain_bound=8, constraints=lambda F: [], **PUSHED)
+    assert free and free.value <= 1.002 / 12
+    d = kp.state_feedback(plant, X=PAPER, gain_bound=8, constraints=lambda F: [F[0, 0] >= -9], **PUSHED)
+    best = 1 / 10  # the DC gain is 1 / (1 - f1)
+    assert d and d.check() and d.F[0, 0] >= -9 - 1e-5 and best * 0.999 <= d.value <= 1.003 * best
+    assert "the L-infinity gain" in d.explain() and np.isnan(d.limit)
+    none = kp.state_feedback(plant, X=PAPER, gain_bound=8, constraints=lambda F: [F[0, 0] >= 5], **PUSHED)
+    assert none.status is kp.Status.UNDECIDED and "constraints given" in none.message
+
+
+def test_modes_with_disturbance_and_constraints():
+    modes = [([[1, 1], [1, -3]], [[1], [0]]), ([[-3, 1], [1, 1]], [[0], [1]])]
+    sys = kp.ConeStateSpace(*modes[0], np.eye(2), np.zeros((2, 1)))
+    asked = {"vertices": modes, "per_mode": True, "gain_bound": 8, **BOTH}
+    d = kp.state_feedback(sys, **asked)
+    own = kp.state_feedback(sys, constraints=lambda F: [cp.sum(F[:, 0]) >= -5], **asked)
+    for found in (d, own):
+        assert found and found.check() and found.F.shape == (2, 1, 2)
+        assert all(linf_gain(loop.A, *BOTH["disturbance"]) <= found.value for loop in found.closed_loop)
+    assert own.F[:, 0, 0].sum() >= -5 - 1e-5
+
+
+def test_refusals_and_wrong_arguments(plant):
+    unstable = kp.ConeStateSpace([[1, 0], [0, -1]], [[0], [1]], np.eye(2), np.zeros((2, 1)))
+    for method in ("auto", "alternation"):
+        d = kp.state_feedback(unstable, gain_bound=2, method=method, disturbance=([[0], [1]], [[0, 1]]))
+        assert d.status is kp.Status.REFUTED and d.check()
+    with pytest.raises(kp.DataError, match="objective not with disturbance"):
+        kp.state_feedback(plant, X=PAPER, objective=lambda F: cp.norm(F), **PUSHED)
+    with pytest.raises(kp.DataError, match="fixed rate"):
+        kp.state_feedback(plant, X=PAPER, rate="max", **PUSHED)
