@@ -270,16 +270,20 @@ def sizes(x: Vector) -> Vector:
 
 @dataclass
 class Cone:
-    """A proper polyhedral cone: its generators, and Z with sum_k x_k Z_kj = e_j (`inverse`, row by row)."""
+    """A proper polyhedral cone: its generators, and Z with sum_k x_k Z_kj = e_j (`inverse`, row by row).
+
+    It is the product of `factors`, of which the coordinates and the numbers of the generators are here.
+    """
 
     dim: int
     rays: list[Vector]
     inverse: list[Vector]
+    factors: list[tuple[range, range]]
 
 
 def cone(o: Json, limit: int) -> Cone:
     """A product of factors, each `count` times.  Pointed: w'x > 0.  Solid: R Z = I, the columns of R being x."""
-    out = Cone(0, [], [])
+    out = Cone(0, [], [], [])
     for count, factor in () if o is None else content(o, "cone"):
         expect(factor.keys() == {"rays", "w", "Z"}, "a cone is not shown to be proper")
         n, p = len(listing(factor["w"])), len(factor["rays"])
@@ -290,6 +294,7 @@ def cone(o: Json, limit: int) -> Cone:
         need(all(image(rays, Z[j]) == {j: 1} for j in range(n)), "a cone is solid")
         expect(type(count) is int and 0 < count * n <= limit - out.dim, "a size is absurd for this file")
         for _ in range(count):
+            out.factors.append((range(out.dim, out.dim + n), range(len(out.rays), len(out.rays) + p)))
             out.rays += [{out.dim + i: a for i, a in x.items()} for x in rays]
             out.inverse += [{out.dim + j: a for j, a in z.items()} for z in rows]
             out.dim += n
@@ -306,6 +311,65 @@ def inside(target: Cone, y: Vector, weights: Vector | None, what: str, free: int
 def above(f: Vector, C: Cone) -> bool:
     """f is in the dual cone: f'x >= 0 on C."""
     return all(dot(f, x) >= 0 for x in C.rays)
+
+
+def facets(C: Cone, limit: int) -> list[Vector]:
+    """Vectors h whose combinations with weights >= 0 are the dual cone: C is where h'x >= 0 for all of them.
+
+    Of a simplicial factor the rows of the inverse.
+    """
+    out = list[Vector]()
+    for places, numbers in C.factors:
+        simplicial = len(places) == len(numbers)
+        rays, inverse = ([part[k] for k in numbers] for part in (C.rays, C.inverse))
+        out += inverse if simplicial else dual(places, rays, limit)
+    return out
+
+
+Facet = tuple[Vector, frozenset[int]]  # h, and the numbers of the x with h'x = 0
+
+
+def dual(places: range, rays: list[Vector], limit: int) -> list[Vector]:
+    """The same for generators x with these coordinates, one x after another (Motzkin's double description).
+
+    Before x, {h : h'x >= 0 for all x so far} are the combinations of `lines`, of either sign, and of `found`, with
+    weights >= 0.  If l'x != 0 for a line, all else moves along it to h'x = 0, and l or -l stays, as a facet.  If not,
+    those with h'x < 0 give way to their combinations, with h'x = 0, with those of h'x > 0.
+    """
+    lines, found = [{i: Fraction(1)} for i in places], list[Facet]()
+    for k, x in enumerate(rays):
+        across = [line for line in lines if dot(line, x)]
+        if across:
+            bent = total((1 / dot(across[0], x), across[0]))
+            lines = [moved(line, bent, x) for line in lines if line is not across[0]]
+            found = [(moved(h, bent, x), zeros | {k}) for h, zeros in found] + [(bent, frozenset(range(k)))]
+        else:
+            found = extreme(cut(found, x, k, limit))
+    return [h for h, _ in found]
+
+
+def moved(h: Vector, line: Vector, x: Vector) -> Vector:
+    """h - (h'x) line, which is 0 at x if line'x = 1."""
+    return total((1, h), (-dot(h, x), line))
+
+
+def cut(found: list[Facet], x: Vector, k: int, limit: int) -> list[Facet]:
+    """What generates the part of the cone of `found` with h'x >= 0; x has the number k."""
+    at = [(h, zeros, dot(h, x)) for h, zeros in found]
+    ahead, behind = ([entry for entry in at if sign * entry[2] > 0] for sign in (1, -1))
+    expect(len(ahead) * len(behind) <= limit, "a cone has too many facets")
+    kept = [(h, zeros) for h, zeros, _ in ahead] + [(h, zeros | {k}) for h, zeros, a in at if a == 0]
+    for h, here, a in ahead:
+        for g, there, b in behind:
+            both = total((a, g), (-b, h))
+            kept.append((total((1 / max(sizes(both).values()), both)), (here & there) | {k}))
+    return kept
+
+
+def extreme(found: list[Facet]) -> list[Facet]:
+    """Without those that are combinations of others: some other vanishes on more, or an earlier one on the same."""
+    first = {zeros: h for h, zeros in reversed(found)}
+    return [(h, zeros) for zeros, h in first.items() if not any(zeros < others for others in first)]
 
 
 def listed(e: Said, name: str, y: Vector, target: Cone) -> None:
@@ -1432,8 +1496,8 @@ def residual(c: LinearCost, p: Vector, policy: list[Fraction] | None = None, *, 
 def linear_cost(e: Said, limit: int) -> LinearCost:
     """The data, with  l_g'x >= 0,  and A x + B mu in X, for all admissible mu and x in X.
 
-    On the facets h of a simplicial cone: h'A x + sum_g m_g(B'h) l_g'x >= 0, disturbances counted as controls; in
-    continuous time if h'x = 0.
+    On the facets h of X: h'A x + sum_g m_g(B'h) l_g'x >= 0, disturbances counted as controls; in continuous time if
+    h'x = 0.
     """
     X, discrete = cone(e["X"], limit), e["discrete"]
     kinds, owner = ([index(k) for k in sequence(e[name])] for name in ("kinds", "owner"))
@@ -1457,11 +1521,10 @@ def linear_cost(e: Said, limit: int) -> LinearCost:
         A, B, L, X, s, r, kinds, columns, *((discount, Fraction(1)) if discrete else (Fraction(1), discount))
     )
     need(all(above(pullback({g: Fraction(1)}, L), X) for g in range(len(kinds))), "l'x >= 0")
-    expect(len(X.rays) == X.dim, "invariance under all inputs is checked on simplicial cones")
     tamed = replace(out, kinds=[CONTROL if kind == DISTURBANCE else kind for kind in kinds])
-    for j, h in enumerate(X.inverse):  # the facets
+    for h in facets(X, limit):
         kept = total((1, pullback(h, A)), (1, pushed(tamed, pullback(h, B))))
-        need(all(dot(kept, x) >= 0 for k, x in enumerate(X.rays) if discrete or k != j), "A x + B mu in X")
+        need(all(dot(kept, x) >= 0 for x in X.rays if discrete or dot(h, x) == 0), "A x + B mu in X")
     return out
 
 

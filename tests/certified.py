@@ -139,6 +139,12 @@ def optimal(A=None, B=None, s=(3, 1), r=None, limits=((2, 1),), X=PAPER, discret
     return kp.optimal_feedback(plant, s, ["0.1"] * len(B[0]) if r is None else r, limits, **more)
 
 
+def on_a_square(grows=0, *, discrete, **more):
+    A = (np.diag([0.25, 0.25, 0.5]) + grows * np.eye(3) if discrete else np.diag([-2, -2, -1.5])).tolist()
+    plant = kp.ConeStateSpace(A, [["1/8"], ["1/9"], [0]], np.eye(3), np.zeros((3, 1)), discrete, X=SQUARE)
+    return kp.optimal_feedback(plant, [0.25, 0, 1], ["-1/7"], [[0, 0.25, 0.5]], **more)
+
+
 CERTIFICATES = {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
     "positive, decimals": lambda: kp.state_positivity([[0, 1], ["-21.3", "-12.9"]], PAPER),
@@ -292,6 +298,10 @@ CERTIFICATES = {
             discrete=True,
         ).certificate
     ),
+    "optimal cost, four generators": lambda: on_a_square(discrete=True).certificate,
+    "optimal cost, four generators in continuous time": lambda: on_a_square(discrete=False).certificate,
+    "optimal cost, four generators, not finite": lambda: on_a_square(2, discrete=True).certificate,
+    "finite cost, four generators": lambda: on_a_square(2, discrete=True, horizon=2).certificate,
     "finite cost": lambda: optimal(horizon=3, terminal_cost=["1/3", "1/7"]).certificate,
     "finite cost, rounded": lambda: (
         optimal(

@@ -32,6 +32,64 @@ def two_states(A, low=0, high=4, owner=(0, 1), *, discrete=True):
     return {"claim": "optimal cost", "status": "PROVED", "data": data, "proof": {}}
 
 
+def over(points, *more):
+    """The cone over points, with opposite ones beside each other and 1 as the last coordinate; more generators last."""
+    n, p = len(points[0]), len(points)
+    square = sum(x[0] ** 2 for x in points)
+    Z = [[f"{a}/{square}" for a in x] + [f"1/{p}"] for x in points] + [[0] * (n + 1) for _ in more]
+    return {"rays": [[*x, 1] for x in points] + [list(x) for x in more], "w": [0] * n + [1], "Z": Z}
+
+
+def tapered(factor, pushes, *, discrete=True, count=1, low=2, high=2, beside=()):
+    """x+ = diag(1/4, ..., 1/4, 1/2) x + mu (pushes, 0) with |mu| <= x_n at the cost x_n, which is 2 x_n in all."""
+    n, size = len(factor["w"]), len(factor["w"]) * count + len(beside)
+    last = [j for j in range(size) if j % n == n - 1 or j >= n * count]
+    A = [[0] * j + ["1/2" if j in last else "1/4"] + [0] * (size - j - 1) for j in range(size)]
+    if not discrete:
+        A = [[{"1/2": "-1/2", "1/4": "-3/4"}.get(a, a) for a in row] for row in A]
+    B = [[b] for b in [0] * (n * (count - 1)) + [*pushes, 0] + [0] * len(beside)]
+    ends, data = (
+        [int(j in last) for j in range(size)],
+        {"X": {"cone": [[count, factor], *beside]}, "discrete": discrete},
+    )
+    data |= {"A": {"matrix": A}, "B": {"matrix": B}, "s": {"matrix": [ends]}, "r": {"matrix": [[0]]}}
+    data |= {"limits": {"matrix": [[int(j == n * count - 1) for j in range(size)]]}, "witness": None}
+    data |= {"owner": {"tuple": [0]}, "kinds": {"tuple": [0]}, "policy": {"tuple": [1]}}
+    data |= {"discount": {"fraction": int(discrete)}}
+    data |= {name: {"array": [double(x * a) for a in ends]} for name, x in (("lower", low), ("upper", high))}
+    return {"claim": "optimal cost", "status": "PROVED", "data": data, "proof": {}}
+
+
+SQUARE = over([(1, 1), (-1, -1), (1, -1), (-1, 1)])
+WIDER = over([(1, 1), (-1, -1), (1, -1), (-1, 1)], (0, 0, 1), (2, 2, 2), (1, 0, 1))  # with generators that add nothing
+OCTAHEDRON = over([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
+CUBE = over([(a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)])
+FACETS = {
+    "facets of a square": (tapered(SQUARE, ["1/4", 0]), "PROVED"),
+    "facets of a square, the other way": (tapered(SQUARE, [0, "-1/4"]), "PROVED"),
+    "facets of a square, both": (tapered(SQUARE, ["1/4", "-1/4"]), "PROVED"),
+    "facets of a square, pushed out": (tapered(SQUARE, ["5/16", 0]), "WRONG"),
+    "facets of a square, pushed out the other way": (tapered(SQUARE, [0, "5/16"]), "WRONG"),
+    "facets of a square, in continuous time": (tapered(SQUARE, ["1/4", 0], discrete=False), "PROVED"),
+    "facets of a square, pushed out in continuous time": (tapered(SQUARE, ["5/16", 0], discrete=False), "WRONG"),
+    "facets of a square, cost too low": (tapered(SQUARE, ["1/4", 0], high=1), "WRONG"),
+    "facets of a square with more": (tapered(WIDER, ["1/4", 0]), "PROVED"),
+    "facets of a square with more, pushed out": (tapered(WIDER, ["5/16", 0]), "WRONG"),
+    "facets of an octahedron": (tapered(OCTAHEDRON, ["1/4", 0, 0]), "PROVED"),
+    "facets of an octahedron, askew": (tapered(OCTAHEDRON, ["1/12", "-1/12", "1/12"]), "PROVED"),
+    "facets of an octahedron, pushed out": (tapered(OCTAHEDRON, ["1/12", "-1/12", "1/11"]), "WRONG"),
+    "facets of an octahedron, pushed out on the other side": (tapered(OCTAHEDRON, ["1/12", "1/12", "1/11"]), "WRONG"),
+    "facets of a cube": (tapered(CUBE, ["1/4", "1/4", "1/4"]), "PROVED"),
+    "facets of a cube, pushed out": (tapered(CUBE, ["1/4", "1/4", "5/16"]), "WRONG"),
+    "facets of a cube, pushed out in front": (tapered(CUBE, ["5/16", 0, 0]), "WRONG"),
+    "facets of a cube, pushed out beside": (tapered(CUBE, [0, "5/16", 0]), "WRONG"),
+    "facets of two squares": (tapered(SQUARE, ["1/4", 0], count=2, beside=HALF["cone"]), "PROVED"),
+    "facets of two squares, pushed out": (tapered(SQUARE, ["5/16", 0], count=2, beside=HALF["cone"]), "WRONG"),
+}
+
+LARGER = tapered(over([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], (2, 2, 1, 1)), [0, 0, 0])
+PAIRS = [(LARGER, 8, "PROVED"), (LARGER, 7, "UNREADABLE")]  # of facets on either side of the last generator
+
 COSTS = {
     "optimal cost": (cheapest(1, "1/2", policy=[-1], low=2, high=2), "PROVED"),
     "optimal cost, wide": (cheapest(1, "1/2", policy=[-1], low=1, high=3), "PROVED"),
@@ -247,4 +305,4 @@ INTERVALS = {
     ),
     "no bound, no smallest": (kept(rows=[3], bounds=[-1], witness=("BoundExceeded", 0, 0)), "UNREADABLE"),
 }
-COSTS |= INTERVALS | HORIZONS
+COSTS |= INTERVALS | HORIZONS | FACETS

@@ -12,6 +12,7 @@ import certified
 import checker_claims
 import checker_costs
 import checker_pieces
+import numpy as np
 import pytest
 import tampering
 from checker_cases import BY_HAND, SIZES
@@ -20,9 +21,11 @@ import control_kpos as kp
 from control_kpos import checker
 from control_kpos.__main__ import main as command_line
 from control_kpos.errors import CertificateFileError, FalseClaimError
+from control_kpos.proof.portable_cones import encode_cone
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
+LIMITS = SIZES + checker_costs.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS
 
 
@@ -54,10 +57,24 @@ def test_cases_by_hand(name):
 
 
 def test_sizes_are_bounded():
-    assert [outcome(vars(checker), content, limit) for content, limit, _ in SIZES] == [case[2] for case in SIZES]
+    assert [outcome(vars(checker), content, limit) for content, limit, _ in LIMITS] == [case[2] for case in LIMITS]
 
 
 # -- with the package
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_checker_finds_the_facets(seed):
+    rng = np.random.default_rng(seed)
+    n = 2 + seed % 4
+    points = rng.integers(-3, 4, size=(n + int(rng.integers(0, 8)), n - 1))
+    points = np.vstack([points, np.eye(n - 1, dtype=int), -np.eye(n - 1, dtype=int)])
+    X = kp.PolyhedralCone(np.hstack([points, np.ones((len(points), 1), dtype=int)]))
+    X = X if seed % 3 else kp.product([X, kp.orthant(1), X])
+    found = checker.facets(checker.cone({"cone": encode_cone(X)}, LIMIT), LIMIT)
+    rows = [[h.get(i, 0) / max(map(abs, h.values())) for i in range(X.dim)] for h in found]
+    wanted = [[x / max(map(abs, h)) for x in h] for h in X.exact_facets.plain().fractions().tolist()]
+    assert sorted(rows) == sorted(wanted)
 
 
 @pytest.mark.parametrize("name", certified.CERTIFICATES)
@@ -298,7 +315,7 @@ def answer(main, path, capsys):
 def test_changed_operators_are_noticed(files, tmp_path, capsys):
     """Files by hand are tried before those of the package."""
     source, path = SOURCE.split("if __name__")[0], tmp_path / "file.json"
-    cases = [(case[0], LIMIT) for case in HAND.values()] + [case[:2] for case in SIZES]
+    cases = [(case[0], LIMIT) for case in HAND.values()] + [case[:2] for case in LIMITS]
     cases += [(content, LIMIT) for content in files.values()]
     names = tampering.compiled(ast.parse(source), "changed")
     battery = [(case, outcome(names, *case), functions_run(names, case)) for case in cases]

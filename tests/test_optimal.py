@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.design.optimal.certificate import GrowingCost
 from control_kpos.design.optimal.policies import by_linear_program
 from control_kpos.errors import DataError, ShapeError
@@ -192,6 +193,15 @@ def test_certificates_about_no_problem_are_refused(change):
     c = kp.optimal_feedback(seed_plant(), s=[3, 1], r=["0.1"], limits=[[2, 1]]).certificate
     with pytest.raises(DataError):
         replace(c, problem=replace(c.problem, **change))
+
+
+def test_files_of_cones_with_many_facets_leave_out_the_proof(tmp_path):
+    turns = 2 * np.pi * np.arange(400) / 400
+    X = kp.PolyhedralCone(np.stack([np.cos(turns), np.sin(turns), np.full(400, 1.5)], axis=1))
+    a = kp.optimal_feedback(system(0.5 * np.eye(3), np.zeros((3, 1)), X=X), [0, 0, 1], [0], [[0, 0, 1]])
+    assert a and "fractions" in a.certificate.proof()["omitted"]
+    a.save(tmp_path / "many.json")
+    assert kp.load_certificate(tmp_path / "many.json") and checker.main(tmp_path / "many.json") == 2
 
 
 def test_infinite_cost_is_refuted_by_a_vector():
