@@ -222,6 +222,24 @@ def test_ties_and_free_controls():
     np.testing.assert_allclose(b.cost, 4 / 3)
 
 
+@pytest.mark.parametrize("seed", range(8))
+def test_near_ties_are_not_taken_back_and_forth(seed):
+    """Treatments at prices next to p, what they save."""
+    rng, n = np.random.default_rng(seed), 300
+    spread = sp.csr_array(
+        sp.random_array((n, n), density=3 / n, rng=rng, data_sampler=lambda size: 0.03 * rng.random(size))
+    )
+    drift = rng.uniform(-0.3, -0.15, n)
+    net = kp.feedback_interconnect(kp.stack(drift[:, None, None], [[1]], [[1]], dt=0), spread, progress=False)
+    untreated = -np.linalg.solve(np.diag(drift) + spread.toarray().T, np.ones(n))
+    price = untreated * (1 + rng.uniform(-3e-6, 3e-6, n))
+    a = kp.optimal_feedback(
+        net, np.ones(n), price, 0.2 * sp.eye_array(n), controls=-sp.eye_array(n), groups=np.arange(n)
+    )
+    assert a and a.iterations <= 12 and a.certificate.gap <= 1e-6
+    np.testing.assert_allclose(a.cost, untreated, rtol=2e-5)
+
+
 def test_shortest_paths():
     """Roads between many places, one of them chosen at each: the distances are those of Bellman and Ford."""
     n, rng = 400, np.random.default_rng(0)

@@ -112,7 +112,8 @@ class Policies:
             if (better == policy).all():
                 break
             found = self.worst(better, brake)
-            if found is None or not (self.rays @ (found[1] - p) < 1e-12 * abs(self.rays) @ np.abs(p)).any():
+            # a step that wins no more than rounding would be taken back by the next one
+            if found is None or not (self.rays @ (p - found[1]) > self.ties * abs(self.rays) @ np.abs(p)).any():
                 break
             policy, p = found
         return Found(policy, p, self.steps)
