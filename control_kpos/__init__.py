@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from .design import (
         DesignResult,
         FiniteCostCertificate,
+        NetworkIntervalCertificate,
         OptimalCostCertificate,
         OptimalFeedback,
         OrderInterval,
@@ -94,6 +95,7 @@ __all__ = [
     "LyapunovCertificate",
     "NetworkCertificate",
     "NetworkInstability",
+    "NetworkIntervalCertificate",
     "NoWeights",
     "NodeNotDissipative",
     "NodeViolation",
@@ -154,9 +156,9 @@ _ON_DEMAND = {
     name: room
     for room, names in {
         ".design": (
-            "DesignResult FiniteCostCertificate OptimalCostCertificate OptimalFeedback OrderInterval "
-            "OrderIntervalCertificate Tradeoff gain_rate_tradeoff network_feedback observer_gain optimal_feedback "
-            "order_interval output_feedback scale_free_feedback state_feedback"
+            "DesignResult FiniteCostCertificate NetworkIntervalCertificate OptimalCostCertificate OptimalFeedback "
+            "OrderInterval OrderIntervalCertificate Tradeoff gain_rate_tradeoff network_feedback observer_gain "
+            "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

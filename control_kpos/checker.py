@@ -1392,9 +1392,8 @@ def drift(s: System, x: Vector) -> Vector:
     return total((1, image(s.A, x)), (-s.discrete, x))
 
 
-def bounded(e: Said, s: System) -> list[tuple[Vector, Fraction]]:
+def limits(e: Said, s: System, b: list[Fraction]) -> list[tuple[Vector, Fraction]]:
     """The rows f and the numbers b of the bounds f'x <= b."""
-    b = interval_vector(e, "bounds")
     expect((e["rows"] is None) == (e["bounds"] is None), "rows have bounds")
     return list(zip(row_vectors(e, "rows", s), b, strict=True))
 
@@ -1413,12 +1412,24 @@ def order_interval(e: Said, limit: int) -> None:
     x = entries(interval_vector(e, "x_max"), s.X.dim)
     listed(e, "x", x, s.X)
     listed(e, "z", total((-1, drift(s, x)), (-1, w)), s.X)
-    bounds = bounded(e, s)
+    covered(e, s, x, limits(e, s, interval_vector(e, "bounds")))
+
+
+def covered(e: Said, s: System, x: Vector, bounds: list[tuple[Vector, Fraction]]) -> None:
+    """f'y <= b for all bounds and 0 <= y <= x, by the g in `covers`."""
     expect((e["covers"] is None) == (e["rows"] is None), "bounds have covers")
     for (f, b), g in zip(bounds, row_vectors(e, "covers", s), strict=True):
         need(above(g, s.X), "g is in X*")
         need(above(total((1, g), (-1, f)), s.X), "g - f is in X*")
         need(dot(g, x) <= b, "g'x_max <= b")
+
+
+def exceeded(e: Said, s: System, least: Vector, w: Said, bounds: list[tuple[Vector, Fraction]]) -> None:
+    """x and x_min - x are in X, and f'x > b for the `row` of the bounds."""
+    x, row = entries(exactly(w, "x")[0], s.X.dim), index(w["row"])
+    listed(e, "s", x, s.X)
+    listed(e, "b", total((1, least), (-1, x)), s.X)
+    need(row < len(bounds) and dot(bounds[row][0], x) > bounds[row][1], "f'x > b")
 
 
 def no_order_interval(e: Said, limit: int) -> None:
@@ -1433,12 +1444,88 @@ def no_order_interval(e: Said, limit: int) -> None:
         need(above(total((1, pullback(d, s.A)), (-s.discrete, d)), s.X), "A'd is in X*")
         need(dot(d, w) > 0, "d'w_max > 0")
         return
-    x = entries(exactly(fields, "x")[0], s.X.dim)
     expect(e["x_min"] is not None, "x_min is there")
-    listed(e, "s", x, s.X)
-    listed(e, "b", total((1, least), (-1, x)), s.X)
-    bounds, row = bounded(e, s), index(fields["row"])
-    need(row < len(bounds) and dot(bounds[row][0], x) > bounds[row][1], "f'x > b")
+    exceeded(e, s, least, fields, limits(e, s, interval_vector(e, "bounds")))
+
+
+# -- order intervals of networks
+
+
+def network_interval(e: Said, limit: int) -> None:
+    """A network stays in [0, x_max] for all w(t) in [0, w_max], and on it f'x <= b.
+
+    See `network_end`;  x_max in X, and with u_max, y_max  -(A x + B u + w_max) in X,  y - C x - D u in Y,
+    u - W y in U:  because loops contract, u and y are at least the inputs and outputs that belong to x_max.
+    On it f'x <= b:  g and g - f are in X*,  g'x_max <= b.
+    """
+    s, w, _ = network_end(e, limit)
+    x, ahead, sent, heard = port_bounds(s, e, "max", w)
+    listed(e, "x", x, s.X)
+    listed(e, "z", total((-1, ahead)), s.X)
+    listed(e, "C", total((-1, sent)), s.Y)
+    listed(e, "W", total((-1, heard)), s.U)
+    covered(e, s, x, limits(e, s, beside(e, "bounds")))
+
+
+def no_network_interval(e: Said, limit: int) -> None:
+    """No x_max is such that a network never leaves [0, x_max]: some d in X* has d'w_max > 0, and with r and q
+
+    (d'A - q'C) x >= 0,  (d'B - r' - q'D) u >= 0,  q'y + r'W y >= 0:  then d'(A x + w_max) > 0 on X.
+    Or none on which f'x <= b for the `row` of the bounds: x and x_min - x are in X, and f'x > b.
+    """
+    kind, fields = record(e, "witness", "NoInterval", "BoundExceeded")
+    if kind == "BoundExceeded":
+        s, _, least = network_end(e, limit)
+        exceeded(e, s, least, fields, limits(e, s, beside(e, "bounds")))
+        return
+    s, w = pushed_network(e, limit)
+    d, (_, r, q) = entries(exactly(fields, "d")[0], s.X.dim), exactly(e, *"vrq", read=nodewise)
+    R, Q = entries(r, s.U.dim), entries(q, s.Y.dim)
+    need(above(d, s.X), "d is in X*")
+    rest = total((1, pullback(d, s.A)), (-s.discrete, d), (-1, pullback(Q, s.C)))
+    need(above(rest, s.X), "(d'A - q'C) x >= 0")
+    need(above(total((1, pullback(d, s.B)), (-1, R), (-1, pullback(Q, s.D))), s.U), "(d'B - r' - q'D) u >= 0")
+    need(above(total((1, Q), (1, pullback(R, s.W))), s.Y), "q'y + r'W y >= 0")
+    need(dot(d, w) > 0, "d'w_max > 0")
+
+
+def pushed_network(e: Said, limit: int) -> tuple[System, Vector]:
+    """The network and w_max, with  positive,  loops that contract,  and  w_max in X."""
+    (s,) = family("network interval", e, limit)
+    positive(s, e)
+    loop(s, e)
+    w = entries(beside(e, "w_max"), s.X.dim)
+    listed(e, "u", w, s.X)
+    return s, w
+
+
+def network_end(e: Said, limit: int) -> tuple[System, Vector, Vector]:
+    """The network, w_max, and x_min: every [0, x] that is not left has x - x_min in X.
+
+    V'x > 0,  (V'A - Q'C) x < 0,  and the supplies as for `network`, so that the network is stable;  with u_min, y_min
+    A x_min + B u + w_max in X,  C x_min + D u - y in Y,  W y - u in U.
+    """
+    s, w = pushed_network(e, limit)
+    V, Q = balanced(s, e, [Fraction(1)] * len(s.nodes))
+    decreases(s, V, Q)
+    least, ahead, sent, heard = port_bounds(s, e, "min", w)
+    listed(e, "y", ahead, s.X)
+    listed(e, "c", sent, s.Y)
+    listed(e, "m", heard, s.U)
+    return s, w, least
+
+
+def port_bounds(s: System, e: Said, end: str, w: Vector) -> tuple[Vector, Vector, Vector, Vector]:
+    """x, A x + B u + w, C x + D u - y and W y - u for the vectors of an end; in discrete time A - I for A."""
+    x, u, y = (entries(array(e[f"{name}_{end}"]), C.dim) for name, C in zip("xuy", s.cones(), strict=True))
+    ahead = total((1, drift(s, x)), (1, image(s.B, u)), (1, w))
+    return x, ahead, total((1, image(s.C, x)), (1, image(s.D, u)), (-1, y)), total((1, image(s.W, y)), (-1, u))
+
+
+def beside(e: Said, name: str) -> list[Fraction]:
+    """A vector of doubles, or what rounds to it: `name`_exact."""
+    alone = Said({key: e.get(key) for key in (name, f"{name}_exact")})
+    return exactly(alone, name)[0]
 
 
 # -- linear cost
@@ -1633,19 +1720,21 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("invariant gain exists", "REFUTED"): no_invariant_gain,
     ("order interval", "PROVED"): order_interval,
     ("order interval", "REFUTED"): no_order_interval,
+    ("network interval", "PROVED"): network_interval,
+    ("network interval", "REFUTED"): no_network_interval,
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
     ("finite-horizon cost", "PROVED"): finite_cost,
 }
 
 
-NETWORKS = ("network", "network abscissa")
+NETWORKS = ("network", "network abscissa", "network interval")
 # Matrices that may be missing although the cones have sizes.
 FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 # Entries that mean something in some claims only.
 BELONGS = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
 BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
-PROOF = {*"PNLKM", *("normal", "member", "z"), *(f"w{name}" for name in "xuyzsbWC")}
+PROOF = {*"PNLKM", *("normal", "member", "z"), *(f"w{name}" for name in "xuyzsbWCmc")}
 KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 

@@ -6,6 +6,11 @@ import scipy as sp
 from strategies import without_facets
 
 import control_kpos as kp
+from control_kpos.design.bounded.interval import read_constraints
+from control_kpos.design.bounded.network_interval import NetworkBounds, network_intervals
+from control_kpos.design.plant import in_sparse_form
+from control_kpos.design.running import Programs
+from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix
 from control_kpos.find import ConeCertificate
 from control_kpos.find.one_matrix.explicit import modal_cone
@@ -129,6 +134,21 @@ def at_a_third(discrete=False):
 
 def interval(w_max, constraints=None, X=PAPER, A=((0, 1), (-22, -13))):
     return kp.order_interval(kp.ConeStateSpace(A, np.eye(2), np.eye(2), 0, X=X), w_max, constraints=constraints)
+
+
+def network_interval(systems, coupling, w_max, constraints=None):
+    """The certificate of a small network, as large ones have it."""
+    net, n = kp.feedback_interconnect(systems, coupling), len(w_max)
+    f, c = (None, None) if constraints is None else read_constraints(constraints, n)
+    rows = None if f is None else in_sparse_form(f, "f")
+    given = NetworkBounds(exact_matrix(w_max, "w_max", ndim=1), rows, c)
+    return next(found for found in network_intervals(net, given, Programs(None)) if found.status != "UNDECIDED")
+
+
+def pyramid():
+    return kp.ConeStateSpace(
+        [[-2, 0.25, 0], [0.125, -2, 0], [0, 0, -1.5]], [[0.125], [0], [1]], [[0, 0, 1]], 0, X=SQUARE
+    )
 
 
 def optimal(A=None, B=None, s=(3, 1), r=None, limits=((2, 1),), X=PAPER, discrete=None, **more):
@@ -335,6 +355,18 @@ CERTIFICATES = {
     ),
     "not any order interval": lambda: interval([1, 0], X=kp.orthant(2), A=[[1, 0], [0, -1]]).certificate,
     "not any order interval within a bound": lambda: interval([0, 1], ([[1, 0]], ["1/23"])).certificate,
+    "network interval": lambda: network_interval(
+        [kp.ConeStateSpace([[0, 1], [-22, -14]], [[0], [1]], [[1, 0]], 0, X=PAPER), pyramid()],
+        [[0, 0.25], [0.5, 0]],
+        [0, "1/3", 0, 0, 1],
+        ([[1, 0, 0, 0, 0], [0, -1, 1, 1, 0]], ["1/9", 4]),
+    ),
+    "network interval, feedthrough": lambda: network_interval(mixed_nodes(), LINKS, [1, 0, 0.5, 1]),
+    "network interval, discrete": lambda: network_interval([SLOW] * 2, [[0, 0.5], [0.25, 0]], [1, "1/7"]),
+    "not any network interval": lambda: network_interval([node(-0.5), node(-1)], [[0, 1], [1, 0]], [0, "1/3"]),
+    "not any network interval within a bound": lambda: network_interval(
+        [pyramid(), LAG], [[0, 0.25], [0.5, 0]], [0, 0, 1, 1], ([[0, 0, 0, 1], [0, 0, 1, 0]], [9, "1/3"])
+    ),
     "feedback in an interval": lambda: designed(state_bounds=[1, -1], input_bounds=10, disturbance_bounds=[0, "1/10"]),
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
     "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,

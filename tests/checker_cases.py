@@ -28,7 +28,14 @@ def double(x):
 
 
 # the vectors that belong to a claim
-HAS = {"positive": "", "stable": "v", "lovely": "", "network": "vqr", "network abscissa": "vqr"}
+HAS = {
+    "positive": "",
+    "stable": "v",
+    "lovely": "",
+    "network": "vqr",
+    "network abscissa": "vqr",
+    "network interval": "vqr",
+}
 HAS |= dict.fromkeys(("dissipative", "disturbance gain", "common vector"), "vqr")
 
 

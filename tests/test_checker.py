@@ -11,6 +11,7 @@ from pathlib import Path
 import certified
 import checker_claims
 import checker_costs
+import checker_intervals
 import checker_pieces
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from control_kpos.proof.portable_cones import encode_cone
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS
-HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS
+HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 
 
 @pytest.fixture(scope="module")

@@ -97,6 +97,7 @@ def public_names():
     """Fields and methods of what the package returns, beyond those of python-control and of the machinery."""
     machinery = {
         *(
+            "beside_witness",
             "claim",
             "conditions",
             "contents",

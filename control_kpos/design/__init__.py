@@ -2,6 +2,7 @@
 
 from .bounded.certificate import OrderIntervalCertificate
 from .bounded.interval import OrderInterval, order_interval
+from .bounded.network_certificate import NetworkIntervalCertificate
 from .feedback import observer_gain, output_feedback, state_feedback
 from .network.scale_free import scale_free_feedback
 from .network.search import network_feedback
@@ -15,6 +16,7 @@ from .tradeoff import Tradeoff, gain_rate_tradeoff
 __all__ = [
     "DesignResult",
     "FiniteCostCertificate",
+    "NetworkIntervalCertificate",
     "OptimalCostCertificate",
     "OptimalFeedback",
     "OrderInterval",

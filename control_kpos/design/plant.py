@@ -10,6 +10,7 @@ from math import lcm
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from control import StateSpace
 from numpy.typing import ArrayLike, NDArray
 
@@ -307,6 +308,19 @@ def read_system(sys: Any, X: Cone | ArrayLike | None) -> System:
     if not system.sizes[0]:
         raise ShapeError("sys has no states; there is nothing to design.")
     return system
+
+
+def refuse_cone(X: Any) -> None:
+    """Raise if a cone is given for a large network."""
+    if X is not None:
+        raise DataError("the cone of a large network is that of its nodes; leave X out, and give the nodes theirs.")
+
+
+def in_sparse_form(M: Matrix, name: str) -> Matrix:
+    """The matrix in sparse form; DataError if it holds fractions."""
+    if not M.is_double:
+        raise DataError(f"{name} of a network in sparse matrices must hold doubles.")
+    return M if M.is_sparse else Matrix(sp.csr_array(M.values))
 
 
 def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:

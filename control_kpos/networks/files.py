@@ -207,6 +207,13 @@ class _Products(dict[str, Matrix]):
         return proofs.product(self[name], x)
 
 
+def moved(model: NetworkModel, x: Any, u: Any, y: Any, w: Any) -> tuple[Any, Any, Any]:
+    """A x + B u + w, with A - I for A in discrete time, C x + D u - y and W y - u, in fractions."""
+    M = _Products(model)
+    ahead = M.times("A", x) + M.times("B", u) + w - int(model.discrete) * x
+    return ahead, M.times("C", x) + M.times("D", u) - y, M.times("W", y) - u
+
+
 def _motion(model: NetworkModel, witness: Any) -> tuple[str, Any, Any, Any, Fraction]:
     """What a witness shows, with x, u, y and the rate of the large system in which it shows it."""
     x, u, y = (np.full(total, Fraction(0), dtype=object) for total in model.totals)

@@ -207,6 +207,8 @@ class Certificate(ABC):
     claim: ClassVar[str]
     # conditions that may hold with equality however robust the claim is
     no_margin: ClassVar[frozenset[str]] = frozenset()
+    # vectors of a proof that some witness needs as well
+    beside_witness: ClassVar[frozenset[str]] = frozenset()
 
     def __post_init__(self) -> None:
         for part in (self, self.witness):

@@ -329,7 +329,7 @@ def _unread(certificate: Any, names: set[str]) -> list[str]:
         (names - {name for name, x in some.items() if x is not None or "exact" in name} for some in known), key=len
     )
     beside = names.intersection(_FOR_PROOFS) if certificate.witness is not None else set[str]()
-    return sorted(rest | beside)
+    return sorted(rest | beside - certificate.beside_witness)
 
 
 def unproven_rates(certificate: Any) -> list[str]:

@@ -28,7 +28,7 @@ from ...errors import DataError
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.signs import BilinearForms
-from ...proof.certificate import Fractions, Status, Vector, exactly
+from ...proof.certificate import Certificate, Fractions, Status, Vector, exactly
 from ...proof.encoding import register_record
 from ...proof.inclusion import NO_MARGIN
 from ...proof.weights import Prover, drift
@@ -80,8 +80,44 @@ class BoundExceeded:
         return f"a state that lies in every invariant interval and breaks bound {self.row}"
 
 
+class ToldAsInterval(Certificate):
+    """What a certificate of an interval says, of one system or of a network."""
+
+    rows: Matrix | None
+    x_min: Any
+
+    @property
+    def gap(self) -> float:
+        """The largest h'(x_max - x_min) / h'x_max over the facets h, rounded up; NaN without both, inf beside 0."""
+        raise NotImplementedError
+
+    def explain(self) -> str:
+        """What is proven, in words."""
+        if isinstance(self.refuted_by, NoInterval):
+            return f"Refuted: no interval [0, x_max] is invariant under these disturbances: there is {self.witness}."
+        if self.refuted_by is not None:
+            return (
+                f"Refuted: there is {self.witness}, for these disturbances and this X. Raise the bound, or lower w_max."
+            )
+        if not self:
+            return "Undecided: no invariant interval is proven."
+        bounds = "" if self.rows is None else f" On it f'x <= b for all {self.rows.shape[0]} rows."
+        least = "" if self.x_min is None else f" It is stable, {self._smallest()}."
+        return (
+            "Proved: from every x in the interval [0, x_max] in the order of X the state stays in it, for all "
+            f"disturbances in [0, w_max].{bounds}{least}"
+        )
+
+    def _smallest(self) -> str:
+        if self.gap == 0:
+            return "and every invariant interval contains this one"
+        if not self.gap < 1:  # far from a disturbance both ends are rounding
+            return "and every invariant interval contains [0, x_min]"
+        return f"and every invariant interval contains [0, x_min], which is smaller by at most {raised(self.gap)} of it"
+
+
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class OrderIntervalCertificate(ClaimOnPositivity):
+class OrderIntervalCertificate(ToldAsInterval, ClaimOnPositivity):
     """Proof that [0, x_max] is left by no trajectory, and that bounds hold on it; or that there is no such interval.
 
     Attributes
@@ -238,28 +274,6 @@ class OrderIntervalCertificate(ClaimOnPositivity):
             return float("inf")
         parts = ((b - a) / b for a, b in zip(low, high, strict=True) if b)
         return float(raised(max([Fraction(0), *parts]), 9))
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if isinstance(self.refuted_by, NoInterval):
-            return f"Refuted: no interval [0, x_max] is invariant under these disturbances: there is {self.witness}."
-        if self.refuted_by is not None:
-            return (
-                f"Refuted: there is {self.witness}, for these disturbances and this X. Raise the bound, or lower w_max."
-            )
-        if not self:
-            return "Undecided: no invariant interval is proven."
-        bounds = "" if self.rows is None else f" On it f'x <= b for all {self.rows.shape[0]} rows."
-        least = "" if self.x_min is None else f" It is stable, {self._smallest()}."
-        return (
-            "Proved: from every x in the interval [0, x_max] in the order of X the state stays in it, for all "
-            f"disturbances in [0, w_max].{bounds}{least}"
-        )
-
-    def _smallest(self) -> str:
-        if self.gap == 0:
-            return "and every invariant interval contains this one"
-        return f"and every invariant interval contains [0, x_min], which is smaller by at most {raised(self.gap)} of it"
 
 
 def _plus_and_minus(n: int) -> Matrix:

@@ -18,7 +18,7 @@ from ...networks.closed_loop import EXACT_STATES
 from ...networks.model import NetworkModel
 from ...networks.network import ConeNetwork
 from ...systems.system import System
-from ..plant import times
+from ..plant import in_sparse_form, times
 from .network_problem import NetworkCost
 from .node_cones import NodeCones
 from .problem import CONTROL, DISTURBANCE, GROUP, SHARED, Index, LinearCost
@@ -42,7 +42,7 @@ class Question:
         """The problem, for a network (of so many nodes) in sparse matrices."""
         n, m = X.dim, B.shape[1]
         sparse = issubclass(kind, NetworkCost)
-        form = _sparse if sparse else _dense
+        form = in_sparse_form if sparse else _dense
         states = of_states(self.s, "s", n, nodes)
         inputs = _row(self.r, "r", m, "input of sys (or column of controls)")
         owner, kinds = _blocks(self.groups, m, flag(self.use_all, "use_all"))
@@ -88,13 +88,6 @@ def _disturbance(disturbance: Any, n: int) -> tuple[tuple[Matrix, Matrix], tuple
 
 def _dense(M: Matrix, name: str) -> Matrix:
     return M.dense()
-
-
-def _sparse(M: Matrix, name: str) -> Matrix:
-    """The matrix in sparse form."""
-    if not M.is_double:
-        raise DataError(f"{name} of a network in sparse matrices must hold doubles.")
-    return M if M.is_sparse else Matrix(sp.csr_array(M.values))
 
 
 def controlled(plant: System, controls: Any) -> System:
@@ -143,7 +136,7 @@ def closed_loop_of(net: ConeNetwork, controls: Any) -> tuple[Matrix, Matrix]:
     b = sp.csr_array(b[:, net.external[0]])
     if controls is None:
         return tower([a, *linked]), Matrix(b)
-    return tower([a, *linked]), tower(sparse_product(b, _sparse(_mix(controls, b.shape[1]), "controls").values))
+    return tower([a, *linked]), tower(sparse_product(b, in_sparse_form(_mix(controls, b.shape[1]), "controls").values))
 
 
 def _flat(values: Any, name: str, nodes: int) -> Any:

@@ -11,13 +11,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ...errors import DataError
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.network import ConeNetwork
 from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
-from ..plant import closed_loop, read_system
+from ..plant import closed_loop, read_system, refuse_cone
 from .arguments import Question, closed_loop_of, controlled
 from .loops import as_network
 from .network_policies import NetworkPolicies
@@ -196,8 +195,7 @@ class NetworkRoute(Route):
 
 def network_route(question: Question, sys: Any, X: Any, controls: Any) -> NetworkRoute:
     """Read a large network."""
-    if X is not None:
-        raise DataError("the cone of a large network is that of its nodes; leave X out, and give the nodes theirs.")
+    refuse_cone(X)
     A, B = closed_loop_of(sys, controls)
     problem = question.of(NetworkCost, A, B, sys.X, sys.model.discrete, sys.model.n_nodes)
     entries = sum(M.values.nnz for M in (problem.A, problem.B, problem.limits))
