@@ -1246,6 +1246,48 @@ def no_invariant_gain(e: Said, limit: int) -> None:
     need(all(not a or not pattern[i][j] for (i, j), a in slope.items()), "sum (B'l) (R x)' = 0")
 
 
+def no_bounded_feedback(e: Said, limit: int) -> None:
+    """No F with zeros where `pattern` is 0 is such that for every s A_s + B_s F keeps X, and x' = (A_s + B_s F) x + w
+
+    stays in [0, x_max] for all w(t) in [0, w_max], with |F_i x| <= u_i for the x of [0, x_max] (no bounds: u_max null).
+    With l_sk as in `inwards`, d_s >= 0 on X, and p_i in [0, t_i x_max], q_i in [0, t'_i x_max], every such F would make
+
+        sum_sk l_sk'(A_s + B_s F) x_k - sum_s d_s'((A_s + B_s F) x_max + w_max) - sum_i F_i (p_i - q_i)
+
+    at least -sum_i (t_i + t'_i) u_i:  but it is less, and the same for all F.  p, q and the rests t x_max - p,
+    t' x_max - q are the generators times the weights `up`, `down` and `up_rest`, `down_rest`; `times` has t and t'.
+    """
+    X, pattern = cone(e["X"], limit), marks(e["pattern"])
+    x, w, m = row_vector(e, "x_max", X.dim), row_vector(e, "w_max", X.dim), len(pattern)
+    expect(len(pattern[0]) == X.dim, "there is a mark for every state")
+    _, f = record(e, "witness", "BoundedFunctionals")
+    level, slope = Fraction(0), [Vector() for _ in pattern]
+    vertices = inwards(e, f, X, m)
+    for (A, B, l), d in zip(vertices, functionals(f["d"], X, len(vertices)), strict=True):
+        for g, y in zip(l, X.rays, strict=True):
+            level += dot(g, image(A, y))
+            slope = [total((1, row), (pullback(g, B).get(i, 0), y)) for i, row in enumerate(slope)]
+        level -= dot(d, total((1, image(A, x)), (-e["discrete"], x), (1, w)))
+        slope = [total((1, row), (-pullback(d, B).get(i, 0), x)) for i, row in enumerate(slope)]
+    if e["u_max"] is not None:
+        u, times = row_vector(e, "u_max", m), matrix(f["times"], 2, m)
+        for k, (name, sign) in enumerate((("up", 1), ("down", -1))):
+            weights, rest = (matrix(f[key], len(X.rays), m) for key in (name, f"{name}_rest"))
+            need(all(a >= 0 for part in (*weights, *rest, *times) for a in part.values()), "weights are not negative")
+            for i, (p, q) in enumerate(zip(weights, rest, strict=True)):
+                t, state = times[i].get(k, Fraction(0)), image(X.rays, p)
+                need(total((1, state), (1, image(X.rays, q))) == total((t, x)), "p and the rest are t x_max")
+                slope[i] = total((1, slope[i]), (-sign, state))
+                level += t * u.get(i, Fraction(0))
+    need(level < 0, "the sum is below the bounds of the inputs")
+    need(all(not pattern[i][j] for i, row in enumerate(slope) for j in row), "the sum is the same for every F")
+
+
+def row_vector(e: Said, name: str, n: int) -> Vector:
+    """A vector of the data that stands there as a matrix with one row."""
+    return {i: x[0] for i, x in enumerate(given(e[name], 1, n)) if x}
+
+
 # -- claims about other claims
 
 
@@ -1718,6 +1760,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("invariant-cone", "REFUTED"): no_cone,
     ("feedback exists", "REFUTED"): no_feedback,
     ("invariant gain exists", "REFUTED"): no_invariant_gain,
+    ("bounded feedback exists", "REFUTED"): no_bounded_feedback,
     ("order interval", "PROVED"): order_interval,
     ("order interval", "REFUTED"): no_order_interval,
     ("network interval", "PROVED"): network_interval,

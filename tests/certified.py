@@ -368,6 +368,23 @@ CERTIFICATES = {
         [pyramid(), LAG], [[0, 0.25], [0.5, 0]], [0, 0, 1, 1], ([[0, 0, 0, 1], [0, 0, 1, 0]], [9, "1/3"])
     ),
     "feedback in an interval": lambda: designed(state_bounds=[1, -1], input_bounds=10, disturbance_bounds=[0, "1/10"]),
+    "not any feedback within bounds": lambda: designed(state_bounds=[1, "-1/3"], input_bounds="1/7"),
+    "not any feedback within bounds, four generators, two vertices": lambda: (
+        kp.state_feedback(
+            pyramid(),
+            vertices=[([[-1, 0, 0], [0, -1, 0], [0, 0, rate]], [[0], [0], [1]]) for rate in ("1/3", 0.5)],
+            state_bounds=[0, 0, 1],
+            disturbance_bounds=[0, 0, 0.25],
+            input_bounds="2/3",
+        ).certificate
+    ),
+    "not any feedback of a structure within bounds": lambda: (
+        kp.state_feedback(
+            kp.ConeStateSpace([[0.5, 0], [0, "4/3"]], [[0], [1]], np.eye(2), 0, True),
+            state_bounds=[1, 1],
+            structure=[[1, 0]],
+        ).certificate
+    ),
     "not any cone, ahead": lambda: kp.find_cone([[0, 1], [-1, 0]]).certificate,
     "not any cone, ahead, discrete": lambda: kp.find_cone([[-2, 0], [0, 1]], discrete=True).certificate,
     "not any cone, beside": lambda: kp.find_cone([["1/3", 1, 0], [-1, "1/3", 0], [0, 0, "1/3"]]).certificate,

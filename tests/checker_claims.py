@@ -176,4 +176,55 @@ NO_FEEDBACK = {
     "a gain that helps both": (rigid([-1, -1], [1, 1]), "WRONG"),
 }
 
-CASES |= NO_FEEDBACK
+
+def confined(A, B=1, x=1, w=0, u=None, *, l=0, d=1, up=None, down=None, discrete=False, pattern=1):
+    """x' = A x + B F x + w on [0, x]: d (A x + w) and the bound of t |F x|, for `up` and `down` (weight, rest, t)."""
+    row = {name: None if a is None else {"matrix": [[a]]} for name, a in (("x_max", x), ("w_max", w), ("u_max", u))}
+    data = {"A": {"tuple": [{"matrix": [[A]]}]}, "B": {"tuple": [{"matrix": [[B]]}]}, "X": HALF, "discrete": discrete}
+    fields = {"L": {"tuple": [{"matrix": [[l]]}]}, "d": {"matrix": [[d]]}}
+    if up is not None:
+        named = (("up", up), ("down", down or (0, 0, 0)))
+        fields |= {
+            f"{name}{end}": {"matrix": [[a]]} for name, part in named for end, a in (("", part[0]), ("_rest", part[1]))
+        }
+        fields |= {"times": {"matrix": [[part[2]] for _, part in named]}}
+    witness = {"record": "BoundedFunctionals", "fields": fields}
+    data |= row | {"pattern": {"array": [[pattern]]}, "witness": witness}
+    return {"claim": "bounded feedback exists", "status": "REFUTED", "data": data, "proof": {}}
+
+
+NONE = (0, 0, 0)
+BOUNDED = {
+    "within bounds, no input": (confined(1, 0), "REFUTED"),
+    "within bounds, no input, just": (confined(0, 0), "WRONG"),
+    "within bounds, pushed": (confined(-1, 0, w=2), "REFUTED"),
+    "within bounds, pushed to the end": (confined(-1, 0, w=1), "WRONG"),
+    "within bounds, an input": (confined(1), "WRONG"),
+    "within bounds, not to be used": (confined(1, pattern=0), "REFUTED"),
+    "within bounds, weak": (confined(1, u="1/2", up=NONE, down=(1, 0, 1)), "REFUTED"),
+    "within bounds, of the other sign": (confined(1, B=-1, u="1/2", up=(1, 0, 1)), "REFUTED"),
+    "within bounds, as strong as needed": (confined(1, u=1, up=NONE, down=(1, 0, 1)), "WRONG"),
+    "within bounds, both signs": (confined(1, u="1/4", up=(1, 0, 1), down=(2, 0, 2)), "REFUTED"),
+    "within bounds, both signs, as strong": (confined(1, u="1/3", up=(1, 0, 1), down=(2, 0, 2)), "WRONG"),
+    "within bounds, the wrong sign": (confined(1, u="1/2", up=(1, 0, 1)), "WRONG"),
+    "within bounds, part of the interval": (confined(1, u="1/4", up=NONE, down=(1, 1, 2)), "REFUTED"),
+    "within bounds, beyond the interval": (confined(1, u="1/2", up=NONE, down=(1, 0, 0)), "WRONG"),
+    "within bounds, a negative rest": (confined(1, u="1/2", up=NONE, down=(1, -1, 0)), "WRONG"),
+    "within bounds, negative weights": (confined(1, B=-1, u="1/2", up=NONE, down=(-1, 1, 0)), "WRONG"),
+    "within bounds, times below 0": (confined(1, 0, u=1, x=-1, w=3, up=(0, 1, -1), down=NONE), "WRONG"),
+    "within bounds, a longer interval": (confined(1, x=2, u=1, up=NONE, down=(2, 0, 1)), "REFUTED"),
+    "within bounds, no bound": (confined(1, up=NONE, down=(1, 0, 1)), "WRONG"),
+    "within bounds, weights of no input": (confined(1, 0, up=NONE), "UNREADABLE"),
+    "within bounds, no weights": (confined(1, u="1/2"), "UNREADABLE"),
+    "within bounds, functional outside": (confined(-1, 0, d=-1), "WRONG"),
+    "within bounds, discrete": (confined(2, 0, discrete=True), "REFUTED"),
+    "within bounds, discrete, just": (confined(1, 0, discrete=True), "WRONG"),
+    "within bounds, not positive": (confined(-1, 0, l=1, d=0, discrete=True), "REFUTED"),
+    "within bounds, not positive, an input": (confined(-1, 1, l=1, d=0, discrete=True), "WRONG"),
+    "within bounds, not positive, weak": (
+        confined(-1, l=1, d=0, discrete=True, u="1/2", up=(1, 0, 1)),
+        "REFUTED",
+    ),
+    "within bounds, in both ways": (confined("1/2", l=1, d=1, w=2, discrete=True), "REFUTED"),
+}
+CASES |= NO_FEEDBACK | BOUNDED

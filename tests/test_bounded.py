@@ -5,10 +5,14 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 import control_kpos as kp
 from control_kpos.design.bounded.certificate import BoundExceeded, NoInterval
+from control_kpos.design.bounded.contradiction import BoundedFunctionals
 from control_kpos.errors import DataError, ShapeError
+from control_kpos.exact.intake import exact_matrix
+from control_kpos.exact.matrix import Matrix
 
 SEED = kp.PolyhedralCone([[0, 1], [1, -2]])
 SQUARE = kp.PolyhedralCone([[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]])
@@ -253,7 +257,8 @@ def test_the_smallest_gain_of_the_paper_s_plant():
     plant = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=SEED)
     d = kp.state_feedback(plant, state_bounds=[1, -1], input_bounds=10, disturbance_bounds=[0, "1/10"], rate=1)
     assert d and 5 <= d.value <= 5.01 and d.decay_rate >= 1
-    assert not kp.state_feedback(plant, state_bounds=[1, -1], input_bounds=4)
+    no = kp.state_feedback(plant, state_bounds=[1, -1], input_bounds=4)
+    assert no.status == "REFUTED" and no.check() and "No gain within these bounds" in no.explain()
 
 
 def test_a_cone_with_four_generators():
@@ -291,6 +296,97 @@ def test_a_plant_that_no_gain_helps_is_refused_as_without_bounds():
     plant = kp.ConeStateSpace(*kp.examples.mass_spring())
     d = kp.state_feedback(plant, state_bounds=[1, 1], input_bounds=1)
     assert d.status == "REFUTED" and d.check()
+
+
+# -- no gains
+
+
+def smallest_part(plant, x, w, u, discrete):
+    """The smallest s for which F = P - N, P, N >= 0, P x <= s u and N x <= s u keep the orthant and [0, x]."""
+    n, m, eye = plant.nstates, plant.ninputs, np.eye(plant.nstates)
+    moved = np.concatenate([np.kron(plant.B, eye), -np.kron(plant.B, eye)], axis=1)  # entries of B F
+    off = np.ones((n, n), dtype=bool) if discrete else ~np.eye(n, dtype=bool)
+    ends, used = np.kron(plant.B, x[None]), np.kron(np.eye(2 * m), x[None])
+    rows = [-moved[off.ravel()], np.concatenate([ends, -ends], axis=1), used]
+    right = [plant.A[off], -(plant.A - discrete * eye) @ x - w, np.zeros(2 * m)]
+    part = [np.zeros(off.sum()), np.zeros(n), -np.tile(u, 2)]
+    A = np.concatenate([np.concatenate(rows), np.concatenate(part)[:, None]], axis=1)
+    return scipy.optimize.linprog(np.eye(1, A.shape[1], A.shape[1] - 1)[0], A, np.concatenate(right)).fun
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize(("n", "m"), [(2, 1), (3, 2), (5, 2)])
+def test_smaller_bounds_than_the_smallest_are_refuted(n, m, discrete):
+    """Against a linear program of its own, on the orthant."""
+    rng = np.random.default_rng(10 * n + m)
+    for _ in range(4):
+        plant, x, w, u = planted(rng, n, m, discrete)
+        part = smallest_part(plant, x, w, u, discrete)
+        if part < 1e-6:
+            continue  # no input is needed
+        asked = {"state_bounds": x, "disturbance_bounds": w}
+        no = kp.state_feedback(plant, **asked, input_bounds=0.999 * part * u)
+        assert no.status == "REFUTED" and no.check() and isinstance(no.certificate.witness, BoundedFunctionals)
+        assert kp.state_feedback(plant, **asked, input_bounds=1.001 * part * u).status != "REFUTED"
+
+
+def test_refusals_without_bounds_on_inputs_with_structure_and_with_vertices():
+    """x_2 is pushed harder than x_1 alone can tell the input; and two plants need inputs of two signs."""
+    plant = kp.ConeStateSpace([[-1, 0], [0, 0.5]], [[0], [1]], np.eye(2), 0)
+    asked = {"state_bounds": [1, 1], "disturbance_bounds": [0, "1/3"]}
+    assert kp.state_feedback(plant, **asked)
+    no = kp.state_feedback(plant, **asked, structure=[[1, 0]])
+    assert no.status == "REFUTED" and no.check()
+    pairs = [([[-1, 0], [0, 0.5]], [[0], [b]]) for b in (1, -1)]
+    no = kp.state_feedback(plant, vertices=pairs, state_bounds=[1, 1])
+    assert no.status == "REFUTED" and no.check()
+
+
+def test_a_cone_with_four_generators_and_weak_inputs():
+    """x_3' = x_3 / 2 + u + 1/4 on [0, (0, 0, 1)] takes |u| = 3/4."""
+    plant = kp.ConeStateSpace([[-1, 0.2, 0], [0.1, -1, 0], [0, 0, 0.5]], [[0], [0], [1]], np.eye(3), 0, X=SQUARE)
+    asked = {"state_bounds": [0, 0, 1], "disturbance_bounds": [0, 0, "1/4"]}
+    no = kp.state_feedback(plant, **asked, input_bounds="0.7499")
+    assert no.status == "REFUTED" and no.check() and "4 generators" in no.explain()
+    assert kp.state_feedback(plant, **asked, input_bounds="0.7501")
+
+
+@pytest.mark.parametrize("name", ["L", "d", "up", "up_rest", "down", "down_rest", "times"])
+def test_forged_functionals_refute_nothing(name):
+    plant = kp.ConeStateSpace([[-1, 0], [0, 0.5]], [[0], [1]], np.eye(2), 0)
+    no = kp.state_feedback(plant, state_bounds=[1, 1], input_bounds="1/2", disturbance_bounds=[0, "1/3"]).certificate
+    assert no.status == "REFUTED"
+    w = no.witness
+    held = w.L[0] if name == "L" else getattr(w, name)
+    for change in (held.fractions() + 1, -held.fractions() - 1):
+        changed = Matrix.from_fractions(change)
+        forged = replace(w, **{name: (changed,) if name == "L" else changed})
+        assert type(no).settle(**no.data() | {"witness": forged}).status == "UNDECIDED"
+    with pytest.raises(DataError):
+        type(no).settle(
+            **no.data() | {"witness": replace(w, **{name: (held.T[None][0],) * 2 if name == "L" else None})}
+        )
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("u_max", [["3/4", 9]]), ("w_max", [[0, 0]]), ("x_max", [[1, 9]]), ("pattern", None)]
+)
+def test_a_refusal_is_about_its_own_bounds(name, value):
+    plant = kp.ConeStateSpace([[-1, 0], [0, 0.5]], [[0], [1]], np.eye(2), 0)
+    no = kp.state_feedback(plant, state_bounds=[1, 1], input_bounds="1/2", disturbance_bounds=[0, "1/3"]).certificate
+    if name == "pattern":
+        assert type(no).settle(**no.data() | {"pattern": np.zeros((1, 2))}).status == "REFUTED"  # fewer gains
+        return
+    value = exact_matrix(value if name != "u_max" else [["9/10"]], name)
+    assert type(no).settle(**no.data() | {name: value}).status == "UNDECIDED"
+    with pytest.raises(DataError):
+        type(no).settle(**no.data() | {name: exact_matrix([[1, 2, 3]], name)})
+
+
+def test_an_undecided_refusal_states_nothing():
+    plant = kp.ConeStateSpace([[-1, 0], [0, 0.5]], [[0], [1]], np.eye(2), 0)
+    no = kp.state_feedback(plant, state_bounds=[1, 1], input_bounds="1/4").certificate
+    assert replace(no, status=kp.Status.UNDECIDED).explain().startswith("Undecided")
 
 
 @pytest.mark.parametrize(

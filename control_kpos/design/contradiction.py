@@ -165,21 +165,21 @@ class Contradiction(Certificate):
         ):
             raise DataError("there are functionals, A and B for every vertex, of the sizes of X and of the inputs.")
         for s, functionals in enumerate(L):
-            forms = _values(functionals, rays, rays.shape[0])
+            forms = values_on(functionals, rays, rays.shape[0])
             out.append(Condition(f"l{s}'x >= 0", forms, ">="))
             if not self.discrete:
                 out.append(Condition(f"l{s}_k'x_k = 0", forms, "==", np.eye(rays.shape[0], dtype=bool)))
         return out
 
 
-def _values(functionals: Matrix | None, rays: Matrix, count: int) -> BilinearForms:
+def values_on(functionals: Matrix | None, rays: Matrix, count: int) -> BilinearForms:
     """f'x for so many functionals, given as columns, and all generators."""
     if functionals is None or functionals.shape != (rays.shape[1], count):
         raise DataError(f"functionals are missing, or are not {rays.shape[1]} x {count}.")
     return BilinearForms(functionals.T, None, rays)
 
 
-def _number(x: Any) -> BilinearForms:
+def numbers(x: Any) -> BilinearForms:
     """Exact numbers as forms."""
     return BilinearForms(Matrix.from_fractions(np.atleast_2d(np.array(x, dtype=object)).T), None, Matrix.identity(1))
 
@@ -229,24 +229,24 @@ class NoFeedback(Contradiction):
         But a_k + |b_k|'gain_bound <= 0 for all k, b_k = 0 without a bound; and one is < 0 unless some d is not 0.
         """
         rays, count = self.rays, len(self.A)
-        out = [Condition("d'x >= 0", _values(w.d, rays, count), ">=")]
+        out = [Condition("d'x >= 0", values_on(w.d, rays, count), ">=")]
         if self.ports is None and w.G is not None:
             raise DataError("there are no outputs that G could be about.")
         if self.ports is not None:
-            out.append(Condition("g'y >= 0", _values(w.G, portable(self.ports[2].exact_rays), rays.shape[0]), ">="))
+            out.append(Condition("g'y >= 0", values_on(w.G, portable(self.ports[2].exact_rays), rays.shape[0]), ">="))
         a, b = self._combined(w)
         if self.gain_bound is None:
-            out.append(Condition("b = 0", _number(b.ravel()), "=="))
+            out.append(Condition("b = 0", numbers(b.ravel()), "=="))
         else:
             a = a + (np.abs(b) @ Matrix(self.gain_bound).fractions()) * self._sizes()
         d = (w.d.fractions().T @ rays.fractions().T).sum() if w.d is not None else 0
-        out.append(Condition("a + |b|'gain_bound <= 0", _number(a), "<="))
-        return [*out, Condition("sum of d'x - a - |b|'gain_bound > 0", _number([d - a.sum()]), ">")]
+        out.append(Condition("a + |b|'gain_bound <= 0", numbers(a), "<="))
+        return [*out, Condition("sum of d'x - a - |b|'gain_bound > 0", numbers([d - a.sum()]), ">")]
 
     def _combined(self, w: Functionals) -> tuple[Rationals, Rationals]:
         """a (one for each generator) and b (a row for each generator), 0 where F x_k cannot differ from zero."""
         m, rays = self.B[0].shape[1], self.rays.fractions()
-        free = _marks(self.free, (len(rays), m))
+        free = marks(self.free, (len(rays), m))
         if self.gain_bound is not None and not (self.gain_bound.shape == (m,) and (self.gain_bound >= 0).all()):
             raise DataError("bounds on gains are not negative, one for each input.")
         a, b = np.zeros(len(rays), dtype=object), np.zeros((len(rays), m), dtype=object)
@@ -298,9 +298,9 @@ class NoFeedback(Contradiction):
                 i, k = place
                 G[k] += weight * outer[i]
         d = np.array(w.drift, dtype=object).reshape(-1, n) @ facets
-        unit = _unit(*L, G, d)
-        outputs = None if self.ports is None else _columns(G * unit)
-        return Functionals(tuple(_columns(l * unit) for l in L), _columns(d * unit), outputs)
+        unit = unit_of(*L, G, d)
+        outputs = None if self.ports is None else as_columns(G * unit)
+        return Functionals(tuple(as_columns(l * unit) for l in L), as_columns(d * unit), outputs)
 
     def _plant(self) -> Plant:
         *C_D, Y = self.ports or (None,)
@@ -372,7 +372,7 @@ class NoInvariance(Contradiction):
     def contradiction(self, w: Functionals) -> list[Condition]:
         """sum l'A x < 0, and sum (B'l) (R x)' = 0 where the gain may differ from zero."""
         rays, level = self.rays.fractions(), Fraction(0)
-        free = _marks(self.pattern, (self.B[0].shape[1], self.R.shape[0]))
+        free = marks(self.pattern, (self.B[0].shape[1], self.R.shape[0]))
         if self.R.shape != (free.shape[1], self.X.dim) or (w.d, w.G) != (None, None):
             raise DataError("R does not fit X, or there are functionals d or G, which mean nothing here.")
         slope = np.zeros(free.shape, dtype=object)
@@ -380,8 +380,8 @@ class NoInvariance(Contradiction):
             own = l.fractions()
             level += (own * (A.fractions() @ rays.T)).sum()
             slope = slope + B.fractions().T @ own @ (rays @ self.R.fractions().T)
-        out = [Condition("sum l'A x < 0", _number([level]), "<")]
-        return [*out, Condition("sum (B'l) (R x)' = 0", _number(slope[free]), "==")] if free.any() else out
+        out = [Condition("sum l'A x < 0", numbers([level]), "<")]
+        return [*out, Condition("sum (B'l) (R x)' = 0", numbers(slope[free]), "==")] if free.any() else out
 
     def _pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Facets and generators whose products must not be negative."""
@@ -394,7 +394,7 @@ class NoInvariance(Contradiction):
         i, k = self._pairs()
         facets, rays = short_rows(self.X.exact_facets), short_rows(self.X.exact_rays)
         seen = rays @ self.R.fractions().T
-        free = np.flatnonzero(_marks(self.pattern, (self.B[0].shape[1], self.R.shape[0])))
+        free = np.flatnonzero(marks(self.pattern, (self.B[0].shape[1], self.R.shape[0])))
         parts = []
         for A, B in zip(self.A, self.B, strict=True):
             left = (facets @ B.fractions())[i]
@@ -414,8 +414,8 @@ class NoInvariance(Contradiction):
         L = np.zeros((len(self.A), X.n_rays, X.dim), dtype=object)
         for s, weights in enumerate(np.split(np.array(w.weights, dtype=object), len(self.A))):
             np.add.at(L[s], k, (weights * stretch[k])[:, None] * facets[i])
-        unit = _unit(*L)
-        return Functionals(tuple(_columns(l * unit) for l in L))
+        unit = unit_of(*L)
+        return Functionals(tuple(as_columns(l * unit) for l in L))
 
     def explain(self) -> str:
         """What is proven, in words."""
@@ -428,18 +428,18 @@ class NoInvariance(Contradiction):
         )
 
 
-def _columns(vectors: Rationals) -> Matrix:
+def as_columns(vectors: Rationals) -> Matrix:
     """Vectors as the columns of a matrix."""
     return Matrix.from_fractions(vectors.T)
 
 
-def _unit(*parts: Rationals) -> Fraction:
+def unit_of(*parts: Rationals) -> Fraction:
     """A power of two that brings the largest of these numbers near 1."""
     largest = max((abs(Fraction(x)) for part in parts for x in part.ravel()), default=Fraction(1)) or Fraction(1)
     return Fraction(2) ** (largest.denominator.bit_length() - largest.numerator.bit_length())
 
 
-def _marks(free: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.bool_]:
+def marks(free: NDArray[np.float64], shape: tuple[int, int]) -> NDArray[np.bool_]:
     """Where 1 stands among 0 and 1; DataError for anything else."""
     if np.shape(free) != shape:
         raise DataError(f"the marks must be {shape[0]} x {shape[1]}, not {np.shape(free)}.")

@@ -120,7 +120,8 @@ def state_feedback(
     DesignResult
         PROVED with the gain and its certificate; REFUTED with a proof that there is no such gain for this cone
         (one-shot method; or invariance alone is impossible; or, on a simplicial cone, not even without the
-        `structure`); UNDECIDED otherwise.  Never a gain without proof.
+        `structure`; or that none keeps [0, state_bounds] within the other bounds); UNDECIDED otherwise.  Never a gain
+        without proof.
 
     Raises
     ------

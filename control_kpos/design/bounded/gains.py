@@ -35,6 +35,7 @@ from ..polyhedral.program import GainProgram, products
 from ..result import DesignResult
 from ..running import Programs
 from ..simplicial.program import stacked
+from .contradiction import no_bounded_feedback
 
 SMALLEST_INSIDE = "smallest gain max |F x_k| within the bounds"
 # Parts of u_max, and of the sizes of inequalities that have to be strict, that are left to rounding.
@@ -100,7 +101,7 @@ def design_in_interval(plant: Plant, rate: Any, lp: Programs, without: Callable[
         if found is not None:
             return found
         free = without(replace(plant, interval=None))
-        return free if free.status is Status.REFUTED else undecided(_NOT_KEPT, plant)
+        return free if free.status is Status.REFUTED else _refused(plant)
     first = without(replace(plant, interval=None))
     if not first:
         return first
@@ -113,6 +114,14 @@ def design_in_interval(plant: Plant, rate: Any, lp: Programs, without: Callable[
         "disturbance_bounds, or give state_bounds.",
         plant,
     )
+
+
+def _refused(plant: Plant) -> DesignResult:
+    """REFUTED with the proof that no gain keeps these bounds, if there is one."""
+    proof = no_bounded_feedback(plant)
+    if proof is None:
+        return undecided(_NOT_KEPT, plant)
+    return DesignResult(status=Status.REFUTED, certificate=proof)
 
 
 def _within(plant: Plant, program: GainProgram, rate: float) -> DesignResult | None:
