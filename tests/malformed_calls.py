@@ -180,6 +180,7 @@ CALLS |= {  # design
             "systems": [kp.ConeStateSpace(PLANT, X=PAPER)] * 2,
             "coupling": [[0, 0.1], [0.1, 0]],
             "uniform": False,
+            "gap": 1e-3,
             **{k: v for k, v in DEMANDS.items() if k != "X"},
         },
     ),

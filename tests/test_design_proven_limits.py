@@ -82,6 +82,27 @@ def test_limits_of_networks():
     assert bounded and np.isnan(bounded.limit) and "the best found" in bounded.explain()
 
 
+@pytest.mark.filterwarnings("ignore::control_kpos.ActuatorLossWarning")
+@pytest.mark.parametrize("gap", [1e-1, 1e-3, 1e-4])
+@pytest.mark.parametrize("rate", [0, 0.5])
+def test_local_gains_are_within_the_gap_of_the_smallest(gap, rate):
+    """The paper's plants in a ring of light links need |F_j x_k| >= 5."""
+    node, ring = kp.ConeStateSpace(PLANT, X=PAPER), np.roll(np.eye(3), 1, axis=1)
+    d = kp.network_feedback([node] * 3, ring, rate=rate, gap=gap)
+    assert d and d.check() and d.decay_rate >= rate
+    assert 4.999 < d.limit <= 5 <= d.value <= 5 * (1 + gap)
+
+
+@pytest.mark.filterwarnings("ignore::control_kpos.ActuatorLossWarning")
+@settings(max_examples=15)
+@given(st.integers(0, 10**6))
+def test_random_networks_are_within_the_gap_of_their_limit(seed):
+    rng = np.random.default_rng(seed)
+    nodes = [kp.ConeStateSpace([[0, 1], [-k, d]], [[0], [1]], [[1, 0]], 0, X=PAPER) for k, d in rng.normal(size=(3, 2))]
+    d = kp.network_feedback(nodes, rng.uniform(0, 9, (3, 3)) * (rng.random((3, 3)) < 0.5), rate=rng.choice([0, 0.3]))
+    assert d and 0 < d.limit <= d.value <= d.limit * 1.0015
+
+
 def test_a_gain_that_is_not_needed_has_the_limit_zero():
     d = kp.state_feedback(ct.ss([[-1.0]], [[1.0]], [[1.0]], 0))
     assert d and not d.F.any() and d.limit == 0

@@ -347,6 +347,7 @@ DOUBLES = {
     "ConeNetwork.abscissa_certificate": {"relative": _EFFORT},
     "ConeNetwork.spectral_abscissa": {"relative": _EFFORT},
     "state_feedback": {"gap": _EFFORT},
+    "network_feedback": {"gap": _EFFORT},
     "design_cone_and_feedback": {"poles": "where gains are sought; what they do is proven"},
     "ConeNetwork.room_for": dict.fromkeys(
         ["system", "sources", "targets"], "an estimate in floating point; `with_node` proves"

@@ -56,6 +56,8 @@ class Task:
         One F and one xi for all nodes (one stack).
     rate : float or Fraction
     lp : callable
+    gap : float
+        Part by which the gain may exceed the smallest one, where no bound is given.
     """
 
     model: NetworkModel
@@ -63,6 +65,7 @@ class Task:
     uniform: bool
     rate: Rate
     lp: Programs
+    gap: float = 1e-3
 
 
 class Geometry:
@@ -120,6 +123,7 @@ class NetworkProgram(RatioProgram):
     def __init__(self, task: Task, margin: float = MARGINS[-1], *, bounded: bool = True) -> None:
         model, lp, self.uniform, self.margin = task.model, task.lp, task.uniform, margin
         super().__init__(lp, model.discrete)
+        self.tolerance = min(self.tolerance, task.gap / 8)
         entries = sum(s.A.values.size * (1 + s.sizes[1]) for s in model.stacks)
         spend(entries * _EFFORT_PER_ENTRY[self.uniform])
         self.model = model

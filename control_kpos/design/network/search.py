@@ -20,7 +20,7 @@ from ...errors import (
     ShapeError,
 )
 from ...exact.budget import OutOfBudgetError, affords, reason, spend
-from ...exact.intake import flag, items
+from ...exact.intake import flag, items, real_number
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP
 from ...networks.certificate import NetworkCertificate, node_vectors
@@ -56,8 +56,8 @@ _EXACT_ENTRIES = 20_000
 _DIGITS = (4, 6, 9, 12)
 # Operations of a proof, for each entry of A.
 _EFFORT_PER_ENTRY = 2e3
-# What the gain may exceed the smallest one by, and the margins that are tried there, relative to the nodes.
-_EXTRA, _WIDE = 0.05, (1e-1, 3e-2, 1e-2, 1e-3)
+# Margins that are tried at a gain within the gap, relative to the nodes and to the gap.
+_WIDE = (2.0, 0.6, 0.2, 0.02)
 # Bounds on gains are numbers of a linear program.
 _LARGEST_BOUND = 1e100
 
@@ -69,6 +69,7 @@ def network_feedback(
     uniform: bool = False,
     rate: float = 0.0,
     gain_bound: ArrayLike | None = None,
+    gap: float = 1e-3,
     solver: SolverChoice = None,
     time_limit: float | None = None,
     progress: Target = None,
@@ -89,6 +90,9 @@ def network_feedback(
         |F_j x_k| <= gain_bound at every generator of X_j, its leading entry scaled to 1 as in `state_feedback`.
         With a bound one program is solved, for gains that are small beside it; without, several, for the smallest bound
         that is possible.
+    gap : float
+        Without a bound: the largest |F_j x_k| may exceed the smallest one that is possible by this part of it; what is
+        won goes into margins.
     solver, time_limit, progress
         As in `state_feedback`.
 
@@ -131,6 +135,8 @@ def network_feedback(
     if target == "max":
         raise DataError('rate must be a number for a network; "max" is for single systems.')
 
+    spare = real_number(gap, "gap", positive=True)
+
     def design(lp: Programs) -> DesignResult:
         single = isinstance(systems, (NodeStack, ConeStateSpace))
         given = [systems] if single else items(systems, "systems")
@@ -139,7 +145,7 @@ def network_feedback(
         model = empty.with_coupling(read_coupling(coupling, empty))
         _require_nodes(model, uniform)
         model = own_links_closed(model) or model  # A + B F + B W_jj C is what gains act on
-        return _designed(Task(model, _read_bound(gain_bound, model), uniform, target, lp))
+        return _designed(Task(model, _read_bound(gain_bound, model), uniform, target, lp, spare))
 
     result = within(time_limit, design, "network", solver=solver, progress=progress)
     if result.alarm:
@@ -150,7 +156,7 @@ def network_feedback(
 def _designed(task: Task) -> DesignResult:
     task.lp.stage(f"{task.model.n_nodes} nodes")
     # the wider the margins of invariance, the weaker the actuators may become; without a bound the gain comes first
-    margins = MARGINS if task.bound is not None else MARGINS[1:]
+    margins = MARGINS if task.bound is not None else MARGINS[:0:-1]
     result = undecided(f"{reason()} was reached before gains were found.")
     # last, gains for a rate that no gain exceeds: without margins, from a program that asks for a little less
     edge = (0.0,) if task.rate > 0 else ()
@@ -203,7 +209,8 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
         x, digits = candidate
         spend(_effort(task.model))
         task.lp.stage(f"{task.model.n_nodes} nodes: proof with gains of {digits} digits")
-        return _certified(task, program, [round_to(F, digits) for F in program.gains(x)], limit)
+        most = limit * (1 + task.gap) if limit > 0 and digits < _DIGITS[-1] else np.inf
+        return _certified(task, program, [round_to(F, digits) for F in program.gains(x)], limit, most)
 
     with suppress(OutOfBudgetError):
         found = first_proven(((x, digits) for x in points for digits in _DIGITS), prove)
@@ -215,7 +222,7 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
 def _points(task: Task, program: NetworkProgram) -> tuple[list[Floats], float]:
     """Points to be proven, and the smallest gain if it is asked for; without margins, those for an exact rate."""
     if not program.margin:
-        return program.at_the_edge(task.rate, _EXTRA if task.bound is None else None)
+        return program.at_the_edge(task.rate, task.gap if task.bound is None else None)
     start = program.start(task.rate)
     if isinstance(start, Failure):
         return [], float("nan")
@@ -228,14 +235,16 @@ def _points(task: Task, program: NetworkProgram) -> tuple[list[Floats], float]:
 def _roomy(task: Task, limit: float) -> Floats | None:
     """A point with a little more gain than the smallest, and as wide margins as that allows."""
     with suppress(OutOfBudgetError):
-        for margin in _WIDE if limit > 0 else ():
-            point = NetworkProgram(task, margin).start(task.rate, limit * (1 + _EXTRA))
+        for part in _WIDE if limit > 0 else ():
+            point = NetworkProgram(task, part * task.gap).start(task.rate, limit * (1 + task.gap / 2))
             if not isinstance(point, Failure):
                 return point
     return None
 
 
-def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: float) -> DesignResult | None:
+def _certified(
+    task: Task, program: NetworkProgram, gains: list[Floats], limit: float, most: float = np.inf
+) -> DesignResult | None:
     model, parts = task.model, program.parts
     if task.uniform:
         gains = [np.broadcast_to(gains[0][:1], F.shape) for F in gains]
@@ -246,6 +255,8 @@ def _certified(task: Task, program: NetworkProgram, gains: list[Floats], limit: 
             return None
         used = [u / b for u, b in zip(used, bounds, strict=True)]
     value = max(float(u.max(initial=0.0)) for u in used)
+    if value > most:
+        return None
     given = model.origin or model
     closed, exact = _closed(given, gains)
     network = ConeNetwork(closed)
