@@ -7,7 +7,9 @@ stated takes `about`.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
+from dataclasses import dataclass
 from decimal import MAX_EMAX, MIN_EMIN, ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from fractions import Fraction
 from html import escape
@@ -18,6 +20,8 @@ from numpy.typing import NDArray
 # A sign besides the colour, for those who do not see it.
 _SIGNS = {"PROVED": ("\u2713", "#0072B2"), "REFUTED": ("\u2717", "#D55E00"), "UNDECIDED": ("?", "#666666")}
 _MOST_ROWS, _MOST_COLUMNS = 8, 8
+# What texts number.
+_NUMBERED = re.compile(r"\b(facet|generator|input)s? (\d+(?:, \d+)*)")
 
 
 def card(title: str, rows: Iterable[tuple[str, str]] = (), *, status: str = "", text: str = "") -> str:
@@ -49,6 +53,58 @@ def card(title: str, rows: Iterable[tuple[str, str]] = (), *, status: str = "", 
         + (f'<div style="max-width:60em">{escape(text)}</div>' if text else "")
         + "</div>"
     )
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Names of states, inputs and outputs, for texts that speak of facets, generators and inputs by number.
+
+    Attributes
+    ----------
+    states, inputs, outputs : tuple of str
+        Empty: they have no names of their own.
+    orthants : frozenset of str
+        Which of the three are in an orthant, so that facet i and generator i are the i-th of them.
+    """
+
+    states: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    orthants: frozenset[str] = frozenset()
+
+    def legend(self, text: str, facet: str = "states", generator: str = "states") -> str:
+        """Who the numbers in a text are, in a sentence of its own; "" if nothing is named.
+
+        Parameters
+        ----------
+        text : str
+        facet, generator : {"states", "inputs", "outputs"}
+            What the facets and the generators in it are about.
+
+        >>> signals = Signals(states=("plasma", "tissue"), orthants=frozenset({"states"}))
+        >>> signals.legend("A X in X fails at facet 1, normal (0, 1), and generator 0, (1, 0)")
+        ' By name: facet 1 is tissue, generator 0 is plasma.'
+        """
+        roles = {"facet": facet, "generator": generator, "input": "inputs"}
+        named = []
+        for word, numbers in dict.fromkeys(_NUMBERED.findall(text)):
+            names = getattr(self, roles[word]) if word == "input" or roles[word] in self.orthants else ()
+            places = (int(number) for number in numbers.split(", "))
+            named += [f"{word} {k} is {names[k]}" for k in places if k < len(names)]
+        return f" By name: {', '.join(dict.fromkeys(named))}." if named else ""
+
+    def dual(self) -> Signals:
+        """Of the dual system, whose inputs are the outputs of this one."""
+        turned = {"states": "states", "inputs": "outputs", "outputs": "inputs"}
+        return Signals(self.states, self.outputs, self.inputs, frozenset(turned[kind] for kind in self.orthants))
+
+    def support(self, x: NDArray[np.float64]) -> str:
+        """Which states a vector is about; "" if they are all, or have no names."""
+        held = np.flatnonzero(x)
+        if "states" not in self.orthants or len(x) != len(self.states) or len(held) == len(x):
+            return ""
+        more = f" and {len(held) - _MOST_ROWS} others" if len(held) > _MOST_ROWS else ""
+        return f" By name: x is not 0 at {', '.join(self.states[k] for k in held[:_MOST_ROWS])}{more}."
 
 
 def floored(x: float | Fraction, digits: int = 6) -> str:

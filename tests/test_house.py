@@ -31,8 +31,7 @@ RESTRICTED = {
 # Packages that may be imported inside functions, each with its reason.
 HIDDEN_IMPORTS = {
     "cvxpy": "takes longer to import than everything else together, and only design needs it",
-    "control_kpos.exact.highs": "loads highspy, a twentieth of what this package adds to `import control`: the first "
-    "program needs it, and theorems 1 and 2 solve none",
+    "highspy": "takes a tenth of what this package adds to `import control`, and Theorems 1 and 2 solve no program",
 }
 
 # Above this length a file is likely to hold two ideas.  Longer ones need a reason.

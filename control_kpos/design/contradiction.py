@@ -338,9 +338,10 @@ class NoFeedback(Contradiction):
             demands[-1] += " while X stays invariant"
         every, besides = f"F{self.scope}", _OTHER_VECTOR if self.scope else ""
         verdict = f"cannot be had with any {every}" if len(demands) == 1 else f"exclude each other for every {every}"
+        names = self._signals.legend(" and ".join(demands))
         return (
             f"Proved impossible: {' and '.join(demands)} {verdict}, X being {described(self.X)}; attached is {w}, "
-            f"checked in exact arithmetic. {besides}Relax a demand, or choose another cone: {_OTHERS}."
+            f"checked in exact arithmetic.{names} {besides}Relax a demand, or choose another cone: {_OTHERS}."
         )
 
 

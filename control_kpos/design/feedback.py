@@ -20,6 +20,8 @@ from ..errors import DataError
 from ..exact.intake import choice, exact_number, flag, is_number
 from ..exact.matrix import Matrix
 from ..progress import Target
+from ..proof.certificate import Status, named
+from ..systems.signals import signals_of
 from ..systems.system import System
 from .accept import beyond_feedback
 from .bounded.gains import design_in_interval, read_interval
@@ -172,14 +174,15 @@ def state_feedback(
             return blocked
         bounds = (state_bounds, input_bounds, disturbance_bounds)
         interval = read_interval(plant, *bounds) if any(part is not None for part in bounds) else None
-        if flag(per_mode, "per_mode") and disturbance is not None and len(disturbance) > 2:
+        if per_mode is not False and flag(per_mode, "per_mode") and disturbance is not None and len(disturbance) > 2:
             raise DataError("per_mode goes with disturbance=(E, G), without H: z is the same in all modes.")
         if interval is not None and (own or disturbance is not None or target == "max"):
             raise DataError(
                 "bounds on states, inputs or disturbances go with a number as rate, and not with disturbance, "
                 "constraints or objective."
             )
-        plant = replace(plant, interval=interval)
+        if interval is not None:
+            plant = replace(plant, interval=interval)
 
         def designed(plant: Plant) -> DesignResult:
             if interval is not None:
@@ -190,7 +193,8 @@ def state_feedback(
                 return design_with_constraints(plant, target, constraints, objective, lp)
             return _design(plant, target, method, lp)
 
-        return taken_apart(designed(by_mode(plant)), plant) if per_mode else designed(plant)
+        result = taken_apart(designed(by_mode(plant)), plant) if per_mode else designed(plant)
+        return _named(result, sys, plant.system)
 
     return within(time_limit, design, solver=solver, progress=progress)
 
@@ -205,7 +209,7 @@ def _design(plant: Plant, target: Any, method: str, lp: Programs) -> DesignResul
     if method == "first" and target != "max":
         return first_gain(plant, target, lp)
     result = design_on_simplicial(plant, target, lp)
-    if result or len(plant.vertices) == 1:
+    if len(plant.vertices) == 1 or result:
         return result
     return by_common_v(plant, target, lp) or result
 
@@ -304,7 +308,7 @@ def output_feedback(
         )
         if not plant.system.D.is_zero:
             raise DataError("output feedback needs D = 0; subtract D u from the measurement first (y - D u is known).")
-        return design_by_alternation(plant, target, lp)
+        return _named(design_by_alternation(plant, target, lp), sys, plant.system)
 
     result = within(time_limit, design, solver=solver, progress=progress)
     return changed(result, objective=result.objective.replace("F x_k", "F C x_k"), law="u = F y")
@@ -368,10 +372,18 @@ def observer_gain(
         A, B, C, D = (M.T for M in system.matrices)
         plant = read_plant(System.read((A, C, B, D), X=system.X.dual, dt=system.dt), None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
-        result = by(plant, target, lp)
+        result = _named(by(plant, target, lp), sys, system, dual=True)
         return _as_observer(result, sys, system, result.F.T) if result else result
 
     return changed(within(time_limit, design, solver=solver, progress=progress), law=OBSERVER)
+
+
+def _named(result: DesignResult, sys: Any, system: System, dual: bool = False) -> DesignResult:
+    """The result, whose certificate knows the signals of sys by name; those of the dual system if it is about that."""
+    if result.status is Status.REFUTED and isinstance(sys, StateSpace) and result.certificate is not None:
+        own = signals_of(sys, system.X, system.U, system.Y)
+        named(result.certificate, own.dual() if dual else own)
+    return result
 
 
 def _as_observer(result: DesignResult, sys: StateSpace, system: System, L: Any) -> DesignResult:

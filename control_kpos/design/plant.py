@@ -305,7 +305,7 @@ def read_system(sys: Any, X: Cone | ArrayLike | None) -> System:
     if not isinstance(sys, (StateSpace, System)):
         raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace, or a control.StateSpace and X=.")
     system = System.read(sys, X=X)
-    if not system.sizes[0]:
+    if not system.A.shape[0]:
         raise ShapeError("sys has no states; there is nothing to design.")
     return system
 

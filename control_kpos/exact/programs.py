@@ -13,9 +13,11 @@ from __future__ import annotations
 import os
 import queue
 import threading
+import time
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
@@ -295,6 +297,38 @@ def _rows(A: Any, n: int) -> sp.csr_array:
     return sp.csr_array((dense[held], np.flatnonzero(held) % max(dense.shape[1], 1), indptr), shape=dense.shape)
 
 
+@dataclass(frozen=True)
+class _Highs:
+    """HiGHS, what its statuses mean, and a solver of it that is silent."""
+
+    own: Any
+    outcomes: Mapping[Any, Outcome]
+    quiet: Any
+
+
+@cache
+def _highs() -> _Highs:
+    """HiGHS, which the first program loads: `import highspy` takes a tenth of what `import control_kpos` does."""
+    import highspy  # noqa: PLC0415  (takes time, and Theorems 1 and 2 need no program)
+
+    class QuietHighs(highspy.Highs):
+        """Silent from the start: HiGHS prints two lines when its constructor registers callbacks."""
+
+        def enableCallbacks(self) -> None:
+            """Register callbacks with the output switched off."""
+            self.setOptionValue("output_flag", False)
+            super().enableCallbacks()
+
+    status = highspy.HighsModelStatus
+    outcomes: dict[Any, Outcome] = {
+        status.kOptimal: "optimal",
+        status.kInfeasible: "infeasible",
+        status.kUnbounded: "unbounded",
+        status.kUnboundedOrInfeasible: "infeasible",
+    }
+    return _Highs(highspy, outcomes, QuietHighs)
+
+
 def _run_highs(
     cost: NDArray[np.float64],
     matrix: sp.csr_array,
@@ -305,21 +339,18 @@ def _run_highs(
     presolve: bool,
     time_limit: float,
 ) -> Solution:
-    from . import highs  # noqa: PLC0415  (loads highspy, which needs time and few need)
-
+    begun = time.monotonic()
     rows, columns = balance(matrix)
     right = np.concatenate([np.ldexp(upper, rows), *(np.ldexp(side, -columns) for side in box)])
     size = -_exponent(right[np.isfinite(right)])
     objective = np.ldexp(cost, columns)
-    data = np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices])
-    scaled = highs.ScaledProgram(
-        cost=np.ldexp(objective, -_exponent(objective)),
-        matrix=sp.csr_array((data, matrix.indices, matrix.indptr), shape=matrix.shape),
-        lower=np.ldexp(lower, rows + size),
-        upper=np.ldexp(upper, rows + size),
-        box=(np.ldexp(box[0], size - columns), np.ldexp(box[1], size - columns)),
-    )
+    price = -_exponent(objective)
+
+    highs = _highs()
+    solver = highs.quiet()
     options: dict[str, Any] = {
+        "threads": 1,
+        "presolve": "choose" if presolve else "off",
         "simplex_iteration_limit": _STEPS[0] + _STEPS[1] * (cost.size + lower.size),
         "ipm_iteration_limit": _INTERIOR_STEPS,
     }
@@ -327,10 +358,49 @@ def _run_highs(
         options |= {"primal_feasibility_tolerance": _TOLERANCE, "dual_feasibility_tolerance": _TOLERANCE}
     if method == "ipm":
         options |= {"solver": "ipm", "run_crossover": "off"}
-    outcome, x, basic, message = highs.run(scaled, options, presolve, time_limit)
-    if outcome == "optimal":
-        x = np.ldexp(x, columns - size)
-    return Solution(outcome, x, basic=basic, message=message)
+    if np.isfinite(time_limit):
+        options["time_limit"] = float(max(time_limit, 1e-3))
+    for name, value in options.items():
+        solver.setOptionValue(name, value)
+    # as arrays: an HighsLp copies its vectors number by number through Python
+    passed = solver.passModel(
+        cost.size,
+        lower.size,
+        matrix.nnz,
+        int(highs.own.MatrixFormat.kRowwise),
+        int(highs.own.ObjSense.kMinimize),
+        0.0,
+        np.ldexp(objective, price),
+        np.ldexp(box[0], size - columns),
+        np.ldexp(box[1], size - columns),
+        np.ldexp(lower, rows + size),
+        np.ldexp(upper, rows + size),
+        matrix.indptr.astype(np.int32),
+        matrix.indices.astype(np.int32),
+        np.ldexp(matrix.data, np.repeat(rows, np.diff(matrix.indptr)) + columns[matrix.indices]),
+        np.zeros(cost.size, dtype=np.int32),
+    )
+    if passed == highs.own.HighsStatus.kError:
+        return failure("HiGHS refused the program")
+    if solver.run() == highs.own.HighsStatus.kError:
+        # one pool of threads serves the whole process, and another caller of HiGHS has chosen its size
+        solver.setOptionValue("threads", 0)
+        solver.run()
+    if not presolve and solver.getModelStatus() != highs.own.HighsModelStatus.kOptimal:
+        left = time_limit - (time.monotonic() - begun)
+        return _run_highs(cost, matrix, lower, upper, box, method, True, left)
+    outcome = highs.outcomes.get(solver.getModelStatus(), "failed")
+    if outcome == "infeasible" and not lower.size:
+        outcome = "unbounded"
+    if outcome != "optimal":
+        return Solution(outcome, np.empty(0), message=f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
+    x = np.ldexp(np.asarray(solver.getSolution().col_value, dtype=float), columns - size)
+    basic = None
+    if method == "simplex":
+        _, index = solver.getBasicVariables()  # type: ignore[attr-defined]
+        index = np.asarray(index, dtype=np.intp)
+        basic = np.where(index >= 0, index, cost.size - 1 - index)
+    return Solution("optimal", x, basic=basic)
 
 
 def _exponent(values: NDArray[np.float64]) -> int:

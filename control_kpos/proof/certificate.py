@@ -19,7 +19,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..cards import card, floored
+from ..cards import Signals, card, floored
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold, residuals
 from ..exact.matrix import Matrix
@@ -256,6 +256,11 @@ class Certificate(ABC):
         """True if its conditions are about all numbers that it states."""
         return not unproven_rates(self)
 
+    @property
+    def _signals(self) -> Signals:
+        """Names that texts may use; no part of the claim, of comparisons, or of files."""
+        return vars(self).get("_named", Signals())
+
     def parts(self) -> Sequence[Certificate]:
         """Certificates that this one rests on."""
         return ()
@@ -435,3 +440,11 @@ def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.f
         if (apart & (stored != fresh)).any():
             return False
     return True
+
+
+def named(certificate: C, signals: Signals) -> C:
+    """The certificate, which then knows the names of states, inputs and outputs, as do its parts."""
+    vars(certificate)["_named"] = signals
+    for part in certificate.parts():
+        named(part, signals)
+    return certificate

@@ -20,6 +20,7 @@ from control import StateSpace, TransferFunction
 from control.exception import ControlDimension
 from numpy.typing import ArrayLike
 
+from ..cards import Signals
 from ..cones import Cone, Orthant
 from ..cones.orthant import nonnegative
 from ..errors import (
@@ -30,7 +31,7 @@ from ..errors import (
 )
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix, dense
-from ..proof.certificate import Status
+from ..proof.certificate import Status, named
 from ..theorems.dissipativity import DissipativityCertificate, dissipativity_of
 from ..theorems.gains import induced_gain_of
 from ..theorems.positivity import PositivityCertificate, positivity_of
@@ -48,6 +49,7 @@ from .reading import (
     require_timebase,
     size_of,
 )
+from .signals import signals_of
 from .system import System
 
 _MATRICES = ("A", "B", "C", "D")
@@ -230,7 +232,7 @@ class ConeStateSpace(ConeOperations):
         >>> s.cone_positivity().witness.condition, s.cone_positivity().witness.value
         ('A X in X', -3.0)
         """
-        return positivity_of(self._question())
+        return named(positivity_of(self._question()), self._signals())
 
     def linear_lyapunov(self, rate: Literal["max"] | float | Fraction | str | None = None) -> LyapunovCertificate:
         """Theorem 2: proof that X is invariant and x' = A x exponentially stable, or that one of them fails.
@@ -252,7 +254,7 @@ class ConeStateSpace(ConeOperations):
         1.0
         """
         s = self._question()
-        return linear_lyapunov(s.A, s.X, discrete=s.discrete, rate=rate)
+        return named(linear_lyapunov(s.A, s.X, discrete=s.discrete, rate=rate), self._signals())
 
     def dissipativity(self, q: ArrayLike | None = None, r: ArrayLike | None = None) -> DissipativityCertificate:
         """Theorem 3: exponential dissipativity with storage v'x and supply rate r'u + q'y.
@@ -268,7 +270,8 @@ class ConeStateSpace(ConeOperations):
         DissipativityCertificate
             See `control_kpos.dissipativity`.
         """
-        return dissipativity_of(positivity_of(self._question(ports=True)), q=q, r=r)
+        positive = positivity_of(self._question(ports=True))
+        return named(dissipativity_of(positive, q=q, r=r), self._signals())
 
     def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain from inputs in U to outputs in Y; inf if the system is not stable.
@@ -304,6 +307,9 @@ class ConeStateSpace(ConeOperations):
             exact = exact_matrix(array, name)
             self._given[name] = array, exact
         return exact
+
+    def _signals(self) -> Signals:
+        return signals_of(self, *self._cones)
 
     def _question(self, *, ports: bool = False) -> System:
         """The system as the theorems take it."""

@@ -166,6 +166,12 @@ class PositivityCertificate(Certificate):
             for inclusion in self.inclusions()
         }
 
+    def _by_name(self) -> str:
+        """Who the facet and the generator of the witness are."""
+        kinds = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states")}
+        letter = getattr(self.witness, "condition", "A")[0]
+        return self._signals.legend(str(self.witness), *kinds.get(letter, ("outputs", "inputs")))
+
     def explain(self) -> str:
         """Which inclusions hold, or where one breaks."""
         inclusion = "A X lies in X" if self.discrete else "e^{At} X stays in X"
@@ -183,9 +189,9 @@ class PositivityCertificate(Certificate):
             way = "" if self.generator_proof is None else ", from generators alone"
             return f"Proved positive: {inclusion}{more}{way}. Scale-free margin {self.margin:.3g}.{edge}"
         if self.refuted_by is not None:
+            where = f"{self.witness}.{self._by_name()}"
             return (
-                f"Not positive: {self.witness}. Choose another cone, or a feedback that turns the field inwards "
-                "on this facet."
+                f"Not positive: {where} Choose another cone, or a feedback that turns the field inwards on this facet."
             )
         return "Undecided: some signs could not be proven at this size. Give the data with fewer digits."
 

@@ -190,10 +190,12 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
             )
         if self.refuted_by is not None:
             ahead = "A x - x" if self.discrete else "A x"
+            names = self._signals.support(np.asarray(self.refuted_by.x))
             return (
                 f"Refuted: X is invariant, but not exponentially stable: {self.witness}; {ahead} lies in X again, "
                 "so the "
                 f"{'spectral radius is at least 1' if self.discrete else 'rightmost eigenvalue is not negative'}."
+                f"{names}"
             )
         if self:
             rate = floored(self.decay_rate) if self.required_rate is None else self._asked(floored)

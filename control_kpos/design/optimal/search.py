@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -16,6 +17,8 @@ from ...exact.condition import Condition
 from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
+from ...systems.signals import signals_of
+from ...systems.statespace import ConeStateSpace
 from ..running import Programs, within
 from .answer import OptimalFeedback
 from .arguments import Question, goes_sparse
@@ -122,7 +125,15 @@ def optimal_feedback(
         )
     plan = None if horizon is None else read_horizon(route, horizon, terminal_cost, sys)
     design = partial(solved, route) if plan is None else partial(planned, route, plan)
-    return within(time_limit, design, route.effort, answer=OptimalFeedback, progress=progress)
+    found = within(time_limit, design, route.effort, answer=OptimalFeedback, progress=progress)
+    return found if found or not isinstance(sys, ConeStateSpace) else _by_name(found, sys, controls is None)
+
+
+def _by_name(answer: OptimalFeedback, sys: ConeStateSpace, own_inputs: bool) -> OptimalFeedback:
+    """The answer with the names of the states and inputs that its message numbers; controls have none."""
+    signals = signals_of(sys, sys.X, sys.U, sys.Y)
+    signals = signals if own_inputs else replace(signals, inputs=())
+    return replace(answer, message=answer.message + signals.legend(answer.message))
 
 
 def solved(route: Route, lp: Programs) -> OptimalFeedback:
