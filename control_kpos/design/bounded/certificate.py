@@ -195,7 +195,11 @@ class OrderIntervalCertificate(ToldAsInterval, ClaimOnPositivity):
             *self._stable(),
             self._least(),
             Condition("h'x >= 0", BilinearForms(facets, None, x), ">="),
-            Condition("h'(x_min - x) >= 0", _difference(facets, least, x), ">="),
+            Condition(
+                "h'(x_min - x) >= 0",
+                BilinearForms(facets, _plus_and_minus(self.X.dim).T, Matrix.join([least, x], -1)),
+                ">=",
+            ),
             Condition("f'x - b > 0", _beyond(f, x, b), ">"),
         ]
 
@@ -279,12 +283,6 @@ class OrderIntervalCertificate(ToldAsInterval, ClaimOnPositivity):
 def _plus_and_minus(n: int) -> Matrix:
     eye = Matrix.identity(n)
     return Matrix.join([eye, -eye], -2)
-
-
-def _difference(facets: Matrix, x: Matrix, y: Matrix) -> BilinearForms:
-    """h'(x - y)."""
-    eye = Matrix.identity(x.shape[1])
-    return BilinearForms(facets, Matrix.join([eye, -eye], -1), Matrix.join([x, y], -1))
 
 
 def _beyond(rows: Matrix, x: Matrix, b: Matrix) -> BilinearForms:

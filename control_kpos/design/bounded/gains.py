@@ -44,6 +44,8 @@ _NOT_KEPT = (
     "no gain was proven to keep [0, state_bounds] within these bounds. Raise input_bounds, or give other state_bounds: "
     "small in the directions that decay slowly."
 )
+# Disturbances inside X beside those given, relative to these, so that the interval has interior.
+_PUSHED = 1e-6
 # More of u_max than the smallest part, which makes the next interval smaller.
 _MORE = 0.1
 # Turns of F and x_max, and the improvement below which they end.
@@ -95,18 +97,18 @@ def design_in_interval(plant: Plant, rate: Any, lp: Programs, without: Callable[
     bounds = plant.interval
     if bounds is None or rate == "max":
         raise DataError("state_bounds, input_bounds and disturbance_bounds go with a number as rate.")
-    program = GainProgram(plant, lp)
+    program, free = GainProgram(plant, lp), replace(plant, interval=None)
     if bounds.x_max is not None:
-        found = _within(plant, program, rate)
+        found = _within(plant, bounds, bounds.x_max, program, rate)
         if found is not None:
             return found
-        free = without(replace(plant, interval=None))
-        return free if free.status is Status.REFUTED else _refused(plant)
-    first = without(replace(plant, interval=None))
+        first = without(free)
+        return first if first.status is Status.REFUTED else _refused(plant)
+    first = without(free)
     if not first:
         return first
-    for x in _shrinking(plant, program, rate, np.asarray(first.F)):
-        found = _within(replace(plant, interval=replace(bounds, x_max=x)), program, rate)
+    for x in _shrinking(plant, bounds, program, float(rate), np.asarray(first.F)):
+        found = _within(replace(plant, interval=replace(bounds, x_max=x)), bounds, x, program, rate)
         if found:
             return found
     return undecided(
@@ -124,22 +126,19 @@ def _refused(plant: Plant) -> DesignResult:
     return DesignResult(status=Status.REFUTED, certificate=proof)
 
 
-def _within(plant: Plant, program: GainProgram, rate: float) -> DesignResult | None:
-    """The smallest gain that is proven for this x_max."""
-    bounds = plant.interval
-    if bounds is None or bounds.x_max is None:
-        return None
-    rows = _Rows(plant, bounds, program, float(rate), np.asarray(bounds.x_max.values))
+def _within(plant: Plant, bounds: Interval, x_max: Matrix, program: GainProgram, rate: float) -> DesignResult | None:
+    """The smallest gain that is proven for this x_max, which is that of the plant."""
+    rows = _Rows(plant, bounds, program, float(rate), np.asarray(x_max.values))
     accepted = first_proven(rows.small_gains(), lambda gain: accept(plant, gain, rate=rate))
     return None if accepted is None else succeed(plant, accepted, SMALLEST_INSIDE, accepted.size)
 
 
-def _shrinking(plant: Plant, program: GainProgram, rate: float, gain: Floats) -> Iterator[Matrix]:
+def _shrinking(plant: Plant, bounds: Interval, program: GainProgram, rate: float, gain: Floats) -> Iterator[Matrix]:
     """x_max of ever better gains, as soon as some gain keeps the bounds of the inputs on it."""
-    used, bounds = np.inf, plant.interval
+    used = np.inf
     for _ in range(_TURNS):
-        x = None if bounds is None else _smallest_interval(plant, bounds, gain, float(rate))
-        found = None if x is None or bounds is None else _Rows(plant, bounds, program, float(rate), x).least_use()
+        x = _smallest_interval(plant, bounds, gain, rate)
+        found = None if x is None else _Rows(plant, bounds, program, rate, x).least_use()
         if x is None or found is None:
             return
         gain, part = found
@@ -153,7 +152,7 @@ def _shrinking(plant: Plant, program: GainProgram, rate: float, gain: Floats) ->
 def _smallest_interval(plant: Plant, bounds: Interval, gain: Floats, rate: float) -> Floats | None:
     """The x_max inside X, all but the smallest, for which every vertex keeps the interval; None if it grows."""
     inner, w = np.asarray(plant.X.interior_point, dtype=float), np.asarray(bounds.w_max.values)
-    pushed = w + 1e-6 * max(np.abs(w).max(initial=0.0), 1e-300) * inner
+    pushed = w + _PUSHED * max(np.abs(w).max(initial=0.0), 1e-300) * inner
     H = plant.facets / (plant.facets @ plant.rays.T).max(axis=1)[:, None]
     program = Program(x=Block(plant.n, cost=H.sum(axis=0)))
     program.above(0.0, x=H)
