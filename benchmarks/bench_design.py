@@ -7,21 +7,23 @@ from pathlib import Path
 
 import control as ct
 import cvxpy as cp
+import highspy
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
 import control_kpos as kp
+from control_kpos.design import running
 from control_kpos.design.plant import read_plant
 from control_kpos.design.running import Programs
 from control_kpos.design.simplicial.program import SimplicialProgram
-from control_kpos.exact import programs as linear_programs
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 import planted
 
 ONE_SHOT = "one-shot program n = 10, m = 5, beyond HiGHS"
 WHOLE = "smallest gain with proof, n = 10, m = 5"
+BOUNDED = "gain within hard bounds, with proof, n = 10, m = 5"
 NETWORK = "local gains with proof, {} nodes"
 QUADRATIC = "stabilise, n = {}, m = {}"
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
@@ -37,7 +39,7 @@ def test_one_shot_overhead(contest, monkeypatch):
     sys_, rays = plant(10, 5)
     problem = read_plant(kp.ConeStateSpace(sys_, X=rays), None)
     inside, spent_each = [0.0], []
-    run = linear_programs.highspy.Highs.run
+    run = highspy.Highs.run
 
     def timed(self):
         begin = time.perf_counter()
@@ -46,7 +48,7 @@ def test_one_shot_overhead(contest, monkeypatch):
         finally:
             inside[0] += time.perf_counter() - begin
 
-    monkeypatch.setattr(linear_programs.highspy.Highs, "run", timed)
+    monkeypatch.setattr(highspy.Highs, "run", timed)
 
     def overhead():
         inside[0] = 0.0
@@ -64,6 +66,71 @@ def test_one_shot_overhead(contest, monkeypatch):
 def test_smallest_gain(contest):
     sys_, rays = plant(10, 5)
     assert contest(WHOLE, "ours", lambda: kp.state_feedback(sys_, X=rays, rate=0.1))
+
+
+def bounded_plant(n, m, seed=0):
+    """A plant, and bounds on states, inputs and disturbances that some gain keeps, with room to spare."""
+    rng = np.random.default_rng(seed)
+    M, x, B, F = rng.uniform(0.05, 1, (n, n)), rng.uniform(0.5, 2, n), rng.normal(size=(n, m)), rng.normal(size=(m, n))
+    M = M - np.diag(M @ x / x) * 1.3
+    u = 1.01 * np.maximum(np.maximum(F, 0) @ x, np.maximum(-F, 0) @ x)
+    bounds = {"state_bounds": x, "input_bounds": u, "disturbance_bounds": -0.5 * M @ x}
+    return kp.ConeStateSpace(M - B @ F, B, np.eye(n), 0), bounds
+
+
+@pytest.fixture(scope="module")
+def bounded_programs():
+    """A call of the design, and the linear programs that it solves."""
+    sys_, bounds = bounded_plant(10, 5)
+    programs, solve = [], running.solve
+
+    def kept(*program, **options):
+        programs.append(program)
+        return solve(*program, **options)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "solve", kept)
+        assert kp.state_feedback(sys_, **bounds)
+    return (lambda: kp.state_feedback(sys_, **bounds)), programs
+
+
+def bare(program):
+    """HiGHS on a program as it is."""
+    cost, below, right, _, _, (low, high) = program
+    rows, solver = sp.csr_array(below), highspy.Highs()
+    solver.setOptionValue("output_flag", False)
+    counts, kinds = (len(cost), len(right), rows.nnz), (int(highspy.MatrixFormat.kRowwise), 1)
+    ends = (np.full(len(right), -np.inf), right)
+    inside = rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data
+    solver.passModel(*counts, *kinds, 0.0, cost, low, high, *ends, *inside, np.zeros(len(cost), dtype=np.int32))
+    solver.run()
+    return solver.getObjectiveValue()
+
+
+@pytest.mark.parametrize(("who", "at_most"), [("ours", None), ("bare HiGHS", 2.5)])
+def test_hard_bounds(contest, bounded_programs, who, at_most):
+    """The whole design with its proof, against HiGHS on the same two programs."""
+    design, programs = bounded_programs
+    contest(BOUNDED, who, design if who == "ours" else lambda: [bare(p) for p in programs], at_most=at_most, rounds=40)
+
+
+@pytest.mark.parametrize("kind", ["one state a node", "two states a node"])
+def test_intervals_of_networks(contest, size, kind):
+    """Bounds at every node, with proof; the network and its own certificate are made before."""
+    n, rng = size(100_000, 1000), np.random.default_rng(0)
+    where = (np.repeat(np.arange(n), 3), rng.integers(0, n, size=3 * n))
+    W = sp.csr_array((rng.uniform(0.01, 0.2, size=3 * n), where), shape=(n, n))
+    if kind == "one state a node":
+        nodes, w = kp.stack(-rng.uniform(1, 2, size=(n, 1, 1)), [[1]], [[1]]), np.ones(n)
+    else:
+        A = np.zeros((n, 2, 2))
+        A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = 1, -22 - rng.uniform(0, 0.5, size=n), -14 - rng.uniform(0, 1, size=n)
+        nodes, w = kp.stack(A, [[0], [1]], [[1, 0]], X=PAPER), np.tile([0.0, 1.0], n)
+    net, each = kp.feedback_interconnect(nodes, W), sp.eye_array(len(w), format="csr")
+    assert net.certificate
+    question = f"order interval, {n} nodes, {kind}"
+    limits = np.full(len(w), 9.0)
+    assert contest(question, "ours", lambda: kp.order_interval(net, w, constraints=(each, limits)), at_most=5, rounds=2)
 
 
 def random_network(n):

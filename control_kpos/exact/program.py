@@ -176,9 +176,8 @@ class Program:
         data, rows, columns, at = [], [], [], 0
         for parts, bounds in groups:
             for name, part in parts.items():
-                entries = sp.coo_array(part)
-                row, column = entries.coords
-                data.append(entries.data)
+                row, column, values = _entries(part)
+                data.append(values)
                 rows.append(row + at)
                 columns.append(column + self._places[name].start)
             at += len(bounds)
@@ -197,11 +196,23 @@ def _filled(values: Any, count: int) -> Floats:
     return np.full(count, values, dtype=float) if np.ndim(values) == 0 else np.asarray(values, dtype=float)
 
 
+def _entries(part: Any) -> tuple[Any, Any, Floats]:
+    """Rows, columns and values of what is not 0."""
+    if sp.issparse(part):
+        found = sp.coo_array(part)
+        return *found.coords, found.data
+    row, column = np.nonzero(part)  # a tenth of the time of coo_array
+    return row, column, part[row, column]
+
+
 def _diagonals(sizes: list[Floats]) -> Any:
     """Diagonal matrices side by side."""
-    if sum(size.size**2 for size in sizes) > SMALL:
-        return sp.csr_array(sp.hstack([sp.diags_array(size) for size in sizes], format="csr"))
-    return np.hstack([np.diag(size) for size in sizes])
+    if sum(size.size**2 for size in sizes) <= SMALL:
+        return np.hstack([np.diag(size) for size in sizes])
+    count, width = sizes[0].size, len(sizes)
+    indices = np.arange(count)[:, None] + count * np.arange(width)
+    parts = np.stack(sizes, axis=1).ravel(), indices.ravel(), np.arange(0, count * width + 1, width)
+    return sp.csr_array(parts, shape=(count, count * width))
 
 
 def widest(rows: Floats) -> tuple[Floats, float]:
