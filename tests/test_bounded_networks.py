@@ -110,6 +110,17 @@ def test_growth_that_the_disturbance_reaches():
     assert no.status == "REFUTED" and no.check() and isinstance(no.witness, NoInterval)
 
 
+def test_growth_in_a_part_of_a_random_graph():
+    """Nodes that nobody hears do not grow; what grows is found in the others."""
+    n, rng = 2000, np.random.default_rng(0)
+    W = sp.csr_array((np.full(3 * n, 0.5), (np.repeat(np.arange(n), 3), rng.integers(0, n, 3 * n))), shape=(n, n))
+    net = kp.feedback_interconnect(kp.stack(np.full((n, 1, 1), -1.0), [[1]], [[1]]), W)
+    no = kp.order_interval(net, np.ones(n))
+    assert no.status == "REFUTED" and no.check() and 0 < np.count_nonzero(no.witness.d) < n
+    unheard = np.flatnonzero(W.sum(axis=0) == 0)
+    assert unheard.size and not no.witness.d[unheard].any()
+
+
 def test_growth_that_it_does_not_reach_is_left_open():
     nodes = [lag(-1.0)] + [lag(2.0)] * 400
     b = kp.order_interval(kp.feedback_interconnect(nodes, sp.csr_array((401, 401))), np.eye(1, 401, 1)[0])

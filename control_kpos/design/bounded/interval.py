@@ -99,7 +99,8 @@ def order_interval(
     -------
     OrderInterval
         PROVED with x_max, the smallest in the order of X if A is stable.  REFUTED, with proof: X is not invariant under
-        A; no such interval exists; or a constraint is broken in every one of them.  UNDECIDED otherwise.
+        A; no such interval exists; or a constraint is broken in every one of them.  UNDECIDED otherwise, and for large
+        networks whose nodes and links are not positive one by one.
 
     Raises
     ------

@@ -140,16 +140,35 @@ def _end(model: NetworkModel, x: Floats, u: Floats, *, sign: int) -> tuple[Float
     return x, u, y
 
 
+def _cut(model: NetworkModel, d: Floats) -> tuple[Floats, Floats, Floats] | None:
+    """d, r and q on the nodes where (d'A - q'C) x >= 0; None if nothing is left.
+
+    Without a node the others see less of d, so that nodes go until none has to.
+    """
+    while d.any():
+        below, r, q = supply_rates(model, -d)
+        ahead = model.times("A", -below, transposed=True) + model.times("C", q, transposed=True) - model.discrete * d
+        bad = np.zeros(model.n_nodes, dtype=bool)
+        for s, index, z, part in zip(
+            model.stacks, model.members, model.split(ahead, 0), model.split(d, 0), strict=True
+        ):
+            bad[index] = (z @ np.asarray(s.X.rays).T < 0).any(axis=1) & part.any(axis=1)
+        if not bad.any():
+            return d, -r, -q
+        d = np.where(bad[model.owners(0)], 0.0, d)
+    return None
+
+
 def _excluded(model: NetworkModel, given: NetworkBounds) -> Iterator[NetworkIntervalCertificate]:
     """What excludes every interval: a left vector of growth that the disturbances reach."""
     loop, found, pushed = loop_weights(model), list[NetworkIntervalCertificate](), np.asarray(given.w.values)
 
     def stop(at: Approach) -> bool:
-        d = at.v / np.abs(at.v).max()
-        if at.theta > float(model.discrete) and d @ pushed > 0:
-            _, r, q = supply_rates(model, -d)
+        kept = _cut(model, at.v / np.abs(at.v).max()) if at.theta > float(model.discrete) else None
+        if kept is not None and kept[0] @ pushed > 0:
+            d, r, q = kept
             proof = NetworkIntervalCertificate.settle(
-                model=model, r=-r, q=-q, loop_weights=loop, w_max=given.w, witness=NoInterval(d)
+                model=model, r=r, q=q, loop_weights=loop, w_max=given.w, witness=NoInterval(d)
             )
             found.extend([proof] if proof.status is Status.REFUTED else [])
         return bool(found) or at.shift < float(model.discrete) - _CLEARLY * rate_scale(model)
