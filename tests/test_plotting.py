@@ -306,3 +306,17 @@ def test_every_line_has_a_label_of_text():
         plt.close("all")
         axes = picture().axes.ravel()
         assert all(isinstance(line.get_label(), str) for ax in axes for line in ax.get_lines())
+
+
+def test_closed_loops_of_modes_and_of_least_cost():
+    modes = [([[1, 1], [1, -3]], [[1], [0]]), ([[-3, 1], [1, 1]], [[0], [1]])]
+    plant = kp.ConeStateSpace(*modes[0], np.eye(2), np.zeros((2, 1)))
+    switched = kp.state_feedback(plant, vertices=modes, per_mode=True)
+    titles = [ax.get_title() for ax in kp.plot_closed_loop(plant, switched).axes.ravel()]
+    assert titles == ["without feedback", "mode 0, u = F_s x", "mode 1, u = F_s x"]
+    still = kp.ConeStateSpace([[0.5, 0.2], [0.1, 0.5]], [[0.1], [0]], np.eye(2), 0, True)
+    cheap = kp.optimal_feedback(still, [1, 1], [0.1], [[1, 0]])
+    assert [ax.get_title() for ax in kp.plot_closed_loop(still, cheap).axes.ravel()][1] == "least cost"
+    dear = kp.optimal_feedback(kp.ConeStateSpace([[2.0]], [[0.1]], [[1]], 0, True), [1], [0], [[1]])
+    with pytest.raises(kp.DataError, match="two states"):
+        kp.plot_closed_loop(still, dear)

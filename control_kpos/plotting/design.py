@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from ..cards import floored
-from ..design import DesignResult
+from ..design import DesignResult, OptimalFeedback
 from ..design.tradeoff import Tradeoff
 from ..errors import DataError
 from ..exact.intake import found, words
@@ -79,14 +79,16 @@ def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) 
     return cplt
 
 
-def plot_closed_loop(sys: Any, design: DesignResult, *, title: str | None = None, **kwargs: Any) -> ct.ControlPlot:
-    """Phase portraits of a plant with two states without and with the feedback, side by side.
+def plot_closed_loop(
+    sys: Any, design: DesignResult | OptimalFeedback, *, title: str | None = None, **kwargs: Any
+) -> ct.ControlPlot:
+    """Phase portraits of a plant with two states without and with the feedback, side by side; of modes one for each.
 
     Parameters
     ----------
     sys : control.StateSpace or ConeStateSpace
         The plant that was designed for.
-    design : DesignResult
+    design : DesignResult or OptimalFeedback
         With a gain.
     title : str, optional
     **kwargs
@@ -111,24 +113,31 @@ def plot_closed_loop(sys: Any, design: DesignResult, *, title: str | None = None
     title = words(title, "title")
     if not isinstance(sys, ct.StateSpace):
         raise DataError(f"sys is {found(sys)}; give the plant, a StateSpace.")
-    if not isinstance(design, DesignResult):
+    if not isinstance(design, (DesignResult, OptimalFeedback)):
         raise DataError(f"design is {found(design)}; give what a design function returns, such as state_feedback.")
-    if not design or design.closed_loop.nstates != 2 or not hasattr(design.closed_loop, "X"):
+    loops = _loops(design)
+    if not design or any(loop.nstates != 2 or not hasattr(loop, "X") for _, loop in loops):
         raise DataError("plot_closed_loop needs a successful design for a plant with two states.")
-    X = design.closed_loop.X
-    rate = floored(design.decay_rate, 3)
+    X = loops[0][1].X
     with control_style():
-        figure, axes = plt.subplots(1, 2, figsize=(9.6, 4.2), layout="tight")
+        figure, axes = plt.subplots(1, 1 + len(loops), figsize=(4.8 * (1 + len(loops)), 4.2), layout="tight")
         open_loop = ct.ss(sys.A, sys.B, sys.C, sys.D, sys.dt, states=sys.state_labels)
         parts = [
             phase_portrait(open_loop, X=X, ax=axes[0], title="without feedback", **{"level_lines": False, **kwargs}),
-            phase_portrait(
-                design.closed_loop,
-                ax=axes[1],
-                title=f"{design.law}, decay rate {rate}",
-                **kwargs,
+            *(
+                phase_portrait(loop, ax=ax, title=name, **kwargs)
+                for (name, loop), ax in zip(loops, axes[1:], strict=True)
             ),
         ]
         cplt = ct.ControlPlot(np.array([part.lines for part in parts], dtype=object), np.array([axes]), figure)
         cplt.set_plot_title("Open and closed loop" if title is None else title)
     return cplt
+
+
+def _loops(design: Any) -> list[tuple[str, Any]]:
+    """The closed loops with a title for each."""
+    if isinstance(design, OptimalFeedback):
+        return [("least cost", design.closed_loop)]
+    if isinstance(design.closed_loop, tuple):
+        return [(f"mode {s}, {design.law}", loop) for s, loop in enumerate(design.closed_loop)]
+    return [(f"{design.law}, decay rate {floored(design.decay_rate, 3)}", design.closed_loop)]
