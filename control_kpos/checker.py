@@ -1673,18 +1673,41 @@ def admissible(c: LinearCost, policy: list[Fraction]) -> None:
 
 
 def optimal_cost(e: Said, limit: int) -> None:
-    """lower'x <= the optimal cost from x <= the cost of the policy <= upper'x on X.
+    """lower'x <= the optimal cost from x <= the cost of the policy, or of mu = gain x, <= upper'x on X.
 
-    upper'x >= 0,  D(upper)'x <= 0 for the policy,  D(lower)'x >= 0.
+    upper'x >= 0,  D(upper)'x <= 0 for the policy or gain,  D(lower)'x >= 0.
     """
     c = linear_cost(e, limit)
     costly(c)
-    policy, (lower, upper) = sequence(e["policy"]), (entries(array(e[name]), c.X.dim) for name in ("lower", "upper"))
-    expect(all(type(a) is int for a in policy), "a policy")
-    admissible(c, policy)
+    lower, upper = (entries(array(e[name]), c.X.dim) for name in ("lower", "upper"))
+    if e.get("gain") is None:
+        policy = sequence(e["policy"])
+        expect(all(type(a) is int for a in policy), "a policy")
+        admissible(c, policy)
+        spent = residual(c, upper, policy)
+    else:
+        spent = of_gain(c, given(e["gain"], sum(map(len, c.columns)), c.X.dim), upper)
     need(above(upper, c.X), "upper'x >= 0")
-    need(above(total((-1, residual(c, upper, policy))), c.X), "D(upper)'x <= 0")
+    need(above(total((-1, spent)), c.X), "D(upper)'x <= 0")
     need(above(residual(c, lower), c.X), "D(lower)'x >= 0")
+
+
+def of_gain(c: LinearCost, F: Matrix, p: Vector) -> Vector:
+    """s + A'p - rho p + F'(r + B'p) for mu = F x, which keeps to the limits on X.
+
+    l'x - F_i x >= 0 and l'x + F_i x >= 0 for a control;  F_i x >= 0 and l'x - sum_i F_i x >= 0 for a group, = 0 for one
+    that is SHARED.
+    """
+    for g, kind in enumerate(c.kinds):
+        limit, mine = pullback({g: Fraction(1)}, c.limits), [pullback({i: Fraction(1)}, F) for i in c.columns[g]]
+        left = total((1, limit), *((-1, f) for f in mine))
+        expect(kind != DISTURBANCE, "a gain is not against disturbances")
+        need(above(left, c.X), "inputs are at most l'x")
+        least = [total((1, f), (1, limit)) for f in mine] if kind == CONTROL else mine
+        need(all(above(f, c.X) for f in least), "inputs are at least -l'x, in groups 0")
+        need(kind != SHARED or above(total((-1, left)), c.X), "1'mu = l'x")
+    y = total((1, c.r), (c.beta, pullback(p, c.B)))
+    return total((1, c.s), (c.beta, pullback(p, c.A)), (-c.rho, p), (1, pullback(y, F)))
 
 
 def finite_cost(e: Said, limit: int) -> None:

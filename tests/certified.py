@@ -341,6 +341,23 @@ CERTIFICATES = {
             horizon=2,
         ).certificate
     ),
+    "optimal cost, under constraints": lambda: optimal(constraints=lambda F: [F[0, 0] >= -1]).certificate,
+    "optimal cost, under constraints, four generators": lambda: (
+        on_a_square(discrete=True, constraints=lambda F: [F[0, 2] <= 0.25]).certificate
+    ),
+    "optimal cost, groups under constraints": lambda: (
+        optimal(
+            [["1/2", "1/4"], [0, "1/4"]],
+            [[0, -0.125], [0.25, 0]],
+            X=None,
+            r=[1, "-1/3"],
+            groups=[[0, 1]],
+            use_all=True,
+            s=[3, 3],
+            constraints=lambda F: [F[1, 0] <= 1],
+            discrete=True,
+        ).certificate
+    ),
     "optimal cost, not finite": lambda: optimal([[2, 0], [0, 0.5]], [[0.5], [0]], limits=[[1, 0]], X=None).certificate,
     "order interval": lambda: interval([0, 1], ([[1, 0], [0, -1]], ["1/22", 0.5])).certificate,
     "order interval, four generators": lambda: (

@@ -90,6 +90,63 @@ FACETS = {
 LARGER = tapered(over([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)], (2, 2, 1, 1)), [0, 0, 0])
 PAIRS = [(LARGER, 8, "PROVED"), (LARGER, 7, "UNREADABLE")]  # of facets on either side of the last generator
 
+
+def steered(gain, *arguments, low=2, high, **data):
+    """The same with a gain in the place of a policy."""
+    content = cheapest(*arguments, **data, policy=[], low=low, high=high)
+    return changed(content, policy=None, gain={"matrix": [[a] for a in gain]})
+
+
+GAINS = {
+    "optimal cost, gain": (steered(["-1/2"], 1, "1/2", high=6), "PROVED"),
+    "optimal cost, gain, too cheap": (steered(["-1/2"], 1, "1/2", high=5), "WRONG"),
+    "optimal cost, gain, lower too high": (steered(["-1/2"], 1, "1/2", low=3, high=6), "WRONG"),
+    "optimal cost, gain with a factor": (steered([-1], 1, "1/2", s="5/2", discount="1/2", high=2), "PROVED"),
+    "optimal cost, gain with a factor, too cheap": (
+        steered([-1], 1, "1/2", s="5/2", discount="1/2", low=1, high="15/8"),
+        "WRONG",
+    ),
+    "optimal cost, gain at a rate": (
+        steered([-1], -1, 1, s=4, discrete=False, discount=1, low=1, high=1),
+        "PROVED",
+    ),
+    "optimal cost, gain above its limit": (steered([2], "1/2", "-1/4", low=0, high=8), "WRONG"),
+    "optimal cost, gain below its limit": (steered([-2], "1/2", "1/4", low=0, high=8), "WRONG"),
+    "optimal cost, gain with upper below 0": (
+        steered([1], 1, "1/2", low=-6, high=-6),
+        "WRONG",
+    ),
+    "optimal cost, gain of a group": (steered(["1/2"], 1, "-1/2", kinds=1, low=6, high=10), "PROVED"),
+    "optimal cost, gain of a group above": (steered(["3/2"], 1, "-1/2", kinds=1, low=0, high=64), "WRONG"),
+    "optimal cost, gain of a group below 0": (steered(["-1/4"], "1/2", "-1/4", kinds=1, low=0, high=64), "WRONG"),
+    "optimal cost, gain of a group of two": (
+        steered(["1/2", "1/2"], 1, ["-1/4", "-1/4"], r=[1, 1], kinds=1, low=0, high=12),
+        "PROVED",
+    ),
+    "optimal cost, gain of a group of two above": (
+        steered(["1/2", "3/4"], 1, ["-1/4", "-1/4"], r=[1, 1], kinds=1, low=0, high=64),
+        "WRONG",
+    ),
+    "optimal cost, gain of a group all used": (steered([1], "1/2", "-1/4", kinds=2, low=4, high=4), "PROVED"),
+    "optimal cost, gain of a group not all used": (
+        steered(["1/2"], "1/2", "-1/4", kinds=2, low=0, high=64),
+        "WRONG",
+    ),
+    "optimal cost, gain against a disturbance": (
+        steered([0], "1/2", "1/4", r=0, kinds=3, low=0, high=64),
+        "UNREADABLE",
+    ),
+    "optimal cost, gain and policy": (
+        changed(steered(["-1/2"], 1, "1/2", high=6), policy={"tuple": [-1]}),
+        "UNREADABLE",
+    ),
+    "optimal cost, gains of two": (steered(["-1/2", 0], 1, "1/2", high=6), "UNREADABLE"),
+    "no finite cost, with a gain": (
+        changed(cheapest(2, "1/2", status="REFUTED", d=1), gain={"matrix": [[0]]}),
+        "UNREADABLE",
+    ),
+}
+
 COSTS = {
     "optimal cost": (cheapest(1, "1/2", policy=[-1], low=2, high=2), "PROVED"),
     "optimal cost, wide": (cheapest(1, "1/2", policy=[-1], low=1, high=3), "PROVED"),
@@ -305,4 +362,4 @@ INTERVALS = {
     ),
     "no bound, no smallest": (kept(rows=[3], bounds=[-1], witness=("BoundExceeded", 0, 0)), "UNREADABLE"),
 }
-COSTS |= INTERVALS | HORIZONS | FACETS
+COSTS |= INTERVALS | HORIZONS | FACETS | GAINS

@@ -170,6 +170,10 @@ CALLS |= {  # design
         kp.optimal_feedback,
         {"sys": STEPS, "s": [2], "r": [1], "limits": [[0.5]], "horizon": 2, "terminal_cost": [1], "time_limit": 2.0},
     ),
+    "optimal_feedback under constraints": (
+        kp.optimal_feedback,
+        {"sys": STEPS, "s": [2], "r": [0], "limits": [[0.5]], "constraints": None, "objective": None, "gap": 1e-3},
+    ),
     "order_interval": (
         kp.order_interval,
         {"sys": SIMPLE, "w_max": [1], "constraints": ([[1]], [9]), "X": None, "time_limit": 2.0},

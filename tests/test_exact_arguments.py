@@ -346,8 +346,7 @@ DOUBLES = {
     "ConeNetwork.horner": {"x": "a frequency response in floating point"},
     "ConeNetwork.abscissa_certificate": {"relative": _EFFORT},
     "ConeNetwork.spectral_abscissa": {"relative": _EFFORT},
-    "state_feedback": {"gap": _EFFORT},
-    "network_feedback": {"gap": _EFFORT},
+    **{name: {"gap": _EFFORT} for name in ("state_feedback", "network_feedback", "optimal_feedback")},
     "design_cone_and_feedback": {"poles": "where gains are sought; what they do is proven"},
     "ConeNetwork.room_for": dict.fromkeys(
         ["system", "sources", "targets"], "an estimate in floating point; `with_node` proves"

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import DataError
-from ..exact.budget import OutOfBudgetError, begin, reason, seconds_left
-from ..exact.programs import guarded, program_effort
+from ..exact.budget import OutOfBudgetError
 from .accept import Accepted, accept, succeed, undecided
+from .demands import Demands
 from .plant import Floats, Plant
 from .polyhedral.program import GainProgram
 from .polyhedral.rejection import Better, Rejection, rejected
@@ -119,33 +118,18 @@ def _hints(plant: Plant, rate: float, program: GainProgram) -> tuple[Floats, ...
     return () if found is None else (found.v, *program.vectors(found.gain))
 
 
-class _OwnProgram:
+class _OwnProgram(Demands):
     """What the user wrote on a cvxpy variable F, beside invariance and, for a given v, stability."""
 
     def __init__(self, program: GainProgram, rate: float, constraints: Any, objective: Any, lp: Programs) -> None:
-        if callable(lp.solver):
-            raise DataError("constraints and objective go through cvxpy: give solver as a name, or leave it out.")
-        import cvxpy  # noqa: PLC0415  (heavy, and needed by few)
-
-        cp: Any = cvxpy
-        self.cp, self.program, self.rate = cp, program, rate
-        self.options = {} if lp.solver is None else {"solver": lp.solver}
-        self.F: Any = cp.Variable(program.shape)
-        self.entries = cp.reshape(self.F, (self.F.size,), order="C")[program.free]
+        self.program, self.rate = program, rate
+        super().__init__(program.shape, constraints, objective, lp)
+        self.entries = self.cp.reshape(self.F, (self.F.size,), order="C")[program.free]
         self.message = "no vector v admits a gain"
-        measured = program.seen.T / program.plant.sizes
-        try:
-            self.own = list(constraints(self.F)) if constraints is not None else []
-            cost = cp.max(cp.abs(self.F @ measured)) if objective is None else objective(self.F)
-        except (TypeError, ValueError, AttributeError, IndexError) as error:
-            raise DataError(
-                f"constraints or objective failed on a cvxpy variable of shape {self.F.shape}: {error}."
-            ) from None
-        if not all(isinstance(c, cp.constraints.constraint.Constraint) for c in self.own):
-            raise DataError("constraints must return a list of cvxpy constraints on its argument.")
-        self.cost = cp.expressions.expression.Expression.cast_to_const(cost)
-        if not cp.Problem(cp.Minimize(self.cost), self.own).is_dcp():
-            raise DataError("constraints and objective must be convex in F by cvxpy's rules.")
+
+    def usual(self) -> Any:
+        """The largest input at a generator."""
+        return self.cp.max(self.cp.abs(self.F @ (self.program.seen.T / self.program.plant.sizes)))
 
     def certified(self, v: Floats) -> tuple[Accepted, float] | None:
         """A certified rounding of the best gain for v that meets the user's constraints to 1e-6, and what it costs."""
@@ -157,12 +141,6 @@ class _OwnProgram:
         value = float(np.asarray(self.cost.value).item())
         return (found, value) if np.isfinite(value) else None
 
-    def is_met(self, F: Any) -> bool:
-        """Whether a gain meets the user's constraints to 1e-6."""
-        self.F.value = F
-        tolerance = 1e-6 * (1 + np.abs(F).max())
-        return all(_violation(c) <= tolerance for c in self.own)
-
     def gains(
         self, rows: tuple[Any, Floats], cost: Any, outputs: Any = None, margins: tuple[float, ...] = _MARGINS
     ) -> Iterator[Floats]:
@@ -172,11 +150,10 @@ class _OwnProgram:
         """
         cp, program, F = self.cp, self.program, self.F
         (G, g), bound, (S, b) = program.invariance, program.plant.gain_bound, rows
-        always = [*self.own, S @ self.entries <= b]
+        always = [S @ self.entries <= b]
         held = np.setdiff1d(np.arange(F.size), program.free)
         if held.size:
             always.append(cp.reshape(F, (F.size,), order="C")[held] == 0)
-        self.message = f"{reason()} was reached"
         for margin in margins:
             asked = [*always, G @ self.entries + g >= margin * program.sizes]
             if outputs is not None:
@@ -185,21 +162,6 @@ class _OwnProgram:
             if bound is not None:
                 most = bound[:, None] * (1 - margin) * program.plant.sizes
                 asked.append(cp.abs(F @ program.seen.T) <= most)
-            if not begin(program_effort(len(g) + len(b), len(program.free))):
-                break
-            problem = cp.Problem(cp.Minimize(cost), asked)
-            self.message = guarded(lambda problem=problem: _status(problem, self.options), seconds_left())
-            if self.message in ("optimal", "optimal_inaccurate"):
-                if np.shape(F.value) == program.shape and np.isfinite(F.value).all():
-                    yield np.array(F.value, dtype=float)
-                else:
-                    self.message = "the solver called a gain optimal that is no finite matrix"
-
-
-def _violation(constraint: Any) -> float:
-    return float(np.max(constraint.violation(), initial=0.0))
-
-
-def _status(problem: Any, options: dict[str, Any]) -> str:
-    problem.solve(**options)
-    return str(problem.status)
+            gain = self.cheapest(cost, asked, (len(g) + len(b), len(program.free)))
+            if gain is not None:
+                yield gain

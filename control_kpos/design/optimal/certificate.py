@@ -25,11 +25,12 @@ from ...cones.product import ProductCone
 from ...errors import DataError
 from ...exact.condition import Condition, residuals
 from ...exact.matrix import Matrix
+from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate, Status, Vector, exactly
 from ...proof.encoding import register_record, require_kinds
 from ...proof.weights import ProofOmittedError
 from .network_problem import PRICES, NetworkCost
-from .problem import ABOVE, BLOCKS, CONTROL, COSTS, DISTURBANCE, INSIDE, KEPT, LIMITS, Index, LinearCost
+from .problem import ABOVE, ADMITTED, BLOCKS, CONTROL, COSTS, DISTURBANCE, INSIDE, KEPT, LIMITS, Index, LinearCost
 
 # Squared dimension times generators times facets of a cone above which files leave out the proof.
 _FACETS = 10**6
@@ -158,18 +159,21 @@ class OptimalCostCertificate(ClaimOnCost):
     problem : LinearCost
     policy : ndarray of int, shape (m,)
         mu_i = policy_i l_g'x.
+    gain : Matrix, shape (m, n)
+        mu = gain x, in the place of a policy: a gain that fulfils further constraints.
     lower, upper : ndarray, shape (n,)
-        Proven: lower'x <= optimal cost from x <= cost of the policy <= upper'x for all x in X.
+        Proven: lower'x <= optimal cost from x <= cost of the policy or gain <= upper'x for all x in X.
     witness : GrowingCost
         For REFUTED: no policy has a finite cost from inside X.
     """
 
     claim: ClassVar[str] = "optimal cost"
-    no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, *PRICES})
+    no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, ADMITTED, *PRICES})
 
     policy: Index | None = None
     lower: Vector = Vector()
     upper: Vector = Vector()
+    gain: Matrix | None = None
 
     @property
     def _bounds(self) -> tuple[Matrix, Matrix]:
@@ -178,17 +182,33 @@ class OptimalCostCertificate(ClaimOnCost):
     def conditions(self) -> Sequence[Condition]:
         """The assumptions, and the two inequalities."""
         problem, policy = self.problem, self.policy
+        if self.gain is not None:
+            return [*self._assumptions(), *self._of_gain(self.gain)]
         if policy is None or not problem.is_policy(policy):
             raise DataError("a policy takes for every control -1, 0 or 1, and at most one column of every group.")
         return [*self._assumptions(), *problem.bracket(*self._bounds, policy)]
 
+    def _of_gain(self, gain: Matrix) -> list[Condition]:
+        """The two inequalities for a gain, which is admissible."""
+        problem, (lower, upper) = self.problem, self._bounds
+        sound = gain.shape == problem.B.shape[::-1] and not gain.is_sparse and np.isfinite(gain.values).all()
+        if self.policy is not None or isinstance(problem, NetworkCost) or DISTURBANCE in problem.kinds or not sound:
+            raise DataError("a gain stands in the place of a policy, for one system without disturbances.")
+        inside = Condition(INSIDE, BilinearForms(upper, None, problem.rays), ">=")
+        above = Condition(ABOVE, problem.paid(upper, gain), "<=")
+        return [problem.admits(gain), inside, above, *problem.below(lower)]
+
     def refutation(self) -> Sequence[Condition] | None:
         """The assumptions, and a vector along which nothing falls."""
         if not isinstance(self.witness, GrowingCost) or any(
-            x is not None for x in (self.policy, self.lower, self.upper)
+            x is not None for x in (self.policy, self.lower, self.upper, self.gain)
         ):
             return None
         return [*self._assumptions(), *self.problem.growing(exactly(self.witness, "d")[None])]
+
+    def data(self) -> dict[str, Any]:
+        """As of every certificate, without a gain where there is a policy."""
+        return {key: x for key, x in super().data().items() if key != "gain" or x is not None}
 
     def _coded(self) -> dict[str, Any]:
         return {"policy": None if self.policy is None else tuple(self.policy.tolist())}
@@ -215,6 +235,12 @@ class OptimalCostCertificate(ClaimOnCost):
         if not self:
             return "Undecided: the policy and the bounds of its cost are not proven."
         stable = "" if self._is_discounted else " Its closed loop is exponentially stable."
+        if self.gain is not None:
+            return (
+                "Proved: for every x in X the gain keeps to the limits and costs at most upper'x, and no input within "
+                f"the limits costs less than lower'x; the two differ by at most {raised(self._gap())} of the upper one."
+                f"{stable} Of gains that meet further constraints nothing else is proven."
+            )
         return (
             f"Proved: for every x in X the policy costs at most upper'x{every}, and no policy costs less than "
             f"lower'x{worst}; the two differ by at most {raised(self._gap())} of the upper one.{stable}"

@@ -40,6 +40,7 @@ CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
 # Names of the conditions.
 LIMITS, KEPT, COSTS = "l'x >= 0", "h'(A x + B mu) >= 0", "s'x + r'mu > 0"
 INSIDE, ABOVE, BELOW = "upper'x >= 0", "D(upper)'x <= 0", "D(lower)'x >= 0"
+ADMITTED = "l'x +- F x >= 0"
 # Binary digits after which costs of steps are rounded, safely.
 LONGEST = 2000
 # The fields that say which columns of B go together.
@@ -185,6 +186,31 @@ class LinearCost:
         if before is None:
             return BilinearForms(Matrix.join(left, -1), self.rows, self.rays)
         return BilinearForms(Matrix.join([*left, _sum(p, -before)], -1), self.rows_and_states, self.rays)
+
+    # -- any gain
+
+    def paid(self, p: Matrix, gain: Matrix) -> BilinearForms:
+        """What D(p)'x becomes for mu = gain x, without disturbances."""
+        left = Matrix.join([Matrix.identity(1), p, Matrix.identity(1)], -1)
+        middle = Matrix.join([self.s, self.discounted[0], times(self.inputs_of(p), gain)], -2)
+        return BilinearForms(left, middle, self.rays)
+
+    def admits(self, gain: Matrix) -> Condition:
+        """mu = gain x is admissible for all x in X: a row of signs of limits and of inputs for every inequality."""
+        kind, (m, G) = self.kinds[self.owner], (len(self.owner), len(self.kinds))
+        single, limited, shared = (
+            np.flatnonzero(at) for at in (kind == CONTROL, self.kinds != CONTROL, self.kinds == SHARED)
+        )
+        grouped = np.flatnonzero(kind != CONTROL)
+        owned, inputs, blocks = np.eye(G)[self.owner], np.eye(m), np.eye(G)
+        rows = [
+            *(np.hstack([owned[single], sign * inputs[single]]) for sign in (1, -1)),
+            np.hstack([0 * owned[grouped], inputs[grouped]]),
+            np.hstack([blocks[limited], -owned.T[limited]]),
+            np.hstack([-blocks[shared], owned.T[shared]]),
+        ]
+        middle = Matrix.join([self.limits, gain], -2)
+        return Condition(ADMITTED, BilinearForms(Matrix(np.vstack(rows)), middle, self.rays), ">=")
 
     # -- one step more, in discrete time
 

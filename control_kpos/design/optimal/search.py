@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,6 +14,8 @@ from ...cones import Cone
 from ...errors import DataError
 from ...exact.budget import spend
 from ...exact.condition import Condition
+from ...exact.intake import exact_number
+from ...networks.closed_loop import EXACT_STATES
 from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
@@ -25,8 +27,9 @@ from .arguments import Question, goes_sparse
 from .certificate import GrowingCost, OptimalCostCertificate, settled
 from .horizon import planned, read_horizon
 from .messages import obstacle
+from .own import OwnGains, admissible
 from .policies import Found
-from .routes import Route, network_route, system_route
+from .routes import NetworkRoute, Route, network_route, system_route
 
 # How far apart the proven bounds are from the cost that was computed, relative to it, tried in turn.
 _APART = (1e-13, 1e-12, 1e-11, 1e-10, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4)
@@ -46,6 +49,9 @@ def optimal_feedback(
     discount: Any = None,
     horizon: int | None = None,
     terminal_cost: ArrayLike | None = None,
+    constraints: Callable[[Any], Sequence[Any]] | None = None,
+    objective: Callable[[Any], Any] | None = None,
+    gap: float = 1e-3,
     time_limit: float | None = None,
     progress: Target = None,
 ) -> OptimalFeedback:
@@ -82,6 +88,14 @@ def optimal_feedback(
     terminal_cost : array_like, shape (n,), optional
         With `horizon` the state x after the last step costs terminal_cost'x, of either sign.  Default: nothing.  The
         upper bound of the cost of all steps makes a predictive controller stable; see the guide.
+    constraints : callable, optional
+        Of a cvxpy variable F, shape (m, n): a list of further linear constraints, as in `state_feedback`.  The gain is
+        the cheapest that is found; `cost_bounds` bound its cost from above, and that of all inputs within the limits
+        from below.  Not with disturbance or horizon, nor for networks in sparse matrices.
+    objective : callable, optional
+        Of the same variable: a convex expression to minimise among the gains next to the cheapest one.
+    gap : float
+        With an objective the gain may cost more than the cheapest one that is found by this part of it.
     time_limit : float, optional
         Seconds; what is not settled by then is UNDECIDED.  None: operations are counted.
     progress : callable or bool, optional
@@ -123,8 +137,17 @@ def optimal_feedback(
         raise DataError(
             "terminal_cost is what the state after the last step costs; give horizon=, the number of steps."
         )
+    own = constraints is not None or objective is not None
+    if own and (horizon is not None or disturbance is not None or isinstance(route, NetworkRoute)):
+        raise DataError(
+            "constraints and objective are for one system, or a network with dense limits of up to "
+            f"{EXACT_STATES} states, and go neither with disturbance nor with horizon."
+        )
+    spare = float(exact_number(gap, "gap", nonnegative=True))
     plan = None if horizon is None else read_horizon(route, horizon, terminal_cost, sys)
     design = partial(solved, route) if plan is None else partial(planned, route, plan)
+    if own:
+        design = partial(_constrained, route, constraints, objective, spare)
     found = within(time_limit, design, route.effort, answer=OptimalFeedback, progress=progress)
     return found if found or not isinstance(sys, ConeStateSpace) else _by_name(found, sys, controls is None)
 
@@ -182,4 +205,39 @@ def _proven(route: Route, found: Found, assumptions: Sequence[Condition]) -> Opt
         cost_bounds=(np.asarray(proof.lower), np.asarray(proof.upper)),
         closed_loop=route.loop(gain, found.policy),
         iterations=found.steps,
+    )
+
+
+def _constrained(route: Route, constraints: Any, objective: Any, gap: float, lp: Programs) -> OptimalFeedback:
+    """The answer under the user's own constraints; that without them if it is no gain."""
+    problem = route.problem
+    own = OwnGains(problem, route.policies, constraints, objective, lp)
+    free = solved(route, lp)
+    if not free:
+        return free
+    lp.stage("gains under the constraints given")
+    found = own.found(np.asarray(free.cost), gap, chosen=objective is not None)
+    if found is None:
+        message = f"no gain of finite cost that meets the constraints given was found; {own.message}."
+        return OptimalFeedback(status=Status.UNDECIDED, message=message, iterations=free.iterations)
+    gain, steps, lower = admissible(problem, found.F), free.iterations + found.steps, vars(free.certificate)["lower"]
+    (_, p), assumptions = own.costed(np.asarray(gain.values)) or (None, found.p), problem.assumptions()
+    proof = first_proven(
+        (
+            settled(OptimalCostCertificate, assumptions, problem=problem, gain=gain, lower=lower, upper=p * (1 + part))
+            for part in _APART
+        ),
+        lambda proof: proof,
+    )
+    if proof is None or not own.is_met(gain.values):
+        message = "a gain was found, but it could not be proven to keep to the limits, or breaks the constraints given."
+        return OptimalFeedback(status=Status.UNDECIDED, message=message, iterations=steps)
+    return OptimalFeedback(
+        status=Status.PROVED,
+        certificate=proof,
+        F=gain.values,
+        cost=p,
+        cost_bounds=(np.asarray(proof.lower), np.asarray(proof.upper)),
+        closed_loop=route.loop(gain, np.zeros(0, dtype=np.intp)),
+        iterations=steps,
     )
