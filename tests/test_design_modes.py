@@ -113,6 +113,16 @@ def test_demands_are_about_every_mode():
     assert norm and norm.F.shape == (2, 1, 2)
 
 
+def test_inputs_of_modes_are_told_by_mode():
+    modes = [([[1, 1], [1, -3]], [[1, 0], [0, 1]]), ([[-3, 1], [1, 1]], [[0, 1], [1, 0]])]
+    for names, told in (({"inputs": ["left", "right"]}, "left of mode 1"), ({}, "input 0 of mode 1")):
+        plant = kp.ConeStateSpace(*modes[0], np.eye(2), np.zeros((2, 2)), **names)
+        d = kp.state_feedback(plant, vertices=modes, per_mode=True, gain_bound=[2, 0.5])
+        assert d and d.check()
+        tight = kp.state_feedback(plant, vertices=modes, per_mode=True, gain_bound=0.5)
+        assert tight.status is kp.Status.REFUTED and f"input 2 is {told}." in tight.explain()
+
+
 def test_modes_by_a_common_v():
     """Inputs that act nowhere: the family with a common v alone."""
     plant, vertices = idle(WITH_V)

@@ -100,6 +100,42 @@ def test_the_alternation_reaches_the_optimum_where_that_is_known(seed):
         assert linf_gain(e.closed_loop.A, *asked["disturbance"]) <= e.value
 
 
+@pytest.mark.parametrize("method", ["auto", "alternation"])
+@pytest.mark.parametrize("rate", [0, 0.5, 1, "5/2"])
+def test_a_decay_rate_leaves_the_gain_as_it_is(method, rate):
+    """x' = (f - 1) x + w with f = -2: gain 1/3 at any rate below 3, which the gain of (A + rate I, E, G) is not."""
+    sys = kp.ConeStateSpace([[-1]], [[1]], [[1]], 0)
+    d = kp.state_feedback(sys, gain_bound=2, rate=rate, method=method, disturbance=([[1]], [[1]]))
+    assert d and d.check() and 1 / 3 <= d.value <= 1.002 / 3 and d.decay_rate >= 2.5
+    assert np.isnan(d.limit) if method == "alternation" else 0.999 / 3 <= d.limit <= 1 / 3
+
+
+@pytest.mark.parametrize("method", ["auto", "alternation"])
+def test_limits_hold_where_the_rate_asks_for_more(method):
+    """x1' = -3 x1 - f x2, x2' = (f - 1) x2 + w, z = x1 + w: f = 0 has gain 1; rate 2 takes f = -1."""
+    A, B = np.diag([-3.0, -1]), [[-1], [1]]
+    sys = kp.ConeStateSpace(A, B, np.eye(2), np.zeros((2, 1)))
+    asked = {"disturbance": ([[0], [1]], [[1, 0]], [[0]], [[1]]), "gain_bound": 4, "structure": [[0, 1]]}
+    slow = kp.state_feedback(sys, method=method, **asked)
+    fast = kp.state_feedback(sys, method=method, rate=2, **asked)
+    assert slow and slow.check() and 1 <= slow.value <= 1.002 and not slow.limit > 1
+    assert fast and fast.check() and fast.decay_rate >= 2 and not fast.limit > 1
+    assert linf_gain(A + B @ fast.F, [[0], [1]], [[1, 0]], 1) <= fast.value <= 1.002 * 1.5  # x1 >= x2 for the rate
+
+
+@pytest.mark.parametrize("method", ["auto", "alternation"])
+@pytest.mark.parametrize("unit", [2.0**-100, 1e-9, 2.0**20, 2.0**100])
+@pytest.mark.parametrize("of", ["w", "z", "t"])
+def test_units_leave_the_gain_as_it_is(unit, of, method):
+    """x' = t (1 + f) x + w, z = x with f = -3, times the unit."""
+    w, z, t = (unit if of == name else 1.0 for name in "wzt")
+    sys = kp.ConeStateSpace([[t]], [[t]], [[1]], 0)
+    d = kp.state_feedback(sys, gain_bound=3, method=method, disturbance=([[w]], [[z]]))
+    best = w * z / (2 * t)
+    assert d and d.check() and best <= d.value <= 1.003 * best
+    assert method == "alternation" or 0.999 * best <= d.limit <= best
+
+
 def test_a_cone_of_four_generators(tmp_path):
     """x3' = (1 + f) x3 + w is all that F moves, and f = -1.5 is all it may: gain 2."""
     A, B = np.diag([-1.0, -1, 1]), [[0], [0], [1]]
@@ -119,6 +155,7 @@ def test_constraints_of_the_user(plant):
     best = 1 / 10  # the DC gain is 1 / (1 - f1)
     assert d and d.check() and d.F[0, 0] >= -9 - 1e-5 and best * 0.999 <= d.value <= 1.003 * best
     assert "the L-infinity gain" in d.explain() and np.isnan(d.limit)
+    assert "every other demand but your own constraints are proven" in d.explain()
     none = kp.state_feedback(plant, X=PAPER, gain_bound=8, constraints=lambda F: [F[0, 0] >= 5], **PUSHED)
     assert none.status is kp.Status.UNDECIDED and "constraints given" in none.message
 
@@ -142,5 +179,8 @@ def test_refusals_and_wrong_arguments(plant):
         assert d.status is kp.Status.REFUTED and d.check()
     with pytest.raises(kp.DataError, match="objective not with disturbance"):
         kp.state_feedback(plant, X=PAPER, objective=lambda F: cp.norm(F), **PUSHED)
+    for wrong in (5, iter([[[0], [1]], [[1, 0]]])):
+        with pytest.raises(kp.ShapeError, match="disturbance must be"):
+            kp.state_feedback(plant, X=PAPER, vertices=[plant, plant], per_mode=True, disturbance=wrong)
     with pytest.raises(kp.DataError, match="fixed rate"):
         kp.state_feedback(plant, X=PAPER, rate="max", **PUSHED)

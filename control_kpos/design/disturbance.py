@@ -5,13 +5,15 @@ gain is the largest row sum of the DC gain.  It is below gamma if and only if so
 
     (A + B F) x + E 1 < 0 (in the order of X),   (G + H F) x + D 1 < gamma 1,   x = sum xi_k x_k,
 
-which is linear in xi, z_k = xi_k F x_k and gamma.
+which is linear in xi, z_k = xi_k F x_k and gamma.  A decay rate is demanded by the same x as well, which a gain
+need not have it by: the limit is proven without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,6 +58,21 @@ def read_disturbance(data: Sequence[ArrayLike], plant: Plant) -> tuple[Matrix, M
     return E, G, H, D
 
 
+def in_own_units(plant: Plant) -> tuple[Floats, Floats, Floats, Floats, tuple[float, float]]:
+    """(E, G, H, D) in doubles, in units in which x and z are of ordinary size, and these units of x and of gamma."""
+    E, G, H, D = (np.asarray(M.values) for M in plant.disturbance)  # type: ignore[union-attr]
+    heights = np.maximum((plant.facets @ plant.rays.T).max(axis=1), np.finfo(float).tiny)
+    pushed = np.abs(plant.facets @ E.sum(axis=1) / heights).max() / plant.scale
+    of_x = _power_of_two(pushed)
+    of_z = of_x * _power_of_two(np.abs(G @ plant.rays.T).max())
+    return E / of_x, G * (of_x / of_z), H * (of_x / of_z), D / of_z, (of_x, of_z)
+
+
+def _power_of_two(size: float) -> float:
+    """Next to a size; 1 for sizes that are 0 or out of range."""
+    return float(np.ldexp(1.0, int(np.frexp(size)[1]))) if 1e-200 < size < 1e200 else 1.0
+
+
 def leaves_at_once(plant: Plant) -> DesignResult | None:
     """REFUTED if the disturbance leaves X, or z its orthant, whatever the feedback is."""
     E, G, _, D = plant.disturbance  # type: ignore[misc]
@@ -73,16 +90,13 @@ def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     """The gain of smallest L-infinity gain from w to z (within 0.1 %), then of small size."""
     name = objective_of(plant)
     program = DisturbanceProgram(plant, rate, lp)
-    least = program.program()
-    least.add(gamma=Block(1, cost=1.0))
-    least.below(-program.through, x=program.total, gamma=-np.ones(len(program.total)))
-    first = least.solve(lp)
+    first = program.least()
     if not first or not (first["x"][: plant.n] > 0).all():
         reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
         message = f"the linear program has no solution ({reason}); whether there is a gain is not proven."
         plain = exact_design(replace(plant, disturbance=None), rate, lp)
         return plain if plain.status is Status.REFUTED else undecided(message, plant, objective=name)
-    x, best = first["x"], float(first["gamma"][0])
+    x, best, (of_x, of_z) = first["x"], float(first["gamma"][0]), program.units
     if plant.gain_of(program.read(x)[0]) > _HUGE * max(plant.scale, 1.0):
         message = "gains of ten thousand times the size of the plant still do better; give gain_bound."
         return undecided(message, objective=name)
@@ -96,20 +110,22 @@ def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
 
     def prove(candidate: tuple[float, Floats]) -> Accepted | None:
         gamma, (F, inside) = candidate[0], program.read(candidate[1])
-        return accept(plant, F, rate=rate, x=inside, gamma=gamma)
+        return accept(plant, F, rate=rate, x=inside * of_x, gamma=gamma * of_z)
 
     found = first_proven(points(), prove)
     if found is None:
         return undecided("a gain was found, but could not be proven.", objective=name)
-    return succeed(plant, found, name, proven_gamma(found), disturbance_limit(plant, rate, best))
+    free = DisturbanceProgram(plant, 0.0, lp).least() if rate else first
+    limit = disturbance_limit(plant, float(free["gamma"][0]) * of_z) if free else np.nan
+    return succeed(plant, found, name, proven_gamma(found), limit)
 
 
 class DisturbanceProgram(SimplicialProgram):
-    """The inequalities of the module's head over x = (xi, z), for E, G, H, D of the plant in doubles."""
+    """The inequalities of the module's head over x = (xi, z), for E, G, H, D of the plant, in units of their own."""
 
     def __init__(self, plant: Plant, rate: float, lp: Solver) -> None:
         super().__init__(plant, lp)
-        E, G, H, D = (np.asarray(M.values) for M in plant.disturbance)  # type: ignore[union-attr]
+        E, G, H, D, self.units = in_own_units(plant)
         self.rate, self.through = rate, D.sum(axis=1)
         push = (plant.facets @ E).sum(axis=1) / np.einsum("ij,ij->i", plant.facets, plant.rays)
         self.push = np.tile(push, len(plant.vertices))
@@ -121,8 +137,17 @@ class DisturbanceProgram(SimplicialProgram):
         program = Program(x=self._over(1e-6, np.inf))
         program.above(0.0 if x is None else margin * (abs(self.closed) @ np.abs(x)), x=self.closed)
         program.below(0.0, x=self.bounds)
-        program.below(-self.push, x=self.decreasing(self.rate))
+        program.below(-self.push, x=self.decreasing(0.0))
+        if self.rate:
+            program.below(0.0, x=self.decreasing(self.rate))
         return program
+
+    def least(self) -> Any:
+        """The point of smallest gamma, which is a variable of its own."""
+        program = self.program()
+        program.add(gamma=Block(1, cost=1.0))
+        program.below(-self.through, x=self.total, gamma=-np.ones(len(self.total)))
+        return program.solve(self.lp)
 
     def small(self, gamma: float, x: Floats) -> Floats | None:
         """The smallest largest entry of |F x_k| at this gamma, with the weights xi of x and a little margin."""

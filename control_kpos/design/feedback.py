@@ -15,6 +15,7 @@ import numpy as np
 from control import StateSpace
 from numpy.typing import ArrayLike
 
+from ..cards import Signals
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.intake import choice, exact_number, flag, is_number
@@ -27,7 +28,7 @@ from .accept import beyond_feedback
 from .bounded.gains import design_in_interval, read_interval
 from .disturbance import leaves_at_once, objective_of, read_disturbance, reject_disturbance
 from .modelling import design_with_constraints, reject_with_constraints
-from .modes import by_mode, taken_apart
+from .modes import by_mode, signals_by_mode, taken_apart
 from .plant import Plant, closed_loop, read_plant, read_system, require_simplicial
 from .polyhedral.rejection import reject_by_alternation
 from .polyhedral.search import by_common_v, design_by_alternation, design_in_two_steps
@@ -174,7 +175,8 @@ def state_feedback(
             return blocked
         bounds = (state_bounds, input_bounds, disturbance_bounds)
         interval = read_interval(plant, *bounds) if any(part is not None for part in bounds) else None
-        if per_mode is not False and flag(per_mode, "per_mode") and disturbance is not None and len(disturbance) > 2:
+        modes = per_mode is not False and flag(per_mode, "per_mode")
+        if modes and isinstance(disturbance, (tuple, list)) and len(disturbance) > 2:
             raise DataError("per_mode goes with disturbance=(E, G), without H: z is the same in all modes.")
         if interval is not None and (own or disturbance is not None or target == "max"):
             raise DataError(
@@ -193,8 +195,8 @@ def state_feedback(
                 return design_with_constraints(plant, target, constraints, objective, lp)
             return _design(plant, target, method, lp)
 
-        result = taken_apart(designed(by_mode(plant)), plant) if per_mode else designed(plant)
-        return _named(result, sys, plant.system)
+        result = taken_apart(designed(by_mode(plant)), plant) if modes else designed(plant)
+        return _named(result, sys, plant.system, partial(signals_by_mode, plant=plant) if modes else None)
 
     return within(time_limit, design, solver=solver, progress=progress)
 
@@ -372,17 +374,19 @@ def observer_gain(
         A, B, C, D = (M.T for M in system.matrices)
         plant = read_plant(System.read((A, C, B, D), X=system.X.dual, dt=system.dt), None, gain_bound=gain_bound)
         by = design_on_simplicial if plant.X.is_simplicial else design_by_alternation
-        result = _named(by(plant, target, lp), sys, system, dual=True)
+        result = _named(by(plant, target, lp), sys, system, Signals.dual)
         return _as_observer(result, sys, system, result.F.T) if result else result
 
     return changed(within(time_limit, design, solver=solver, progress=progress), law=OBSERVER)
 
 
-def _named(result: DesignResult, sys: Any, system: System, dual: bool = False) -> DesignResult:
-    """The result, whose certificate knows the signals of sys by name; those of the dual system if it is about that."""
+def _named(
+    result: DesignResult, sys: Any, system: System, turned: Callable[[Signals], Signals] | None = None
+) -> DesignResult:
+    """The result, whose certificate knows the signals of sys by name; `turned` makes them those that it is about."""
     if result.status is Status.REFUTED and isinstance(sys, StateSpace) and result.certificate is not None:
         own = signals_of(sys, system.X, system.U, system.Y)
-        named(result.certificate, own.dual() if dual else own)
+        named(result.certificate, own if turned is None else turned(own))
     return result
 
 

@@ -43,9 +43,9 @@ def rate_limit(plant: Plant, found: float) -> Callable[[], float]:
     return partial(proven_limit, partial(refused_at, plant), found, 1)
 
 
-def disturbance_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:
+def disturbance_limit(plant: Plant, found: float) -> Callable[[], float]:
     """An L-infinity gain from w to z below which no gain gets; NaN if none is proven."""
-    return partial(proven_limit, partial(_no_smaller_gain, plant, rate), found, -1)
+    return partial(proven_limit, partial(_no_smaller_gain, plant), found, -1)
 
 
 def proven_limit(refused: Callable[[float], bool], found: float, side: int) -> float:
@@ -69,16 +69,17 @@ def refused_at(plant: Plant, rate: float) -> bool:
     return proof is not None and proof.status is Status.REFUTED
 
 
-def _no_smaller_gain(plant: Plant, rate: float, gamma: float) -> bool:
+def _no_smaller_gain(plant: Plant, gamma: float) -> bool:
     """Proven: no F and x in int X have (A + B F) x + E 1 < 0, (G + H F) x + D 1 < gamma 1, (G + H F) X in the orthant.
 
-    The rows are those of `disturbance.DisturbanceProgram`, over (xi, z, w) with 1 w, w > 0 for 1: homogeneous.
+    The rows are those of `disturbance.DisturbanceProgram`, over (xi, z, w) with 1 w, w > 0 for 1: homogeneous.  A decay
+    rate is left out: a gain may have it by another vector than this x.
     """
     E, G, H, D = (M.fractions() for M in plant.disturbance)  # type: ignore[union-attr]
     facets, rays = exact_geometry(plant)
     q = exact_inequalities(plant)
     inside = output_rows(G, H, np.eye(len(G), dtype=int).astype(object), rays)[0]
-    rows, kept = homogeneous_rows(q.with_closed(inside, ()), rate, plant.discrete, plant.free)  # type: ignore[arg-type]
+    rows, kept = homogeneous_rows(q.with_closed(inside, ()), 0.0, plant.discrete, plant.free)  # type: ignore[arg-type]
     spend(EFFORT_PER_ENTRY * (len(rows) + len(G)) * (len(kept) + 1))
     total = np.concatenate([G @ rays.T, np.tile(H, (1, plant.n))], axis=1)[:, kept]
     closed, falls, positive = np.split(rows, np.cumsum([len(q.closed) + len(inside), len(q.drift)]))

@@ -81,6 +81,7 @@ def reject_with_constraints(
     without : callable
         The design without these constraints.
     """
+    name = f"{name}, under the constraints given"
     stable = design_with_constraints(replace(plant, disturbance=None), rate, constraints, None, lp)
     if not stable:
         return stable

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..cards import Signals
 from ..cones import product
 from ..errors import DataError
 from ..exact.matrix import Matrix
@@ -49,6 +50,13 @@ def by_mode(plant: Plant) -> Plant:
         pattern=None if plant.pattern is None else np.tile(plant.pattern, (count, 1)),
         names={},
     )
+
+
+def signals_by_mode(signals: Signals, plant: Plant) -> Signals:
+    """Names for the inputs of `by_mode`, which nobody else numbers like this."""
+    own = signals.inputs or tuple(f"input {i}" for i in range(plant.m))
+    names = tuple(f"{name} of mode {s}" for s in range(len(plant.vertices)) for name in own)
+    return replace(signals, inputs=names)
 
 
 def taken_apart(result: DesignResult, plant: Plant) -> DesignResult:

@@ -5,10 +5,11 @@ inside X has
 
     (A + B F) x + E 1 < 0 (in the order of X),   (G + H F) x + D 1 < gamma 1,
 
-at every vertex.  For fixed x this is linear in F, for fixed F in x and gamma; they are improved in turn, from a gain
-that is stable.  Where x is the best for F it leaves F no smaller gamma, but faster decay: with
-p' = -c'(A + B F)^{-1} for the sum c of the worst outputs, gamma falls as fast as p'(A + B F) x does, so that this is
-minimised.  To leave F more freedom x is taken for a larger disturbance.  What is found is a local optimum.
+at every vertex; a decay rate is demanded by the same x, (A + B F) x + rate x < 0.  For fixed x this is linear in F, for
+fixed F in x and gamma; they are improved in turn, from a gain that is stable.  Where x is the best for F it leaves F no
+smaller gamma, but faster decay: with p' = -c'(A + B F)^{-1} for the sum c of the worst outputs, gamma falls as fast as
+p'(A + B F) x does, so that this is minimised.  To leave F more freedom x is taken for a larger disturbance.  What is
+found is a local optimum.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ from ...exact.budget import affords
 from ...exact.program import Block, Program
 from ...proof.answer import first_proven
 from ..accept import Accepted, accept, proven_gamma, succeed, undecided
+from ..disturbance import in_own_units
 from ..plant import Floats, Plant
 from ..result import DesignResult
 from ..running import Programs
@@ -53,32 +55,38 @@ class Rejection:
     Parameters
     ----------
     program : GainProgram
-        Of a plant with a disturbance.
+        Of a plant with a disturbance; x and gamma are in units of their own.
     rate : float
     """
 
     def __init__(self, program: GainProgram, rate: float) -> None:
         plant = program.plant
         self.program, self.plant, self.rate = program, plant, rate
-        E, self.G, self.H, D = (np.asarray(M.values) for M in plant.disturbance)  # type: ignore[union-attr]
+        E, self.G, self.H, D, self.units = in_own_units(plant)
         self.push, self.through = plant.facets @ E.sum(axis=1), D.sum(axis=1)
-        self.drifts = [M + float(rate) * np.eye(plant.n) for M in program.drifts]
         self.outputs = program.forms(np.eye(len(self.G)), [(self.G, self.H)])
         heights = np.abs(plant.facets) @ np.abs(plant.rays).max(axis=0)
         self.strict = _STRICT * np.maximum(plant.scale * heights, np.abs(self.push))
+        # (M, B) for (M + B F) x < 0: against the disturbance at every vertex, then for the decay rate
+        shifts = (0.0, float(rate)) if rate else (0.0,)
+        pairs = [(M, B) for M, (_, B) in zip(program.drifts, plant.pairs, strict=True)]
+        self.falls = [(M + shift * np.eye(plant.n), B) for shift in shifts for M, B in pairs]
 
     def for_gain(self, x: Floats) -> tuple[Any, Floats, Floats]:
         """(S, s, t): all inequalities but positivity are S l + s <= gamma t, for a fixed x."""
         facets, seen = self.plant.facets, (self.program.read @ x)[None]
-        blocks = [(facets, M, B) for M, (_, B) in zip(self.drifts, self.plant.pairs, strict=True)]
+        blocks = [(facets, M, B) for M, B in self.falls]
         blocks.append((np.eye(len(self.G)), self.G, self.H))
         rows = [products(H @ B, seen, np.zeros(len(H), dtype=np.intp), self.program.free) for H, _, B in blocks]
         constants = np.concatenate([H @ M @ x for H, M, _ in blocks])
-        added, count = self._added(), len(self.drifts) * len(facets)
+        added, count = self._added(), len(self.falls) * len(facets)
         return stacked(*rows), constants + added, (np.arange(len(constants)) >= count).astype(float)
 
-    def _added(self) -> Floats:
-        return np.concatenate([*[self.push + self.strict] * len(self.drifts), self.through])
+    def _added(self, faster: float = 1.0) -> Floats:
+        """What is added to (M + B F) x and to the outputs; `faster` 0: the decay rate may be met with equality."""
+        vertices = len(self.plant.pairs)
+        rates = [faster * self.strict] * (len(self.falls) - vertices)
+        return np.concatenate([*[self.push + self.strict] * vertices, *rates, self.through])
 
     def better(self, gain: Floats, x: Floats, gamma: float) -> Floats | None:
         """The gain for which gamma falls fastest from this one, x still proving its present value."""
@@ -96,7 +104,7 @@ class Rejection:
         reached = outputs @ x + self.through
         worst = (reached >= reached.max() - 1e-6 * abs(reached.max())).astype(float)
         where = np.zeros(1, dtype=np.intp)
-        for M, (_, B) in zip(self.drifts, self.plant.pairs, strict=True):
+        for M, (_, B) in zip(self.program.drifts, self.plant.pairs, strict=True):
             p = -solved((M + B @ used).T, worst @ outputs)
             left = (p @ B if np.isfinite(p).all() else np.zeros(B.shape[1])) + worst @ self.H
             rows = products(left[None], (self.program.read @ x)[None], where, self.program.free)
@@ -121,12 +129,13 @@ class Rejection:
         """The x of smallest gamma for this gain, and gamma; for a disturbance that is larger by this part."""
         facets, n = self.plant.facets, self.plant.n
         used = gain @ self.program.read
-        falls = [facets @ (M + B @ used) for M, (_, B) in zip(self.drifts, self.plant.pairs, strict=True)]
-        rows, outer = np.concatenate([*falls, self.G + self.H @ used]), len(self.drifts) * len(facets)
+        falls = [facets @ (M + B @ used) for M, B in self.falls]
+        rows, outer = np.concatenate([*falls, self.G + self.H @ used]), len(self.falls) * len(facets)
         # what rounding left of entries that cancel would spoil the scaling of the program
         rows = np.where(np.abs(rows) > _NOISE * np.abs(rows).max(axis=1, keepdims=True), rows, 0.0)
         program = Program(x=Block(n), gamma=Block(1, cost=1.0))
-        program.below(-(1 + larger) * self._added(), x=rows, gamma=-(np.arange(len(rows)) >= outer).astype(float))
+        added = (1 + larger) * self._added(faster=0.0)
+        program.below(-added, x=rows, gamma=-(np.arange(len(rows)) >= outer).astype(float))
         program.above(self.strict / max(self.plant.scale, 1e-300), x=facets)
         answer = program.solve(self.program.lp)
         return (answer["x"], float(answer["gamma"][0])) if answer else None
@@ -166,7 +175,10 @@ class Rejection:
 
     def _proven(self, gain: Floats, most: float) -> Accepted | None:
         found = self.point(gain)
-        return None if found is None else accept(self.plant, gain, rate=self.rate, x=found[0], gamma=most)
+        if found is None:
+            return None
+        x, gamma = found[0] * self.units[0], most * self.units[1]
+        return accept(self.plant, gain, rate=self.rate, x=x, gamma=gamma)
 
 
 def reject_by_alternation(plant: Plant, rate: float, lp: Programs, stable: DesignResult, name: str) -> DesignResult:
