@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from network_examples import lag
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.exact.linalg import rank
 from control_kpos.networks.well_posed import is_singular
 
@@ -66,3 +67,65 @@ def test_several_loops_are_told_apart():
     W = sp.block_diag([np.array([[0, 0.5], [1, 0]]), np.array([[0, 4.0], [0.25, 0]])], format="csr")
     with pytest.raises(kp.DataError, match="through nodes 2, 3"):
         kp.feedback_interconnect([lag(1.0, D=1.0)] * 4, W)
+
+
+def with_gains(rng, count, discrete=False, bound=0.3):
+    """Nodes of which some are constant gains, links between them, and the same network without these nodes."""
+    static = rng.random(count) < 0.4
+    static[0] = False
+    moving = [-1.0 - rng.random() if not discrete else 0.4 * rng.random() for _ in range(count)]
+    dt = 1 if discrete else 0
+    systems = [
+        kp.ConeStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[0.5]], dt)
+        if still
+        else kp.ConeStateSpace([[a]], [[1]], [[1]], 0, dt)
+        for still, a in zip(static, moving, strict=True)
+    ]
+    W = np.where(rng.random((count, count)) < 3 / count, bound * rng.random((count, count)), 0)
+    S = np.diag(np.where(static, 0.5, 0.0))
+    closed = np.linalg.solve(np.eye(count) - W @ S, W)  # u = W y, y = S u + x
+    A = np.diag(moving) + closed
+    return systems, W, A[np.ix_(~static, ~static)], static
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize("seed", range(8))
+def test_constant_gains_are_nodes_too(seed, discrete, tmp_path):
+    systems, W, A, static = with_gains(np.random.default_rng(seed), 9, discrete)
+    net = kp.feedback_interconnect(systems, W)
+    assert net.nstates == len(A) and static.any()
+    np.testing.assert_allclose(net.A, A, atol=1e-12)
+    same = kp.linear_lyapunov(A, kp.orthant(len(A)), discrete=discrete)
+    assert net.certificate.status is same.status is kp.Status.PROVED and net.certificate.check()
+    net.certificate.save(tmp_path / "c.json")
+    assert kp.load_certificate(tmp_path / "c.json") == net.certificate and checker.main(tmp_path / "c.json") == 0
+    lower, upper = net.spectral_abscissa()
+    truth = np.abs(np.linalg.eigvals(A)).max() if discrete else np.linalg.eigvals(A).real.max()
+    assert lower - 1e-12 <= truth <= upper + 1e-12
+    dense = net.to_ss()
+    sys = kp.ConeStateSpace(dense.A, dense.B, dense.C, dense.D, dense.dt)
+    assert net.gain() == pytest.approx(sys.gain(), rel=1e-9)
+    w = np.ones(len(A))
+    assert kp.order_interval(net, w).x_max == pytest.approx(kp.order_interval(sys, w).x_max, rel=1e-9)
+    assert net.linear_lyapunov() and net.cone_positivity()
+
+
+def test_constant_gains_in_a_large_network():
+    systems, W, A, _ = with_gains(np.random.default_rng(3), 500)
+    net = kp.feedback_interconnect(systems, W)
+    assert net.certificate and net.certificate.check()
+    lower, upper = net.spectral_abscissa()
+    assert lower - 1e-9 <= np.linalg.eigvals(A).real.max() <= upper + 1e-9
+    loud = kp.feedback_interconnect(systems, 5 * W)
+    assert loud.certificate.status is kp.Status.REFUTED and loud.certificate.check()
+
+
+def test_nothing_but_constant_gains():
+    gain = kp.ConeStateSpace(np.zeros((0, 0)), np.zeros((0, 1)), np.zeros((1, 0)), [[0.5]])
+    net = kp.feedback_interconnect([gain, gain], [[0, 0.5], [0.5, 0]])
+    assert net.certificate and net.gain() == pytest.approx(2 / 3) and not net.poles().size
+    with pytest.raises(kp.UndecidedError):
+        net.spectral_abscissa()
+    with pytest.raises(kp.ShapeError, match="no states"):
+        kp.order_interval(net, [])
+    assert kp.feedback_interconnect([gain, gain], [[0, 3], [3, 0]]).certificate.status is kp.Status.REFUTED

@@ -17,7 +17,7 @@ from ..exact.intake import found, items
 from ..exact.matrix import Integers, Matrix
 from ..exact.rows import frozen
 from .base import Cone, held_cone
-from .orthant import Orthant
+from .orthant import Orthant, nonnegative
 
 
 class ProductCone(Cone):
@@ -301,9 +301,9 @@ def product(factors: Iterable[Cone]) -> Cone:
 def _append(runs: list[tuple[Cone, int]], X: Cone, count: int) -> None:
     """Add copies of a factor; orthants merge, equal neighbours are counted."""
     if isinstance(X, Orthant):
-        X, count = Orthant(X.dim * count), 1
+        X, count = nonnegative(X.dim * count), 1  # of nodes without states, the origin of R^0
         if runs and isinstance(runs[-1][0], Orthant):
-            X = Orthant(runs.pop()[0].dim + X.dim)
+            X = nonnegative(runs.pop()[0].dim + X.dim)
     elif runs and runs[-1][0] is X:
         count += runs.pop()[1]
     runs.append((X, count))

@@ -223,8 +223,8 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
             forms = on.decrease_forms(s, vs[g], qs[g], 0.0, model.discrete)
             with np.errstate(all="ignore"):
                 value = np.einsum("jn,kn->jk", vs[g].values, s.X.rays)
-                rate[index] = (-forms.values[:, 0] / value).min(axis=1)
-                gross = max(gross, float((forms.magnitudes[:, 0] / value).max()))
+                rate[index] = (-forms.values[:, 0] / value).min(axis=1, initial=np.inf)
+                gross = max(gross, float((forms.magnitudes[:, 0] / value).max(initial=0.0)))
         if self.exact is not None:  # what is left of the margins after rounding means nothing
             rate = np.maximum(rate, 0.0)
         return frozen(rate / gross if gross > 0 else rate)

@@ -251,7 +251,7 @@ def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) 
             value, gross = (np.einsum("jn,kn->jk", f(v_g.values), f(rays))[:, None] for f in (np.asarray, np.abs))
             first = (-forms.values - room * forms.magnitudes) / value
             # the rate term adds rate * |v|'|x| to the size of the numbers
-            rate = min(rate, float((first - room * np.abs(first) * gross / value).min()))
+            rate = min(rate, float((first - room * np.abs(first) * gross / value).min(initial=np.inf)))
     return rate if np.isfinite(rate) else 0.0
 
 

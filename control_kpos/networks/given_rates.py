@@ -136,7 +136,9 @@ def storages(model: NetworkModel, q: Matrix, r: Matrix) -> tuple[Floats | None, 
             spare = (r_g + np.einsum("jqm,jq->jm", s.D.values, q_g) - np.einsum("jn,jnm->jm", low, s.B.values)) @ U.T
             used = np.einsum("jn,jnm->jm", extra, s.B.values) @ U.T
             ratio = np.where(used > 0, spare / used, np.where(spare >= 0, np.inf, -1.0))
-            part = 0.5 * np.minimum(ratio.min(axis=1, initial=np.inf), 2.0 * (1.0 + np.abs(low).max(axis=1)))
+            part = 0.5 * np.minimum(
+                ratio.min(axis=1, initial=np.inf), 2.0 * (1.0 + np.abs(low).max(axis=1, initial=0.0))
+            )
             v = low + part[:, None] * extra
             good = (part > 0) & (v @ X.T > 0).all(axis=1) & (-q_g @ s.Y.rays.T >= 0).all(axis=1)
         for place in np.flatnonzero(~good).tolist():

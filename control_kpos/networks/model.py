@@ -151,7 +151,7 @@ class NetworkModel:
         """The largest absolute value of the states of every node."""
         out = np.zeros(self.n_nodes)
         for index, part in zip(self.members, self.split(x, 0), strict=True):
-            out[index] = np.abs(part).max(axis=1)
+            out[index] = np.abs(part).max(axis=1, initial=0.0)
         return out
 
     def owners(self, kind: int) -> Index:

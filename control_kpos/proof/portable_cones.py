@@ -22,6 +22,7 @@ from ..cones import (
     orthant,
     product,
 )
+from ..cones.orthant import nonnegative
 from ..errors import CertificateFileError, KposError
 from ..exact.condition import Condition
 from ..exact.linalg import echelon, solve_exactly
@@ -38,7 +39,7 @@ _HALF_LINE = {"rays": [[1]], "w": [1], "Z": [[1]]}
 def encode_cone(cone: Cone) -> list[Any]:
     """A cone as pairs [count, factor]."""
     if isinstance(cone, Orthant):
-        return [[cone.dim, _HALF_LINE]]
+        return [[cone.dim, _HALF_LINE]] if cone.dim else []
     if not isinstance(cone, ProductCone):
         return [[1, _encode_factor(cone)]]
     written = {id(factor): factor for factor in cone.factors}
@@ -175,7 +176,7 @@ def decode_cone(runs: Any, limit: int) -> Cone:
             if not _is_shown_proper(known[key], part):
                 known[key].require_proper("a cone")
         factors += [known[key]] * count
-    return product(factors)
+    return product(factors) if factors else nonnegative(0)
 
 
 def _is_shown_proper(cone: Cone, part: dict[str, Any]) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial
@@ -27,6 +28,7 @@ from ...proof.answer import Answer
 from ...proof.certificate import Status, exactly
 from ...theorems.positivity import state_positivity
 from ...theorems.stability import LyapunovCertificate, lyapunov_on
+from ..contradiction import unit_of
 from ..plant import Floats, in_sparse_form, read_system, refuse_cone, shifted
 from ..running import Programs, within
 from .certificate import BoundExceeded, NoInterval, OrderIntervalCertificate
@@ -278,7 +280,8 @@ def _undriven(M: Matrix, w: Matrix, X: Cone) -> Iterator[tuple[Matrix, None]]:
     rays = X.exact_rays.plain().fractions()
     weights, _ = _alternative(M, w, X)
     if weights is not None:
-        yield Matrix.from_fractions(rays.T @ weights[: len(rays)]), None
+        with suppress(DataError):  # beyond the range of doubles
+            yield Matrix.from_fractions(rays.T @ weights[: len(rays)]), None
 
 
 def _growing(loop: LyapunovCertificate, w: Matrix) -> Iterator[Matrix]:
@@ -286,7 +289,8 @@ def _growing(loop: LyapunovCertificate, w: Matrix) -> Iterator[Matrix]:
     if loop.A.shape[0] <= _EXACT:
         _, y = _alternative(shifted(loop.A.plain(), -int(loop.discrete)), w, loop.X)
         if y is not None:
-            yield Matrix.from_fractions(loop.X.exact_facets.plain().fractions().T @ y)
+            d = loop.X.exact_facets.plain().fractions().T @ y
+            yield Matrix.from_fractions(d * unit_of(d))  # its length has no meaning, and may be no double
 
 
 def _alternative(M: Matrix, w: Matrix, X: Cone) -> tuple[Any, Any]:

@@ -69,7 +69,7 @@ def is_inside(model: NetworkModel, vector: Floats, *, dual: bool, strict: bool =
 def interior(model: NetworkModel, *, dual: bool) -> Floats:
     """An interior point of the product of the X_j, or of their duals, of entries about 1."""
     points = [(s.X.dual if dual else s.X).interior_point for s in model.stacks]
-    return model.at_all([point / np.abs(point).max() for point in points], 0)
+    return model.at_all([point / np.abs(point).max(initial=0.0) for point in points], 0)
 
 
 def mix(model: NetworkModel, vector: Floats, floor: float, *, dual: bool) -> Floats:
@@ -78,7 +78,7 @@ def mix(model: NetworkModel, vector: Floats, floor: float, *, dual: bool) -> Flo
     parts = []
     base = model.split(interior(model, dual=dual), 0)
     for part, inner in zip(model.split(scaled, 0), base, strict=True):
-        size = np.abs(part).max(axis=1, keepdims=True)
+        size = np.abs(part).max(axis=1, keepdims=True, initial=0.0)
         parts.append(part + inner * (1e-6 * size + floor))
     return model.join(parts, 0)
 
@@ -291,7 +291,7 @@ def _sharper(model: NetworkModel, here: Approach, x: Floats) -> Iterator[tuple[F
 
 def _opposite(s: NodeStack) -> Index:
     """For each generator of a simplicial cone, the facet it does not lie on."""
-    return np.argmin(s.X.incidence, axis=0)
+    return np.argmin(s.X.incidence, axis=0) if s.X.dim else np.zeros(0, dtype=np.intp)
 
 
 def _weights(s: NodeStack, x: Floats) -> Floats:

@@ -244,7 +244,7 @@ def sought(model: NetworkModel, relative: float, about: float) -> float:
 
 
 def _size(model: NetworkModel) -> float:
-    return max(float(np.abs(s.A.values).max()) for s in model.stacks)
+    return max(float(np.abs(s.A.values).max(initial=0.0)) for s in model.stacks)
 
 
 def _falling(network: NetworkPencil, found: Outcome) -> dict[str, Any]:

@@ -69,7 +69,7 @@ class Parts:
             parts = zip(model.stacks, model.members, model.split(charged, 2), spare, model.split(e, 1), strict=True)
             for s, index, h, spared, extra in parts:
                 own = np.einsum("jn,kn->jk", apply(s.C.values, h, transposed=True), s.X.rays) / spared
-                ratio[index] = 4 * own.max(axis=1)
+                ratio[index] = 4 * own.max(axis=1, initial=0.0)
                 if model.has_feedthrough:
                     through = np.einsum("jm,km->jk", apply(s.D.values, h, transposed=True), s.U.rays)
                     room = np.einsum("jm,km->jk", extra, s.U.rays)
