@@ -147,7 +147,7 @@ def cones(count, seed):
 
 
 def files(count, seed):
-    """Mutants of certificate files of every kind."""
+    """Mutants of certificate files of every kind: none is accepted falsely, and both readers say the same of them."""
     with tempfile.TemporaryDirectory() as folder:
         path, contents = Path(folder) / "file.json", []
         for make in certified.CERTIFICATES.values():
@@ -155,8 +155,10 @@ def files(count, seed):
             contents.append(json.loads(path.read_text()))
         each = -(-count // len(contents))
         found, accepted = campaigns.contradictions(contents, each, seed, path)
-    print(f"{each * len(contents)} changed files: {accepted} accepted, {len(found)} of them falsely")
-    return found
+        print(f"{each * len(contents)} changed files: {accepted} accepted, {len(found)} of them falsely", flush=True)
+        apart, accepted = campaigns.divided(contents, each, seed, path)
+    print(f"one thing changed: {accepted} accepted, of {len(apart)} the readers say two things {apart[:3]}")
+    return found + apart
 
 
 def stated(count, seed):

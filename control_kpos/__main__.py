@@ -30,7 +30,7 @@ from .examples import (
 from .networks import feedback_interconnect, stack
 from .plotting import phase_portrait
 from .proof.certificate import Status
-from .proof.files import load_certificate
+from .proof.files import load_certificate, read_content
 from .proof.independent import verdict
 from .systems.statespace import ConeStateSpace
 from .theorems.growing_direction import InstabilityDirection
@@ -93,7 +93,7 @@ def check_file(path: Path) -> int:
     """
     try:
         certificate = load_certificate(path)
-        independent = verdict(path)
+        independent = verdict(read_content(path))
     except FalseClaimError as error:
         _say(f"WRONG {error}")
         return REFUTED

@@ -57,16 +57,20 @@ def expect(fact: bool, what: str) -> None:
 
 # Entries that may say anything: titles, and what control_kpos proves the same from instead of `proof`, in floating
 # point and by its own count of facets and inequalities.
-UNREAD = {"generator_proof", "multipliers", "pointing", "right_inverse", "shares"}
+UNREAD = {"multipliers", "pointing", "right_inverse", "shares"}
 # And in witnesses, where those of version 0.1 also have what follows from the rest.
-UNREAD_IN_WITNESSES = {"weights", "facet"} | {
-    *("value", "normal", "generator", "real", "imag", "discrete", "radius", "time", "zero", "nodes"),
-    *("q", "r", "q_exact", "r_exact"),
-}
+UNREAD_IN_WITNESSES = (
+    UNREAD
+    | {"weights", "facet"}
+    | {
+        *("value", "normal", "generator", "real", "imag", "discrete", "radius", "time", "zero", "nodes"),
+        *("q", "r", "q_exact", "r_exact"),
+    }
+)
 
 
 class Said(dict[str, Json]):
-    """Entries of a file, which all have to be looked at: what nobody looks at is null, or one of UNREAD."""
+    """Entries of a file; a missing one is null.  All have to be looked at, but for those that are null, and UNREAD."""
 
     def __init__(self, entries: Json) -> None:
         super().__init__(entries)
@@ -74,8 +78,7 @@ class Said(dict[str, Json]):
         self.inner: list[Said] = []
 
     def __getitem__(self, key: str) -> Json:
-        self.seen.add(key)
-        return super().__getitem__(key)
+        return self.get(key)
 
     def get(self, key: str, default: Json = None) -> Json:
         """The entry, or what stands for a missing one."""
@@ -184,6 +187,7 @@ def exactly(o: Json, *names: str, read: Callable[[Json], list[Fraction]] = array
         given = [o.get(name + "_exact") for name in names]
     else:  # then nobody looks at the others
         given = [beside] if len(names) == 1 else sequence(beside)
+        expect(None not in given, "an exact vector is missing")
     for name, exact in zip(names, given, strict=True):
         rounded = [] if o[name] is None else read(o[name])
         out.append(rounded if exact is None else fractions(exact))
@@ -270,40 +274,65 @@ def sizes(x: Vector) -> Vector:
 
 @dataclass
 class Cone:
-    """A proper polyhedral cone: its generators, and Z with sum_k x_k Z_kj = e_j (`inverse`, row by row).
+    """A proper polyhedral cone in R^dim: its generators x_k, and vectors z_j of weights, sum_k z_jk x_k = e_j.
 
     It is the product of `factors`, of which the coordinates and the numbers of the generators are here.
     """
 
     dim: int
     rays: list[Vector]
-    inverse: list[Vector]
+    Z: Matrix
     factors: list[tuple[range, range]]
 
 
+def is_simplicial(C: Cone) -> bool:
+    """There are as many generators as dimensions, and one z_j only, for each j."""
+    return len(C.rays) == C.dim
+
+
+def by_generator(C: Cone) -> list[Vector]:
+    """h_k with h_kj = z_jk, for every generator; those of a simplicial cone are its facets."""
+    out: list[Vector] = [{} for _ in C.rays]
+    for j, z in enumerate(C.Z):
+        for k, a in z.items():
+            out[k][j] = a
+    return out
+
+
 def cone(o: Json, limit: int) -> Cone:
-    """A product of factors, each `count` times.  Pointed: w'x > 0.  Solid: R Z = I, the columns of R being x."""
+    """A product of factors, each `count` times.  Pointed: w'x > 0.  Solid: R Z = I, the columns of R being x.
+
+    Of a simplicial factor nobody reads w and Z, as R has an inverse or is wrong.
+    """
     out = Cone(0, [], [], [])
     for count, factor in () if o is None else content(o, "cone"):
-        expect(factor.keys() == {"rays", "w", "Z"}, "a cone is not shown to be proper")
-        n, p = len(listing(factor["w"])), len(factor["rays"])
-        rays = matrix({"matrix": [list(row) for row in zip(*factor["rays"], strict=True)]}, n, p)
-        Z, w = matrix({"matrix": factor["Z"]}, p, n), entries([number(x) for x in factor["w"]], n)
-        rows: list[Vector] = [{j: Z[j][k] for j in range(n) if k in Z[j]} for k in range(p)]
-        need(all(dot(w, x) > 0 for x in rays), "a cone is pointed")
-        need(all(image(rays, Z[j]) == {j: 1} for j in range(n)), "a cone is solid")
+        expect(factor.keys() <= {"rays", "w", "Z"}, "a cone has something else")
+        n, p = len(listing(factor["rays"][0])), len(factor["rays"])
         expect(type(count) is int and 0 < count * n <= limit - out.dim, "a size is absurd for this file")
+        rays = matrix({"matrix": [list(row) for row in zip(*factor["rays"], strict=True)]}, n, p)
+        if p == n:
+            expect(n <= 64, "the inverse of a cone is too long")
+            Z = inverse(rays)
+        else:
+            Z, w = matrix({"matrix": factor["Z"]}, p, n), entries([number(x) for x in factor["w"]], n)
+            need(all(dot(w, x) > 0 for x in rays), "a cone is pointed")
+            need(all(image(rays, z) == {j: 1} for j, z in enumerate(Z)), "a cone is solid")
         for _ in range(count):
-            out.factors.append((range(out.dim, out.dim + n), range(len(out.rays), len(out.rays) + p)))
+            first = len(out.rays)
+            out.factors.append((range(out.dim, out.dim + n), range(first, first + p)))
             out.rays += [{out.dim + i: a for i, a in x.items()} for x in rays]
-            out.inverse += [{out.dim + j: a for j, a in z.items()} for z in rows]
+            out.Z += [{first + k: a for k, a in z.items()} for z in Z]
             out.dim += n
     return out
 
 
-def inside(target: Cone, y: Vector, weights: Vector | None, what: str, free: int | None = None) -> None:
-    """y = sum_k w_k x_k with w_k >= 0 for all k but `free`.  In an orthant, y is its own w."""
-    w = y if weights is None else weights
+def weights(C: Cone, ys: list[Vector], o: Json) -> list[Vector]:
+    """w with y = sum_k w_k x_k for vectors y: those of the file, one a column; in a simplicial cone there is one w."""
+    return matrix(o, len(C.rays), len(ys)) if ys and not is_simplicial(C) else [image(C.Z, y) for y in ys]
+
+
+def inside(target: Cone, y: Vector, w: Vector, what: str, free: int | None = None) -> None:
+    """y = sum_k w_k x_k with w_k >= 0 for all k but `free`."""
     need(all(a >= 0 or k == free for k, a in w.items()), f"{what} (a weight is negative)")
     need(image(target.rays, w) == y, f"{what} (weights)")
 
@@ -321,7 +350,7 @@ def facets(C: Cone, limit: int) -> list[Vector]:
     out = list[Vector]()
     for places, numbers in C.factors:
         simplicial = len(places) == len(numbers)
-        rays, inverse = ([part[k] for k in numbers] for part in (C.rays, C.inverse))
+        rays, inverse = ([part[k] for k in numbers] for part in (C.rays, by_generator(C)))
         out += inverse if simplicial else dual(places, rays, limit)
     return out
 
@@ -373,9 +402,8 @@ def extreme(found: list[Facet]) -> list[Facet]:
 
 
 def listed(e: Said, name: str, y: Vector, target: Cone) -> None:
-    """y is in a cone by the weights w<name> in the file."""
-    w = e.get("w" + name)
-    inside(target, y, matrix(w, len(target.rays), 1)[0] if w else None, f"w{name} shows a vector in its cone")
+    """y is in a cone by its weights, w<name> in the file."""
+    inside(target, y, weights(target, [y], e.get("w" + name))[0], f"w{name} shows a vector in its cone")
 
 
 # -- systems
@@ -420,13 +448,14 @@ def system(d: Said, A: Json, radius: Json, cones: list[Cone], free: str) -> Syst
     expect(type(d["discrete"]) is bool, "discrete is neither true nor false")
     bounds = [{} for _ in range(X.dim)] if radius is None else entrywise(radius, X.dim)
     expect(all(a >= 0 for column in bounds for a in column.values()), "a radius is negative")
-    expect(d.get("own_links_closed", True) is True, "own_links_closed is true where it stands")
+    closed = d.get("own_links_closed")
+    expect(closed is None or closed is True, "own_links_closed is true where it stands")
     out = System(given(A, X.dim, X.dim), X=X, U=U, Y=Y, discrete=d["discrete"], radius=bounds, nodes=nodes, **rest)
     owners = out.owners()
     for name, (to, of) in SIGNALS.items():
         apart = any(owners[to][i] != owners[of][k] for k, column in enumerate(getattr(out, name)) for i in column)
         expect(name == "W" or not apart, f"{name} has entries outside the blocks of the nodes")
-    return own_links_closed(out) if "own_links_closed" in d else out
+    return own_links_closed(out) if closed else out
 
 
 def entrywise(o: Json, n: int) -> Matrix:
@@ -440,6 +469,7 @@ def side_by_side(d: Said, cones: list[Cone]) -> list[Node]:
     ends, out = [0, 0, 0], list[Node]()
     if "sizes" not in d:
         return [(range(cones[0].dim), range(cones[1].dim), range(cones[2].dim))]
+    expect(all(len(node) == 3 for node in content(d["sizes"], "array")), "a node has three sizes")
     for node in zip(*[iter(array(d["sizes"], 2))] * 3, strict=True):
         expect(all(n >= 0 and n == int(n) for n in node), "a size is negative or no whole number")
         starts, ends = ends, [first + int(n) for first, n in zip(ends, node, strict=True)]
@@ -456,12 +486,16 @@ def repeated(d: Said, cones: list[Cone], limit: int) -> None:
     dt = d["dt"] or 0  # null in continuous time
     step = dt if isinstance(dt, int) else double(dt)
     expect(step >= 0 and bool(step) == d["discrete"], "dt is 0 in continuous time only")
+    expect(d["sizes"] is not None, "the nodes have no sizes")
     stack, kinds = [int(x) for x in array(d["stack"])], [sequence(kind) for kind in sequence(d["cones"])]
     names = stack if d.get("names") is None else sequence(d["names"])
     expect(names is stack or all(type(name) is str for name in names), "names are text")
     expect(stack == array(d["stack"]), "numbers of cones are whole")
     expect(len(stack) == len(names) == len(side_by_side(d, cones)), "a number, and a name, for every node")
     expect(set(stack) == set(range(len(kinds))) and all(len(kind) == 3 for kind in kinds), "all cones are there")
+    dims = [[cone(C, limit).dim for C in kind] for kind in kinds]
+    fits = all(list(map(len, node)) == dims[j] for j, node in zip(stack, side_by_side(d, cones), strict=True))
+    expect(fits, "the sizes of the nodes are those of their cones")
     for kind, whole in enumerate(cones):
         runs = [run for j in stack for run in content(kinds[j][kind], "cone")]
         expect(cone({"cone": runs}, limit).rays == whole.rays, "X, U and Y are products of the cones of the nodes")
@@ -480,18 +514,19 @@ def positive(s: System, e: Said) -> None:
     maps(s.Y, s.W, s.U, e.get("M"), "W Y in U")
 
 
-def maps(source: Cone, M: Matrix, target: Cone, weights: Json, what: str, *, diagonal: bool = False) -> None:
+def maps(source: Cone, M: Matrix, target: Cone, o: Json, what: str, *, diagonal: bool = False) -> None:
     """M maps the generators of a cone into another, or (`diagonal`) no generator away from its own direction."""
-    W = matrix(weights, len(target.rays), len(source.rays)) if weights else None
-    for i, x in enumerate(source.rays):
-        inside(target, image(M, x), None if W is None else W[i], what, i if diagonal else None)
+    ys = [image(M, x) for x in source.rays]
+    for i, (y, w) in enumerate(zip(ys, weights(target, ys, o), strict=True)):
+        inside(target, y, w, what, i if diagonal else None)
 
 
 def crossed(s: System, e: Said, kind: str, w: Said) -> None:
     """Not positive: h'M x < 0 for a generator x and an h that is nonnegative on the cone M x should be in.
 
-    For A in continuous time also h'x = 0: x lies on the plane that the field crosses.  For Jacobians with bounds
-    h'A x + |h|'radius |x| < 0.  The witness names the matrix and the generator, in networks those of nodes.
+    h is a facet if this cone is simplicial, else in the file.  For A in continuous time also h'x = 0: x lies on the
+    plane that the field crosses.  For Jacobians with bounds h'A x + |h|'radius |x| < 0.  The witness names the matrix
+    and the generator, in networks those of nodes.
     """
     target = source = index(w["node"]) if kind == "NodeViolation" else 0
     if kind == "CouplingViolation":
@@ -504,12 +539,14 @@ def crossed(s: System, e: Said, kind: str, w: Said) -> None:
     to, of = SIGNALS[name]
     cone, places = s.cones()[to], s.nodes[source][of]
     x = [x for x in s.cones()[of].rays if all(i in places for i in x)][index(w["ray"])]
-    exact = kind == "PlaneViolation"
-    h = entries(fractions(w["normal_exact"]), cone.dim) if exact else matrix(e["normal"], cone.dim, 1)[0]
-    need(above(h, cone) and all(i in s.nodes[target][to] for i in h), "h'x >= 0 on the cone")
-    spread = dot(sizes(h), image(s.radius, sizes(x))) if name == "A" else 0
-    need(dot(h, image(getattr(s, name), x)) + spread < 0, f"{name} crosses the plane")
-    need(name != "A" or s.discrete or dot(h, x) == 0, "the generator lies on the plane")
+    if kind == "PlaneViolation":
+        planes = [entries(fractions(w["normal_exact"]), cone.dim)]
+    else:
+        planes = by_generator(cone) if is_simplicial(cone) else matrix(e["normal"], cone.dim, 1)
+    planes = [h for h in planes if all(i in s.nodes[target][to] for i in h) and above(h, cone)]
+    moved, spread = image(getattr(s, name), x), image(s.radius, sizes(x)) if name == "A" else {}
+    on = [h for h in planes if name != "A" or s.discrete or dot(h, x) == 0]
+    need(any(dot(h, moved) + dot(sizes(h), spread) < 0 for h in on), f"{name} crosses a plane that x lies on")
 
 
 def index(k: Json) -> int:
@@ -520,7 +557,8 @@ def index(k: Json) -> int:
 
 def supply(s: System, e: Said) -> tuple[Vector, Vector | None]:
     """q and r of the supply r'u + q'y, in networks those of all nodes; r is null where any will do."""
-    *_, r, q = exactly(e, *"vrq", read=nodewise) if "sizes" in e else exactly(e, *"rq")
+    *v, r, q = exactly(e, *"vrq", read=nodewise) if "sizes" in e else exactly(e, *"rq")
+    expect(not any(v), "a witness has no use for v")
     return entries(q, s.Y.dim), None if e["r"] is None else entries(r, s.U.dim)
 
 
@@ -574,13 +612,10 @@ def stable(s: System, e: Said) -> str:
     z = entries(exactly(e, "slow_direction")[0], s.X.dim)
     moved = total((1, image(s.A, z)), (double(e["decay_rate_bound"]) - s.discrete, z))
     need(bool(z), "the slow direction is not zero")
-    if "ws" in e:
-        listed(e, "s", z, s.X)
-        listed(e, "b", moved, s.X)
-    elif len(s.X.rays) == s.X.dim:  # then the rows of the inverse are the facets
-        need(all(dot(h, z) >= 0 and dot(h, moved) >= 0 for h in s.X.inverse), "z and A z + b z are in X")
-    else:
+    if "ws" not in e and not is_simplicial(s.X):
         return "decay_rate_bound is not covered: its weights are not in the file"
+    listed(e, "s", z, s.X)
+    listed(e, "b", moved, s.X)
     return ""
 
 
@@ -639,10 +674,11 @@ def invariant(s: System, e: Said) -> None:
     expect(type(by_facets) is bool and not (by_facets and v), "by_facets is true only without v")
     if v is not None:
         decreases(s, v, {})
-    P = matrix(e["P"], len(s.X.rays), len(s.X.rays)) if e.get("P") else None
-    for i, x in enumerate(s.X.rays if any(s.radius) else ()):
-        spread, w = image(s.radius, sizes(x)), image(s.A, x) if P is None else P[i]
-        least = [w.get(k, 0) - dot(sizes(z), spread) for k, z in enumerate(s.X.inverse)]
+    bounded = s.X.rays if any(s.radius) else []
+    P, h = weights(s.X, [image(s.A, x) for x in s.X.rays], e.get("P")) if bounded else [], by_generator(s.X)
+    for i, x in enumerate(bounded):
+        spread = image(s.radius, sizes(x))
+        least = [P[i].get(k, 0) - dot(sizes(h_k), spread) for k, h_k in enumerate(h)]
         need(all(a >= 0 or (k == i and not s.discrete) for k, a in enumerate(least)), "J X in X within the bounds")
         drift = total((1, image(s.A, x)), (-s.discrete, x))
         need(v is None or dot(v, drift) + dot(sizes(v), spread) < 0, "v'J x < 0 within the bounds")
@@ -658,6 +694,7 @@ def own_links_closed(s: System) -> System:
     """
     _, inputs, outputs = s.owners()
     own = [{i: a for i, a in w.items() if inputs[i] == outputs[k]} for k, w in enumerate(s.W)]
+    expect(any(own), "no node has a link to itself")
     rest = [total((1, w), (-1, mine)) for w, mine in zip(s.W, own, strict=True)]
     loops = chained(own, s.D)
     S = inverse([total((1, {k: Fraction(1)}), (-1, x)) for k, x in enumerate(loops)])
@@ -682,7 +719,7 @@ def inverse(M: Matrix) -> Matrix:
     done: list[tuple[Vector, Vector]] = []
     for i in range(len(M)):
         usable = [k for k, (x, _) in enumerate(rest) if i in x]
-        need(bool(usable), "the links of nodes to themselves are well posed")
+        need(bool(usable), "generators span the space, and links of nodes to themselves are well posed")
         x, z = rest.pop(usable[0])
         pivot = total((1 / x[i], x)), total((1 / x[i], z))
         rest, done = ([clear(pair, pivot, i) for pair in part] for part in (rest, done))
@@ -721,7 +758,8 @@ def balanced(s: System, e: Said, sigma: list[Fraction]) -> tuple[Vector, Vector]
         scaled.append({i: c * part[i] for c, node in places for i in node[kind] if part[i]})
     V, R, Q = scaled
     supplied(s, V, Q, R)
-    need(all(dot(Q, y) + dot(pullback(R, s.W), y) <= 0 for y in s.Y.rays), "Q'y + R'W y <= 0")
+    received = total((1, Q), (1, pullback(R, s.W)))
+    need(all(dot(received, y) <= 0 for y in s.Y.rays), "Q'y + R'W y <= 0")
     return V, Q
 
 
@@ -980,6 +1018,7 @@ def no_cone(e: Said, limit: int) -> None:
     expect(type(e.get("by_facets", False)) is bool, "by_facets is neither true nor false")
     members = listing(content(e["matrices"], "matrix"))
     n = len(members[0])
+    expect(n > 0, "there are no states")
     for name in ("contains", "within"):
         rows(e[name], n) if e.get(name) is not None else []
     NO_CONE[kind](e, w, [matrix({"matrix": A}, n, n) for A in members])
@@ -1154,7 +1193,7 @@ def responses(c: list[Fraction], M: list[list[int]], b: list[Fraction], k: int) 
 
 def functionals(o: Json, C: Cone, count: int) -> list[Vector]:
     """Vectors of the dual cone, the columns of a matrix."""
-    out = matrix(o, C.dim, count) if C.dim else optional(o, 0, count)
+    out = given(o, C.dim, count) if C.dim else optional(o, 0, count)
     need(all(above(f, C) for f in out), "a functional is nonnegative on its cone")
     return out
 
@@ -1270,9 +1309,9 @@ def no_bounded_feedback(e: Said, limit: int) -> None:
         level -= dot(d, total((1, image(A, x)), (-e["discrete"], x), (1, w)))
         slope = [total((1, row), (-pullback(d, B).get(i, 0), x)) for i, row in enumerate(slope)]
     if e["u_max"] is not None:
-        u, times = row_vector(e, "u_max", m), matrix(f["times"], 2, m)
+        u, times = row_vector(e, "u_max", m), given(f["times"], 2, m)
         for k, (name, sign) in enumerate((("up", 1), ("down", -1))):
-            weights, rest = (matrix(f[key], len(X.rays), m) for key in (name, f"{name}_rest"))
+            weights, rest = (given(f[key], len(X.rays), m) for key in (name, f"{name}_rest"))
             need(all(a >= 0 for part in (*weights, *rest, *times) for a in part.values()), "weights are not negative")
             for i, (p, q) in enumerate(zip(weights, rest, strict=True)):
                 t, state = times[i].get(k, Fraction(0)), image(X.rays, p)
@@ -1310,7 +1349,9 @@ def certificate(o: Json) -> Json:
 
 def feedback(e: Said, limit: int) -> None:
     """One gain does all that was asked: every part is PROVED, by a proof of its own, see `together`."""
-    loops, others = ([certificate(part) for part in sequence(e[k])] for k in ("loops", "others"))
+    loops, others = (
+        [certificate(part) for part in sequence({"tuple": []} if e[k] is None else e[k])] for k in ("loops", "others")
+    )
     for part in loops:
         expect(part["claim"] == "stable", "closed loops are stable")
     for part in loops + others:
@@ -1369,7 +1410,7 @@ def any_size(e: Said, limit: int) -> None:
     common.  If D is not 0, t is a multiple of r: then every such loop contracts.
     """
     data, count = self_loops(e, limit, "PROVED")
-    r, weights = exactly(data, *"vrq", read=nodewise)[1], data["loop_weights"]
+    r, weights = exactly(data, *"vrq", read=nodewise)[1], data.get("loop_weights")
     expect(count == 1 or (len(set(r)) == 1 and r[0] > 0), "the types have one r > 0 in common")
     if weights is not None:
         _, t = (array(x) if "array" in x else fractions(x) for x in sequence(weights))
@@ -1393,8 +1434,10 @@ def self_loops(e: Said, limit: int, status: str) -> tuple[Json, int]:
     expect(local["claim"] == "network", "the self-loops are a network")
     need(local["status"] == status, "the self-loops decide")
     verify(local, limit)
+    if "array" in e["link"]:
+        array(e["link"], 2)  # of doubles
     data, weight, (m, n) = local["data"], either(e["weight"]), (len(link), len(link[0]))
-    expect("own_links_closed" not in data, "W are links of the network")
+    expect(data.get("own_links_closed") is None, "W are links of the network")
     count = cone(data["Y"], limit).dim // n
     K, W = matrix({"matrix": link}, m, n), matrix(data["W"], count * m, count * n)
     loops = [{j * m + i: weight * a for i, a in column.items() if weight} for j in range(count) for column in K]
@@ -1480,6 +1523,8 @@ def no_order_interval(e: Said, limit: int) -> None:
     Or none on which f'x <= b for the `row` of the bounds: x and x_min - x are in X, and f'x > b.
     """
     (s, w, least), (kind, fields) = interval(e, limit), record(e, "witness", "NoInterval", "BoundExceeded")
+    bounds = limits(e, s, interval_vector(e, "bounds"))
+    expect(e["x_max"] is None, "there is no x_max")
     if kind == "NoInterval":
         d = entries(exactly(fields, "d")[0], s.X.dim)
         need(above(d, s.X), "d is in X*")
@@ -1487,7 +1532,7 @@ def no_order_interval(e: Said, limit: int) -> None:
         need(dot(d, w) > 0, "d'w_max > 0")
         return
     expect(e["x_min"] is not None, "x_min is there")
-    exceeded(e, s, least, fields, limits(e, s, interval_vector(e, "bounds")))
+    exceeded(e, s, least, fields, bounds)
 
 
 # -- order intervals of networks
@@ -1798,9 +1843,10 @@ NETWORKS = ("network", "network abscissa", "network interval")
 # Matrices that may be missing although the cones have sizes.
 FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 # Entries that mean something in some claims only.
-BELONGS = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
+BELONGS: dict[str, tuple[str, ...]] = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
 BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
-PROOF = {*"PNLKM", *("normal", "member", "z"), *(f"w{name}" for name in "xuyzsbWCmc")}
+BELONGS["generator_proof"] = ("positive", "stable", "dissipative", "order interval")
+PROOF = {*"PNLKM", *("normal", "z"), *(f"w{name}" for name in "xuyzsbWCmc")}
 KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 
@@ -1816,6 +1862,8 @@ def verify(c: Json, limit: int) -> str:
     e.seen |= PROOF - c["data"].keys()
     strange = [name for name, claims in BELONGS.items() if e.get(name) is not None and claim not in claims]
     expect(not strange, f"{', '.join(strange)} can say nothing here")
+    if e["generator_proof"] is not None:  # then control_kpos had no facets either
+        record(e, "generator_proof", "GeneratorProof")
     note = None
     if (claim, status) in ALONE:
         ALONE[claim, status](e, limit)
@@ -1831,7 +1879,8 @@ def proved(claim: str, e: Said, limit: int) -> str | None:
     note, single = None, "tuple" not in e["A"]
     systems = family(claim, e, limit)
     need(e.get("source") != "sampled", "what is known at points proves nothing between them")
-    for s, P in zip(systems, [e.get("P")] if single else e["P"], strict=True):
+    proofs = [e.get("P")] if single else e.get("P") or [None] * len(systems)
+    for s, P in zip(systems, proofs, strict=True):
         e["P"] = P
         note = PROOFS[claim](s, e) or note
     return "given the bounds on the Jacobians" if "radii" in e else note
@@ -1841,16 +1890,15 @@ def refuted(claim: str, e: Said, limit: int) -> str:
     """The witness shows that one system of a family has not."""
     kind, w = record(e, "witness", *REFUTATIONS[claim])
     note = "given the bounds on the Jacobians" if "radii" in e else ""
-    systems, member = family(claim, e, limit), index(e.get("member", 0))
-    need(member in range(len(systems)), "the matrix is one of the family")
-    s = systems[member]
+    systems = family(claim, e, limit)
+    s = systems[0]
     absent(e, "decay_rate", "nan")
     absent(e, "decay_rate_bound", "inf")
     asked = required_rate(e) if claim in ("stable", "network") else 0
-    if "q" in e and e["q"] is not None:
+    if e["q"] is not None:
         supply(s, e)
     if kind == "DifferentialViolation":
-        s, note = jacobian(s, w, note)
+        s, note = jacobian(systems, w, note)
     if REFUTATIONS[claim][kind] is crossed:
         crossed(s, e, kind, w)
         return note
@@ -1862,16 +1910,19 @@ def refuted(claim: str, e: Said, limit: int) -> str:
     return note
 
 
-def jacobian(s: System, w: Said, note: str) -> tuple[System, str]:
+def jacobian(systems: list[System], w: Said, note: str) -> tuple[System, str]:
     """The Jacobians that a witness is about: one of the family, which rounds to `centre`, or those at a point."""
-    centre, radius = (entrywise(w[name], s.X.dim) for name in ("centre", "radius"))
+    n = systems[0].X.dim
+    centre, radius = (entrywise(w[name], n) for name in ("centre", "radius"))
     if w["point"] is not None:
         expect(all(a >= 0 for column in radius for a in column.values()), "a radius is negative")
-        entries(array(w["point"]), s.X.dim)
-        return replace(s, A=centre, radius=radius), "given the bounds on the Jacobian at a point"
-    alike = all(float(a.get(i, 0)) == b.get(i, 0) for a, b in zip(s.A, centre, strict=True) for i in range(s.X.dim))
-    need(alike and not any(s.radius) and not any(radius), "the Jacobian is one of the family")
-    return s, note
+        entries(array(w["point"]), n)
+        return replace(systems[0], A=centre, radius=radius), "given the bounds on the Jacobian at a point"
+    places = list(pairs(range(n), range(n)))
+    alike = [s for s in systems if all(float(s.A[j].get(i, 0)) == centre[j].get(i, 0) for i, j in places)]
+    alike = [s for s in alike if not any(s.radius) and not any(radius)]
+    need(bool(alike), "the Jacobian is one of the family")
+    return alike[0], note
 
 
 def family(claim: str, e: Said, limit: int) -> list[System]:
@@ -1884,7 +1935,9 @@ def family(claim: str, e: Said, limit: int) -> list[System]:
     radii = sequence(e["radii"]) if "radii" in e else [None] * len(members)
     expect(len(members) > 0 and ("radii" not in e or None not in radii), "there is no matrix, or no radius")
     free = FREE.get(claim, "W")
-    return [system(e, A, radius, cones, free) for A, radius in zip(members, radii, strict=True)]
+    out = [system(e, A, radius, cones, free) for A, radius in zip(members, radii, strict=True)]
+    expect("radii" not in e or any(any(s.radius) for s in out), "no radius says anything")
+    return out
 
 
 def unique(pairs: list[tuple[str, Json]]) -> dict[str, Json]:

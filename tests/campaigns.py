@@ -8,6 +8,7 @@ import contextlib
 import hashlib
 import json
 import os
+import random
 import resource
 import select
 import signal
@@ -21,7 +22,7 @@ import tampering
 import control_kpos as kp
 from control_kpos import checker
 from control_kpos.design.certificates import CommonVectorCertificate, GainBoundCertificate
-from control_kpos.errors import CertificateFileError, UndecidedError
+from control_kpos.errors import CertificateFileError, FalseClaimError, UndecidedError
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof.encoding import Decoder, number
 from control_kpos.proof.portable_cones import decode_cone
@@ -127,6 +128,38 @@ def contradictions(contents, count, seed, path):
             path.write_text(json.dumps(changed))
             if truth(changed, path) not in (None, changed["status"]):
                 out.append(changed)
+    return out, accepted
+
+
+def judged(content, path):
+    """What the package and the checker say of a file: its status, or WRONG or UNREADABLE."""
+    path.write_text(json.dumps(content))
+    try:
+        certificate = kp.load_certificate(path)
+        package = certificate.status.name if certificate.check() else "not checked"
+    except FalseClaimError:
+        package = "WRONG"
+    except CertificateFileError:
+        package = "UNREADABLE"
+    try:
+        checker.verify(content, len(path.read_text()) + 20_000)
+        return package, content["status"]
+    except checker.Wrong:
+        return package, "WRONG"
+    except Exception:  # noqa: BLE001 - whatever it raises
+        return package, "UNREADABLE"
+
+
+def divided(contents, count, seed, path):
+    """Files with one thing changed of which the readers say two things; and how many are accepted."""
+    out, accepted, rng = [], 0, random.Random(seed)
+    for content in contents:
+        every = list(tampering.single_changes(content))
+        for place, other in rng.sample(every, min(count, len(every))):
+            said = judged(tampering.replaced(content, place, other), path)
+            accepted += said[1] in ("PROVED", "REFUTED")
+            if len(set(said)) > 1:
+                out.append((place, other, *said))
     return out, accepted
 
 

@@ -1,7 +1,5 @@
 """Certificate files by hand about parts that do not belong together, claims that are not theirs, and no feedback."""
 
-from fractions import Fraction
-
 from checker_cases import HALF, bound, changed, common, family, feedback, moved, nothing, scalar, surplus, with_nodes
 from checker_pieces import PLANE, TOP, WEDGE, any_number, plane
 
@@ -39,8 +37,7 @@ def beside(*others, loops=None):
 def wedge_bound(a, b):
     """No gain on the wedge between (a, -b) and (a, b)."""
     out = bound([0], [0])
-    Z = [[str(Fraction(1, 2 * a)), str(Fraction(-1, 2 * b))], [str(Fraction(1, 2 * a)), str(Fraction(1, 2 * b))]]
-    return changed(out, X={"cone": [[1, {"rays": [[a, -b], [a, b]], "w": [1, 0], "Z": Z}]]}, F={"matrix": [[0, 0]]})
+    return changed(out, X={"cone": [[1, {"rays": [[a, -b], [a, b]]}]]}, F={"matrix": [[0, 0]]})
 
 
 STEP = scalar("stable", A="1/2", discrete=True)
@@ -48,8 +45,8 @@ BOUND = {"radii": {"tuple": [{"array": [[1]]}]}}
 SHEAR = {"matrix": [[-2, 1], [0, -2]]}
 TURNED = {"matrix": [[-2, 0], [1, -2]]}
 HALVED = {"matrix": [[-2, "1/2"], [0, -2]]}
-NARROW = {"cone": [[1, {"rays": [[2, 1], [2, -1]], "w": [1, 0], "Z": [["1/4", "1/2"], ["1/4", "-1/2"]]}]]}
-WIDE = {"cone": [[1, {"rays": [[1, 2], [1, -2]], "w": [1, 0], "Z": [["1/2", "1/4"], ["1/2", "-1/4"]]}]]}
+NARROW = {"cone": [[1, {"rays": [[2, 1], [2, -1]]}]]}
+WIDE = {"cone": [[1, {"rays": [[1, 2], [1, -2]]}]]}
 LINE = scalar("stable")
 
 # A' is in the file of the vector

@@ -1,7 +1,6 @@
 """Certificate files with one thing changed, and source code with one operator changed."""
 
 import ast
-import collections
 import contextlib
 import copy
 import functools
@@ -10,6 +9,7 @@ import json
 import random
 import sys
 import types
+from fractions import Fraction
 
 from control_kpos import checker
 
@@ -109,44 +109,49 @@ def mutants(content, count, seed):
             yield redigested(out) if "data" in out else out
 
 
-def lists(node, path=()):
-    """Paths to all lists in JSON data."""
-    if isinstance(node, dict):
-        for key, value in node.items():
-            yield from lists(value, (*path, key))
-    elif isinstance(node, list):
-        yield path
-        for index, value in enumerate(node):
-            yield from lists(value, (*path, index))
+def spelled(x):
+    """A number as files have it."""
+    x = Fraction(x)
+    whole = x.denominator == 1 and abs(x) < 10**18
+    return int(x) if whole else float(x).hex() if Fraction(float(x)) == x else f"{x.numerator}/{x.denominator}"
 
 
 def other_values(value):
-    """What to put in the place of a leaf."""
-    if isinstance(value, bool):
-        return (not value, 1)
-    if value is None:
-        return (0, "x")
+    """What to put in the place of a leaf: other numbers, the same in other words, things of another kind."""
     if not is_number(value):
-        return ("other", None)
-    number = checker.number(value)
-    return tuple(str(x) if x.denominator > 1 else int(x) for x in (number + 1, -2 * number - 1))
+        return [x for x in (None, True, not value, 1, "other", "nan", [value]) if x is not value]
+    x = checker.number(value)
+    near = [0, x + 1, -x, -2 * x - 1, x * (1 + Fraction(1, 2**30)), x * (1 - Fraction(1, 2**30)), x + Fraction(1, 3)]
+    same = [f"{x.numerator:#x}/{x.denominator:#x}", f"{2 * x.numerator}/{2 * x.denominator}"]
+    return [spelled(y) for y in near if y != x] + same + [None, "x", True, [value], {"double": value}]
 
 
-def single_changes(content, most=None):
-    """Pairs of a path and the file with this one leaf replaced, or this list cut or prolonged by its last item.
+def other_lists(items):
+    """Shorter, longer, in another order, of something else."""
+    swapped = [items[:1:-1] + items[1::-1], [*items[1::-1], *items[2:]]] if len(items) > 1 else []
+    return [items[:-1], [*items, items[-1]], [items[0], *items], *swapped, [], None] if items else [[0], None]
 
-    Of places that differ in indices only, `most` are changed.
-    """
-    seen = collections.Counter()
-    for path in [*leaves(content), *lists(content)]:
-        kind = tuple(key for key in path if isinstance(key, str))
-        seen[kind, len(path)] += 1
-        if path[0] not in ("claim", "status", "data", "proof") or (most and seen[kind, len(path)] > most):
-            continue
+
+def other_objects(node):
+    """Without an entry, with one more, of another kind."""
+    fewer = [{key: x for key, x in node.items() if key != gone} for gone in node]
+    kinds = [{kind: x} for x in node.values() for kind in ("array", "fractions", "tuple") if len(node) == 1]
+    return [*fewer, {**node, "more": {"double": 1}}, {**node, "more": None}, None, *kinds]
+
+
+def single_changes(content):
+    """Pairs of a path and what to put there: of every leaf, list and object."""
+    for path in [path for path in places_in(content) if path and path[0] in ("claim", "status", "data", "proof")]:
         value = at(content, path)
-        lengths = (value[:-1], [*value, value[-1]]) if isinstance(value, list) and value else ()
-        for other in lengths if isinstance(value, list) else other_values(value):
-            yield path, replaced(content, path, other)
+        others = {dict: other_objects, list: other_lists}.get(type(value), other_values)(value)
+        yield from ((path, other) for other in others)
+
+
+def places_in(node, path=()):
+    """Paths to everything in JSON data."""
+    yield path
+    for key, value in node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ():
+        yield from places_in(value, (*path, key))
 
 
 # -- source code

@@ -3,13 +3,16 @@
 import ast
 import json
 import os
+import random
 import signal
 import subprocess
 import sys
 from pathlib import Path
 
+import campaigns
 import certified
 import checker_claims
+import checker_cones
 import checker_costs
 import checker_intervals
 import checker_pieces
@@ -21,13 +24,14 @@ from checker_cases import BY_HAND, SIZES
 import control_kpos as kp
 from control_kpos import checker
 from control_kpos.__main__ import main as command_line
-from control_kpos.errors import CertificateFileError, FalseClaimError
+from control_kpos.errors import CertificateFileError
 from control_kpos.proof.portable_cones import encode_cone
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
+HAND |= checker_cones.CASES
 
 
 @pytest.fixture(scope="module")
@@ -121,62 +125,42 @@ def test_changed_files_are_never_accepted_by_one_and_contradicted_by_the_other(n
             assert package == verdict
 
 
-# -- files with one thing changed: what the checker accepts, the package accepts; and what the package accepts, the
-# checker accepts with the proof that belongs to it
-
-# What may be changed without consequence for a reader: the proof of the other one.
-OF_THE_PACKAGE = checker.UNREAD | {"weights", "facet"}
-OF_THE_CHECKER = {"proof", "w", "Z"}
+# -- files with one thing changed: both readers, and the command, say the same of them
 
 
-def loaded(path, content):
-    """The certificate of a file, or None if the package refuses it; and what the package says of it."""
-    path.write_text(json.dumps(content))
-    try:
-        found = kp.load_certificate(path)
-    except FalseClaimError:
-        return None, "WRONG"
-    except CertificateFileError:
-        return None, "UNREADABLE"
-    return found, found.status.name
-
-
-def accepts(content):
-    return outcome(vars(checker), content).split()[0] in ("PROVED", "REFUTED")
-
-
-def disagreement(content, place, path):
-    """What one reader accepts and the other contradicts, if anything."""
-    (found, said), accepted = loaded(path, content), accepts(content)
-    if found is None and not accepted:
-        # cones and parts have proofs for the checker alone, and a witness that fits nothing may be either
-        alike = said == outcome(vars(checker), content) or {"rays", "witness", "proof", "others"}.intersection(place)
-        return None if alike or OF_THE_PACKAGE.intersection(place) else "refused in two ways"
-    if accepted and found is None:
-        return None if OF_THE_PACKAGE.intersection(place) else "accepted by the checker only"
-    if found is not None and found.status.name != content["status"]:
-        return "of another status"
-    if found is not None and not accepted and not OF_THE_CHECKER.intersection(place):
-        found.save(path)
-        return None if accepts(json.loads(path.read_text())) else "accepted by the package only"
-    return None
-
-
-@pytest.mark.parametrize("name", certified.CERTIFICATES)
-def test_readers_agree_on_files_with_one_thing_changed(name, files, tmp_path):
-    """Every leaf and the length of every list; all of them if HYPOTHESIS_PROFILE is thorough, else two of a kind."""
-    most = None if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 2
-    wrong = []
-    for place, content in tampering.single_changes(files[name], most):
-        found = disagreement(content, place, tmp_path / "file.json")
-        wrong += [] if found is None else [(found, place, tampering.at(content, place))]
+@pytest.mark.parametrize("number", range(len(certified.CERTIFICATES)))
+def test_readers_agree_on_files_with_one_thing_changed(number, files, tmp_path):
+    """What is accepted, what is false and what is malformed; 40 changes of a kind, all if the profile is thorough."""
+    content = files[list(certified.CERTIFICATES)[number]]
+    count = 10**9 if os.environ.get("HYPOTHESIS_PROFILE") == "thorough" else 40
+    wrong, _ = campaigns.divided([content], count, number, tmp_path / "file.json")
     assert not wrong, "\n".join(map(str, wrong[:20]))
 
 
-def test_what_may_be_changed_is_written_down():
-    page = (Path(__file__).parent.parent / "docs" / "certificate_format.md").read_text(encoding="utf-8")
-    for name in OF_THE_PACKAGE | OF_THE_CHECKER:
-        assert f"`{name}`" in page.split("## What nobody has to read")[1], name
+OF_THE_CHECKER = [name for name in certified.CERTIFICATES if "four" in name or "generators" in name or "cone" in name]
+
+
+@pytest.mark.parametrize("name", OF_THE_CHECKER)
+def test_numbers_of_a_proof_are_read_by_both(name, files, tmp_path):
+    """Cones with more generators than dimensions, and discs of eigenvalues: every number of their proofs matters."""
+    content = files[name]
+    of_cones = {"w", "Z"}
+    changes = [(p, x) for p, x in tampering.single_changes(content) if p[0] == "proof" or of_cones.intersection(p)]
+    for path, other in random.Random(0).sample(changes, min(60, len(changes))):
+        said = campaigns.judged(tampering.replaced(content, path, other), tmp_path / "file.json")
+        assert said[0] == said[1], (path, other, *said)
+
+
+COMMAND = {"PROVED": 0, "REFUTED": 1, "WRONG": 1, "UNREADABLE": 2}
+
+
+@pytest.mark.parametrize("number", range(len(certified.CERTIFICATES)))
+def test_the_command_says_what_the_readers_say(number, files, tmp_path, capsys):
+    content, path = files[list(certified.CERTIFICATES)[number]], tmp_path / "file.json"
+    for place, other in random.Random(number).sample(list(tampering.single_changes(content)), 8):
+        said = campaigns.judged(tampering.replaced(content, place, other), path)[0]
+        assert command_line(["check", str(path)]) == COMMAND[said]
+        assert capsys.readouterr().out.split()[0] == said
 
 
 # -- the frame of a file

@@ -254,7 +254,6 @@ def unread(*path):
         ("network, not to be weighted", at("v", {"array": [[1], [1]]})),
         ("Jacobians, one not positive", at("v", VECTOR)),
         ("not any cone, ahead", at("v", VECTOR)),
-        ("not any cone, ahead", at("multipliers", {"matrix": [[1, 0], [0, 1]]})),
     ],
 )
 def test_entries_that_nobody_reads_are_refused(name, change, tmp_path):

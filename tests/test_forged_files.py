@@ -130,7 +130,7 @@ def test_a_gain_from_disturbances_is_that_of_the_loop(tmp_path):
 @pytest.mark.parametrize("key", ["radii", "source"])
 def test_bounds_are_for_jacobians(key, name, tmp_path):
     content = files_of(name, tmp_path / "c.json")
-    n = sum(count * len(factor["w"]) for count, factor in content["data"]["X"]["cone"])
+    n = sum(count * len(factor["rays"][0]) for count, factor in content["data"]["X"]["cone"])
     said = {"tuple": [{"array": [[1000] * n] * n}]} if key == "radii" else "enclosed"
     both_refuse({**content, "data": {**content["data"], key: said}}, tmp_path / "c.json")
 

@@ -13,6 +13,7 @@ from strategies import integer_matrices, many_rays, proper_cone, without_facets
 import control_kpos as kp
 from control_kpos.cones import polyhedral
 from control_kpos.exact.matrix import Matrix
+from control_kpos.proof.files import read_content
 from control_kpos.proof.inclusion import GeneratorProof, PlaneViolation
 from control_kpos.proof.independent import verdict
 from control_kpos.proof.portable_cones import own_generators
@@ -126,7 +127,7 @@ def test_cones_that_are_found(no_facets, tmp_path):
             c.save(tmp_path / "file.json")
             again = kp.load_certificate(tmp_path / "file.json")
             assert again.status is c.status and again.check() and again.generator_proof is not None
-            assert verdict(tmp_path / "file.json").status == c.status.name
+            assert verdict(read_content(tmp_path / "file.json")).status == c.status.name
 
 
 def test_inputs_that_leave_the_cone(no_facets, tmp_path):
@@ -136,7 +137,7 @@ def test_inputs_that_leave_the_cone(no_facets, tmp_path):
     cert = kp.cone_positivity(A, B, None, None, X, kp.orthant(2))
     assert cert.witness.condition == "B U in X" and cert.witness.ray == 1 and cert.check()
     cert.save(tmp_path / "file.json")
-    assert verdict(tmp_path / "file.json").status == "REFUTED"
+    assert verdict(read_content(tmp_path / "file.json")).status == "REFUTED"
     assert kp.cone_positivity(A, B[:, :1], None, None, X, kp.orthant(1))
     zero = kp.cone_positivity(A, 0 * B, None, None, X, kp.orthant(2))
     assert zero and zero.check()
@@ -156,7 +157,9 @@ def test_redundant_generators_of_fractions_round_trip(no_facets, tmp_path):
     cert = kp.state_positivity(A, rays, discrete=True)
     assert cert and own_generators(cert.X).shape[0] == 49 and cert.X.n_rays == 45
     cert.save(tmp_path / "file.json")
-    assert kp.load_certificate(tmp_path / "file.json") and verdict(tmp_path / "file.json").status == "PROVED"
+    assert (
+        kp.load_certificate(tmp_path / "file.json") and verdict(read_content(tmp_path / "file.json")).status == "PROVED"
+    )
 
 
 @pytest.fixture(scope="module")
@@ -313,7 +316,7 @@ def test_stability_on_cones_that_are_found(no_facets, tmp_path):
         assert cert.check()
         cert.save(tmp_path / "file.json")
         assert kp.load_certificate(tmp_path / "file.json").status is cert.status
-        assert verdict(tmp_path / "file.json").status == cert.status.name
+        assert verdict(read_content(tmp_path / "file.json")).status == cert.status.name
     step = np.eye(n) + A / 20
     discrete = kp.linear_lyapunov(step, X, discrete=True)
     assert discrete and discrete.check()
@@ -368,7 +371,9 @@ def test_dissipativity_on_cones_that_are_found(no_facets, tmp_path):
     cert = kp.dissipativity(A, B, C, D, X, kp.orthant(2), kp.orthant(1))
     assert cert and cert.check()
     cert.save(tmp_path / "file.json")
-    assert kp.load_certificate(tmp_path / "file.json") and verdict(tmp_path / "file.json").status == "PROVED"
+    assert (
+        kp.load_certificate(tmp_path / "file.json") and verdict(read_content(tmp_path / "file.json")).status == "PROVED"
+    )
     assert kp.induced_gain(A, B, C, D, X, kp.orthant(2), kp.orthant(1)) == pytest.approx(
         (-C @ np.linalg.solve(A, B)).max(), rel=1e-6
     )

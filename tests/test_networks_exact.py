@@ -14,6 +14,7 @@ from control_kpos.networks import AlgebraicLoop, NetworkInstability
 from control_kpos.networks.certify import at_rate
 from control_kpos.proof import independent
 from control_kpos.proof.certificate import Status
+from control_kpos.proof.files import read_content
 
 ONES, TINY = np.ones((3, 3), dtype=object), Fraction(1, 10**30) * np.eye(3, dtype=int)
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
@@ -68,7 +69,7 @@ def test_files_and_the_independent_checker_read_exact_certificates(tmp_path):
         certificate.save(tmp_path / "net.json")
         again = kp.load_certificate(tmp_path / "net.json")
         assert again.status is certificate.status and again.check(), seed
-        assert independent.verdict(tmp_path / "net.json").status == certificate.status.name, seed
+        assert independent.verdict(read_content(tmp_path / "net.json")).status == certificate.status.name, seed
     assert {(s, exact) for s, _, exact in kinds} >= {
         (Status.PROVED, True),
         (Status.PROVED, False),
@@ -191,7 +192,8 @@ class TestAskedRate:
         again = kp.load_certificate(tmp_path / "c.json")
         assert again == d and again.required_rate == Fraction(1, 3) and again.explain() == d.explain()
         assert (
-            "decay rate at least 1/3 per" in d.explain() and independent.verdict(tmp_path / "c.json").status == "PROVED"
+            "decay rate at least 1/3 per" in d.explain()
+            and independent.verdict(read_content(tmp_path / "c.json")).status == "PROVED"
         )
         assert again != net.certificate and "required_rate" not in net.certificate.contents()
 

@@ -15,7 +15,7 @@ from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.signs import BilinearForms
 from control_kpos.networks import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation
 from control_kpos.networks.own_links import own_links_closed, same_network
-from control_kpos.proof import independent
+from control_kpos.proof import files, independent
 from control_kpos.proof.certificate import Status
 
 
@@ -64,7 +64,7 @@ def require_files(certificate, folder):
         certificate.save(path)
         again = kp.load_certificate(path)
         assert again.status is certificate.status and again.check() and again.explain() == certificate.explain()
-    found = independent.verdict(folder / "own.json")
+    found = independent.verdict(files.read_content(folder / "own.json"))
     assert found.status == certificate.status.name, found.text
 
 

@@ -106,6 +106,17 @@ class FeedbackCertificate(Demand):
     loops: tuple[LyapunovCertificate, ...]
     others: tuple[Certificate, ...] = ()
 
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> FeedbackCertificate:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By field; null stands for no part.
+        """
+        return cls.settle(**{name: x for name, x in contents.items() if x is not None})
+
     def parts(self) -> tuple[Certificate, ...]:
         """Proofs that this one rests on."""
         return self.loops + self.others
@@ -363,7 +374,9 @@ class DisturbanceCertificate(Demand):
             By the names in files.
         """
         _require_vector(cls, contents["v"])
-        if np.any(contents["q"] != -1) or np.ptp(contents["r"]):
+        shapes = (contents["Y"].dim,), (contents["U"].dim,)
+        alike = (contents["q"].shape, contents["r"].shape) == shapes
+        if not alike or np.any(contents["q"] != -1) or np.ptp(contents["r"]):
             raise DataError("the supply rate must be gamma 1'u - 1'y.")
         a, b, c, d = (contents[name].T for name in "ACBD")
         positivity = PositivityCertificate.settle(

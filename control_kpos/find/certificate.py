@@ -26,6 +26,7 @@ from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
+from ..proof.generators_in_files import generator_proof
 from ..proof.portable_cones import encode_generators, given_generators
 from ..proof.weights import ProofOmittedError, Prover
 from .impossible.port_obstruction import Between
@@ -151,6 +152,16 @@ class ConeCertificate(Certificate):
         if outer is not None:
             out.update(C=outer, Y=orthant(outer.shape[0]))
         return out
+
+    @classmethod
+    def _completed(cls, contents: dict[str, Any], data: dict[str, Any], proof: dict[str, Any]) -> dict[str, Any]:
+        """The contents with the weights that prove a cone."""
+        if "X" not in contents:
+            return contents
+        found = generator_proof(contents, data, proof)
+        shares = None if found.shares is None else found.shares.T
+        numbers = {"multipliers": found.multipliers, "pointing": found.pointing, "right_inverse": found.right_inverse}
+        return {**contents, **numbers, "shares": shares}
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> ConeCertificate:

@@ -86,6 +86,8 @@ class NodeVector(Vector):
         """See `Vector`."""
         if isinstance(value, np.ndarray) and value.ndim > 2:
             raise DataError("the vectors of all nodes stand in an array of at most two dimensions.")
+        if not isinstance(value, np.ndarray) and any(np.ndim(part) != 1 for part in value):
+            raise DataError("the vector of a node has one dimension.")
         flat = np.ravel(value) if isinstance(value, np.ndarray) else np.concatenate([np.ravel(part) for part in value])
         return super().hold(flat)
 

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from ..cones import Cone, Orthant, product
+from ..cones import Cone, Orthant, ProductCone, product
 from ..errors import DataError
 from ..exact.matrix import Matrix
 from ..proof import weights as proofs
 from ..proof.certificate import exactly
+from ..proof.portable_cones import own_generators
 from .blocks import take_blocks
 from .model import BLOCKS, NetworkModel
 from .nodes import NodeStack
@@ -82,7 +83,7 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         raise DataError("sizes and stack are not whole numbers.")
     sizes, stack = contents["sizes"].astype(np.intp), contents["stack"].astype(np.intp)
     cones, names = contents["cones"], contents.get("names")
-    if sizes.shape != (len(stack), 3) or not np.array_equal(np.unique(stack), np.arange(len(cones))):
+    if stack.ndim != 1 or sizes.shape != (len(stack), 3) or not np.array_equal(np.unique(stack), np.arange(len(cones))):
         raise DataError("sizes and stack do not describe nodes.")
     named = isinstance(names, tuple) and len(names) == len(stack) and all(isinstance(name, str) for name in names)
     if names is not None and not named:
@@ -100,10 +101,28 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
     model = NetworkModel(tuple(stacks), tuple(members), contents["W"], dt)
     if contents["W"].shape != model.totals[1:]:
         raise DataError("W has not the inputs and outputs of the nodes.")
-    alike = all(product_cone(model, kind) == contents[name] for kind, name in enumerate(_KINDS))
+    alike = all(_same_generators(product_cone(model, kind), contents[name]) for kind, name in enumerate(_KINDS))
     if not alike or model.discrete is not contents["discrete"] or not _same_blocks(model, contents):
         raise DataError("the nodes are not those of the large system.")
     return model
+
+
+def _same_generators(X: Cone, Y: Cone) -> bool:
+    """True if the generators of two products are the same vectors in the same order, as files have them."""
+    known: dict[str, int] = {}
+
+    def places(C: Cone) -> Any:
+        parts, counts = (C.factors, C.counts) if isinstance(C, ProductCone) else ((C,), (1,))
+        texts = {id(part): _text(part) for part in parts}
+        repeats = [k * (part.dim if isinstance(part, Orthant) else 1) for part, k in zip(parts, counts, strict=True)]
+        return np.repeat([known.setdefault(texts[id(part)], len(known)) for part in parts], repeats)
+
+    return np.array_equal(places(X), places(Y))
+
+
+def _text(factor: Cone) -> str:
+    """The generators of a cone, or of the half-lines of an orthant."""
+    return str([[Fraction(1)]] if isinstance(factor, Orthant) else own_generators(factor).fractions().tolist())
 
 
 def product_cone(model: NetworkModel, kind: int) -> Cone:
@@ -158,7 +177,7 @@ def evidence(model: NetworkModel, witness: Any) -> dict[str, Any]:
         ("K", Y, "D", U),
         ("M", U, "W", Y),
     ):
-        if not isinstance(target, Orthant):  # there, images are their own weights
+        if not target.is_simplicial:  # there, weights follow
             out[key] = prover.inclusion(target, M[name], source, invariance=key == "P" and not model.discrete)
     if witness is not None:
         shows, x, u, y, rate = _motion(model, witness)
@@ -172,7 +191,7 @@ def evidence(model: NetworkModel, witness: Any) -> dict[str, Any]:
         }
         for name in _PLACED[shows]:
             target, vector = places[name]
-            out[f"w{name}"] = None if isinstance(target, Orthant) else prover.vector(target, vector())
+            out[f"w{name}"] = None if target.is_simplicial else prover.vector(target, vector())
     return out
 
 
@@ -184,8 +203,8 @@ def _crossed(model: NetworkModel, witness: CouplingViolation | NodeViolation) ->
         broken = witness.violation
         node, kind, facet = witness.node, 0 if broken.condition[0] in "AB" else 2, broken.facet
     s = model.stacks[model.locate(node)[0]]
-    facets = (s.X, s.U, s.Y)[kind].exact_facets
-    return proofs.crossed_facet(facets, facet, int(model.offsets[kind][node]), model.totals[kind])
+    crossed = None if product_cone(model, kind).is_simplicial else (s.X, s.U, s.Y)[kind]
+    return proofs.crossed_facet(crossed, facet, int(model.offsets[kind][node]), model.totals[kind])
 
 
 class _Products(dict[str, Matrix]):

@@ -16,7 +16,7 @@ from ..exact.products import exact_product
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.encoding import LATER, register_record
-from ..proof.inclusion import PositivityViolation
+from ..proof.inclusion import PositivityViolation, row_of, worst_facet
 from ..theorems.dissipativity import DissipativityCertificate, SupplyViolation
 from ..theorems.positivity import PositivityCertificate
 from . import conditions as on
@@ -44,12 +44,12 @@ class CouplingViolation:
         h'W_jk y < 0, correctly rounded.
     """
 
-    computed: ClassVar[tuple[str, ...]] = ("value",)
+    computed: ClassVar[tuple[str, ...]] = ("facet", "value")
 
     target: int
     source: int
-    facet: int
-    ray: int
+    facet: int = LATER
+    ray: int = LATER
     value: float = LATER
 
     def __str__(self) -> str:
@@ -301,7 +301,9 @@ def restated(certificate: Any) -> Any:
     """
     model, w = certificate.model, certificate.witness
     if isinstance(w, CouplingViolation):
-        return coupling_violation(model, w.target, w.source, w.facet, w.ray)
+        y, block, facets = _parts(model, w.target, w.source, w.ray)
+        facet = worst_facet(y, block, facets, flow=False)
+        return coupling_violation(model, w.target, w.source, facet, w.ray)
     if isinstance(w, NodeViolation):
         part = replace(node_positivity(model, w.node), witness=w.violation)
         return replace(w, violation=part.restated())
@@ -318,15 +320,14 @@ def _coupling(model: NetworkModel, w: CouplingViolation) -> list[Condition] | No
 
 def _pair(model: NetworkModel, target: int, source: int, facet: int, ray: int) -> tuple[Matrix, Matrix, Matrix]:
     """A facet of U_j, W_jk and a generator of Y_k."""
+    y, block, facets = _parts(model, target, source, ray)
+    return row_of(facets, facet), block, y
+
+
+def _parts(model: NetworkModel, target: int, source: int, ray: int) -> tuple[Matrix, Matrix, Matrix]:
+    """A generator of Y_k, W_jk and the facets of U_j."""
     (gj, _), (gk, _) = model.locate(target), model.locate(source)
     rows = np.arange(model.offsets[1][target], model.offsets[1][target + 1])[None]
     columns = np.arange(model.offsets[2][source], model.offsets[2][source + 1])[None]
     block = take_blocks(model.coupling, rows, columns)[0]
-    return exact_rows(on.facets(model.stacks[gj].U), facet), block, exact_rows(model.stacks[gk].rays[2], ray)
-
-
-def exact_rows(m: Matrix, row: int) -> Matrix:
-    """One row of the facets or generators of a cone; IndexError if there is none."""
-    if not 0 <= row < m.shape[0]:
-        raise IndexError(row)
-    return m[np.array([row])].dense()
+    return row_of(model.stacks[gk].rays[2], ray), block, on.facets(model.stacks[gj].U)

@@ -20,6 +20,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate
 from ..proof.encoding import LATER, register_record
+from ..proof.inclusion import row_of
 from ..proof.weights import ProofOmittedError, Prover, crossed_facet
 
 _SOURCES = ("vertices", "enclosed", "sampled")
@@ -43,12 +44,12 @@ class DifferentialViolation:
         Where; None for a Jacobian that was given as a matrix.
     """
 
-    computed: ClassVar[tuple[str, ...]] = ("value",)
+    computed: ClassVar[tuple[str, ...]] = ("facet", "value")
 
     centre: Array
     radius: Array
-    facet: int
-    ray: int
+    facet: int = LATER
+    ray: int = LATER
     value: float = LATER
     point: Array | None = None
 
@@ -135,10 +136,11 @@ class DifferentialCertificate(Certificate):
         if w.point is not None and np.shape(w.point) != (n,):
             raise DataError("the point of a violation does not fit the cone.")
         member = self._member(w)
-        if (member is None and w.point is None) or not (0 <= w.facet < X.n_facets and 0 <= w.ray < X.n_rays):
+        if (member is None and w.point is None) or not 0 <= w.ray < X.n_rays:
             return None
         J = Matrix(w.centre) if member is None else self.centres[member]
-        return _worst(_dense_facets(X)[[w.facet]], J, w.radius, _dense_rays(X)[[w.ray]], 1)
+        facets = _dense_facets(X) if w.facet is None else row_of(_dense_facets(X), w.facet)
+        return _worst(facets, J, w.radius, _dense_rays(X)[[w.ray]], 1)
 
     def _member(self, w: DifferentialViolation) -> int | None:
         """Which Jacobian was given as a matrix that rounds to the centre; None for one at a point."""
@@ -173,11 +175,19 @@ class DifferentialCertificate(Certificate):
         shape = rest["centres"].shape
         if not shape[0] or rest["radii"].shape != shape or not (rest["radii"] >= 0).all():
             raise DataError("every Jacobian needs a radius, and radii are not negative.")
-        w: Any = rest.get("witness")
-        forms = cls(**rest)._crossing(w) if isinstance(w, DifferentialViolation) else None
-        if forms is not None:
-            rest["witness"] = replace(w, value=float(forms.values[0, 0]))
-        return cls.settle(**rest)
+        draft = cls(**rest)
+        return cls.settle(**{**rest, "witness": draft._restated()})
+
+    def _restated(self) -> Any:
+        """The witness with the worst facet, and the value there, which files leave out."""
+        w, X = self.witness, self.X
+        forms = self._crossing(w) if isinstance(w, DifferentialViolation) else None
+        if forms is None:
+            return w
+        where = None if self.discrete else np.asarray(X.incidence)[:, [w.ray]]
+        found = Condition("h'J x >= 0", forms, ">=", where).worst_violation()
+        facet = 0 if found is None else found[0]
+        return replace(w, facet=facet, value=float(forms.values[facet, 0]))
 
     def evidence(self) -> dict[str, Any]:
         """Weights of A x_i for every Jacobian A, within its bounds; or the facet that one of them crosses."""
@@ -187,9 +197,7 @@ class DifferentialCertificate(Certificate):
         if w is None:
             layers = ((self.centres[s], self.radii[s]) for s in range(count))
             return {"P": [prover.within_bounds(self.X, A, R, invariance=not self.discrete) for A, R in layers]}
-        crossed = crossed_facet(self.X.exact_facets, w.facet)
-        member = self._member(w)
-        return {"P": [None] * count, **({} if member is None else {"member": member}), **crossed}
+        return crossed_facet(self.X, w.facet)
 
     @property
     def is_strict(self) -> bool:

@@ -81,7 +81,7 @@ def read_archive(path: str | PathLike[str], parse: Callable[[str], Any]) -> Any:
 def expand(content: Any) -> Any:
     """The same data with arrays as exact text, as in a JSON file."""
     if isinstance(content, dict):
-        if "sparse" in content and isinstance(content["sparse"], dict):
+        if isinstance(content.get("sparse"), dict) and isinstance(content["sparse"].get("rows"), np.ndarray):
             parts = [content["sparse"][key].tolist() for key in ("rows", "columns", "values")]
             entries = [[i, j, number_text(x)] for i, j, x in zip(*parts, strict=True)]
             return {"sparse": entries, "shape": content["shape"]}

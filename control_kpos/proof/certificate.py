@@ -23,7 +23,7 @@ from ..cards import Signals, card, floored
 from ..errors import DataError
 from ..exact.condition import Condition, all_hold, residuals
 from ..exact.matrix import Matrix
-from .encoding import Encoder
+from .encoding import Encoder, stated
 from .files import register_claim, save_certificate, unproven_rates
 from .portable_cones import encode_cone
 from .weights import ProofOmittedError
@@ -148,9 +148,8 @@ class Fractions:
         if fractions is None:
             return
         given = fractions if len(self.names) > 1 else (fractions,)
-        for k, name in enumerate(self.names):
-            held, part = vars(record)[name], given[k] if k < len(given) else ()
-            if held is None and part:
+        for name, part in zip(self.names, given, strict=True):
+            if (held := vars(record)[name]) is None and part:
                 raise DataError(f"exact numbers stand where {name} has none.")
             if held is not None:
                 exact = _of_fractions(part)
@@ -336,7 +335,8 @@ class Certificate(ABC):
         if self.status is Status.UNDECIDED:
             return {"omitted": "nothing is proven"}
         try:
-            return self.evidence()
+            found = self.evidence().items()
+            return {name: x for name, x in found if x is not None and x != [None] * len(x)}
         except ProofOmittedError as reason:
             return {"omitted": str(reason)}
 
@@ -412,7 +412,7 @@ class ClaimWithRate(Certificate):
 def _stated(certificate: Any, encoder: Encoder) -> dict[str, Any]:
     """What a file says of a certificate, but for its proof."""
     data = {key: encoder.value(value) for key, value in certificate.contents().items()}
-    return {"claim": certificate.claim, "status": certificate.status.name, "data": data}
+    return {"claim": certificate.claim, "status": certificate.status.name, "data": stated(data)}
 
 
 def states_the_same(one: Any, other: Any) -> bool:

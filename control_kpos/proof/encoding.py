@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -61,6 +61,9 @@ _ITEMS: dict[str, tuple[type, ...]] = {
     "VectorPair": (np.ndarray, tuple),
     **dict.fromkeys(("NodeVector", "Array"), (np.ndarray,)),
 }
+
+# And in tuples in these.
+_EXACT = ("Fractions", "VectorPair")
 
 _PART = {"claim", "status", "data", "proof"}
 
@@ -204,6 +207,26 @@ def encode_triplets(entries: list[tuple[int, int, Any]], shape: tuple[int, ...])
 # -- reading
 
 
+# What a file has in its proof, exactly: certificates hold it too, up to rounding.
+_IN_PROOF = {
+    None: {"multipliers", "pointing", "right_inverse", "shares"},
+    "GeneratorProof": {"multipliers", "pointing", "right_inverse", "shares"},
+    "InstabilityCombination": {"weights"},
+}
+
+
+def stated(data: dict[str, Any]) -> dict[str, Any]:
+    """The data of a file without the numbers that its proof has as well."""
+    out = {name: x for name, x in data.items() if name not in _IN_PROOF[None]}
+    for name in ("generator_proof", "witness"):
+        record = out.get(name)
+        kind = record.get("record") if isinstance(record, dict) else None
+        if record is not None and isinstance(kind, str) and kind in _IN_PROOF:
+            rest = {key: x for key, x in record["fields"].items() if key not in _IN_PROOF[kind]}
+            out[name] = {**record, "fields": rest}
+    return out
+
+
 class Decoder:
     """The inverse of `Encoder` for one file.
 
@@ -252,6 +275,9 @@ class Decoder:
         names = {field.name for field in fields(kind)}
         said = {key: x for key, x in value["fields"].items() if key not in getattr(kind, "computed", ())}
         content = {key: self.value(x) for key, x in said.items() if x is not None or key in names}
+        needed = [f.name for f in fields(kind) if f.default not in (None, MISSING) and f.name not in content]
+        if needed:
+            raise CertificateFileError(f"{', '.join(needed)} is missing.")
         require_kinds(kind, content)
         return kind(**content)
 
@@ -313,7 +339,9 @@ def require_kinds(cls: Any, values: dict[str, Any]) -> None:
         if value is field.default or (value is None and kind != field.type):
             continue
         items = value if isinstance(value, tuple) else ()
-        if not (_is_any(value, _KINDS.get(kind)) and all(_is_any(item, _ITEMS.get(kind)) for item in items)):
+        numbers = [x for item in items if isinstance(item, tuple) and kind in _EXACT for x in item]
+        fits = _is_any(value, _KINDS.get(kind)) and all(_is_any(item, _ITEMS.get(kind)) for item in items)
+        if not fits or not all(isinstance(x, Fraction) for x in numbers):
             raise CertificateFileError(f"{field.name} is {str(value)[:60]!r}, which is of another kind ({field.type}).")
 
 

@@ -68,11 +68,11 @@ class PositivityViolation:
         normal' M generator < 0, correctly rounded (its sign is proven for the exact rows).
     """
 
-    computed: ClassVar[tuple[str, ...]] = ("normal", "generator", "value")
+    computed: ClassVar[tuple[str, ...]] = ("facet", "normal", "generator", "value")
 
     condition: str
-    facet: int
-    ray: int
+    facet: int = LATER
+    ray: int = LATER
     normal: NDArray[np.float64] = LATER
     generator: NDArray[np.float64] = LATER
     value: float = LATER
@@ -175,7 +175,8 @@ class Inclusion:
             There are no such facet, generator or normal.
         """
         if not isinstance(w, PlaneViolation):
-            return self.violation(w.facet, w.ray)
+            facet = w.facet if w.facet is not None else self._worst_facet(w.ray)
+            return self.violation(facet, w.ray)
         normal = w.exact_normal()
         require_shape(normal, "the normal", (1, self.target.dim))
         h, x = _vector(normal, 0), _vector(self._given_rays(), w.ray)
@@ -215,6 +216,9 @@ class Inclusion:
         images = self.M.plain().fractions() @ vectors.fractions().T
         return prover.repaired(own_generators(self.target), images, guess, invariance=self.flow)
 
+    def _worst_facet(self, ray: int) -> int:
+        return worst_facet(row_of(self._rays(), ray), self.M, self.target.exact_facets, flow=self.flow)
+
     def _rays(self) -> Matrix:
         return self.source.exact_rays if self.generators is None else self.generators
 
@@ -249,8 +253,8 @@ class GeneratorProof:
         B u_i = R n_i likewise, for the generators u_i of U.
     """
 
-    pointing: NDArray[np.float64]
-    right_inverse: NDArray[np.float64]
+    pointing: NDArray[np.float64] = LATER
+    right_inverse: NDArray[np.float64] = LATER
     multipliers: Matrix | None = None
     shares: Matrix | None = None
 
@@ -285,11 +289,31 @@ def _shows_the_same(w: PositivityViolation, other: PositivityViolation) -> bool:
     )
 
 
-def _vector(rows: Matrix, index: int) -> NDArray[np.float64]:
-    """One row as doubles; IndexError if there is none."""
+def worst_facet(x: Matrix, M: Matrix, facets: Matrix, *, flow: bool) -> int:
+    """The number of the facet through which M takes a generator x farthest; for a flow, of those that x lies on.
+
+    Raises
+    ------
+    DataError
+        There is none.
+    """
+    where = BilinearForms(x, None, facets).signs() == 0 if flow else None
+    place = Condition("", BilinearForms(x, M.T, facets), ">=", where).worst_violation()
+    if place is None:
+        raise DataError("the generator of the witness leaves through no facet.")
+    return place[1]
+
+
+def row_of(rows: Matrix, index: int) -> Matrix:
+    """One row, 1 x n; IndexError if there is none."""
     if not 0 <= index < rows.shape[0]:
         raise IndexError(index)
-    return rows[np.array([index])].dense().values[0].copy()
+    return rows[np.array([index])].dense()
+
+
+def _vector(rows: Matrix, index: int) -> NDArray[np.float64]:
+    """One row as doubles; IndexError if there is none."""
+    return row_of(rows, index).values[0].copy()
 
 
 def _row_of(numbers: tuple[Fraction, ...]) -> Matrix:

@@ -1,12 +1,17 @@
-"""The independent checker, called from the package: its verdict on a file, archives included."""
+"""The independent checker, called from the package: its verdict on a file, archives included.
+
+`load_certificate` asks it about files with numbers that are there for the checker alone, so that both refuse the same.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
+from typing import Any
 
 from .. import checker
-from .files import read_content
+from ..errors import CertificateFileError, FalseClaimError
+from .archive import expand
+from .portable_cones import factors_in
 
 # Characters of JSON that the checker takes on; it needs about a second for a megabyte.
 _LONGEST = 2 * 10**8
@@ -29,17 +34,16 @@ class Verdict:
     text: str
 
 
-def verdict(path: str | PathLike[str]) -> Verdict:
+def verdict(content: dict[str, Any]) -> Verdict:
     """Let `checker` decide, in rational arithmetic and from the proof in the file alone.
 
-    Raises
-    ------
-    CertificateFileError
-        The file is not a certificate.
+    Parameters
+    ----------
+    content : dict
+        What `read_content` returned; arrays of archives are turned into text.
     """
-    content = read_content(path, as_text=True)
     try:
-        note = checker.verify(content, _LONGEST)
+        note = checker.verify(expand(content), _LONGEST)
     except checker.Wrong as reason:
         return Verdict("WRONG", f"The independent checker disagrees: not proven: {reason}.")
     except (checker.Omitted, RecursionError, MemoryError) as reason:
@@ -48,3 +52,30 @@ def verdict(path: str | PathLike[str]) -> Verdict:
         return Verdict("UNREADABLE", f"The independent checker cannot read it: {reason}.")
     confirmed = "The independent checker confirms it in rational arithmetic"
     return Verdict(str(content["status"]), f"{confirmed} ({note})." if note else f"{confirmed}.")
+
+
+def require_agreement(content: dict[str, Any]) -> None:
+    """Refuse a file in which a number that only the checker reads proves nothing.
+
+    Those are `proof`, what shows that cones with more generators than dimensions are proper, and discs of eigenvalues.
+
+    Raises
+    ------
+    CertificateFileError, FalseClaimError
+        In the words of the checker.
+    """
+    found = verdict(content) if _is_for_the_checker(content) else None
+    if found is not None and found.status in ("WRONG", "UNREADABLE"):
+        raise (FalseClaimError if found.status == "WRONG" else CertificateFileError)(found.text)
+
+
+def _is_for_the_checker(content: dict[str, Any]) -> bool:
+    wide = any(len(part["rays"]) != len(part["rays"][0]) for part in factors_in(content))
+    return wide or content["claim"] == "invariant-cone" or any(proofs_in(content))
+
+
+def proofs_in(content: dict[str, Any]) -> list[dict[str, Any]]:
+    """The proof of a file, and of the certificates in it."""
+    parts = [part for x in content["data"].values() for part in (x.get("tuple", [x]) if isinstance(x, dict) else ())]
+    inner = [part["certificate"] for part in parts if isinstance(part, dict) and "certificate" in part]
+    return [content["proof"], *(proof for part in inner for proof in proofs_in(part))]

@@ -1,12 +1,13 @@
 """Cones in certificate files: generators, and the numbers that prove them pointed and solid.
 
 A cone is written as the product of factors, each a number of times.  A factor has its generators x_i as rows of
-`rays`, a vector w with w'x_i > 0 (pointed), and a matrix Z with sum_i x_i Z_ij = e_j (solid).  The
-orthant in R^n is n times the half-line.
+`rays`; unless they are as many as the dimensions, a vector w with w'x_i > 0 (pointed), and a matrix Z with
+sum_i x_i Z_ij = e_j (solid).  The orthant in R^n is n times the half-line.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
 from typing import Any
 
@@ -33,7 +34,9 @@ from .encoding import Written, exact_rows, nested_text
 Rationals = NDArray[np.object_]
 # Above this dimension exact inverses are longer than a file should be.
 LARGE = 64
-_HALF_LINE = {"rays": [[1]], "w": [1], "Z": [[1]]}
+# Where no cone is.
+_NUMBERS = ("array", "fractions", "matrix", "sparse")
+_HALF_LINE = {"rays": [[1]]}
 
 
 def encode_cone(cone: Cone) -> list[Any]:
@@ -51,8 +54,10 @@ def encode_cone(cone: Cone) -> list[Any]:
 def _encode_factor(cone: Cone) -> dict[str, Any]:
     rays = portable_rows(cone.exact_rays)
     out: dict[str, Any] = {"rays": nested_text(rays.tolist())}
+    if len(rays) == cone.dim:
+        return out
     try:
-        w, Z = np.asarray(cone.dual.interior_point), right_inverse(cone, rays)
+        w, Z = np.asarray(cone.dual.interior_point), spanning_inverse(cone.exact_rays, rays)
     except KposError:  # too thin for doubles: the file is for this package alone
         return out
     return out if Z is None else {**out, "w": nested_text(w.tolist()), "Z": nested_text(Z.tolist())}
@@ -61,9 +66,27 @@ def _encode_factor(cone: Cone) -> dict[str, Any]:
 def encode_generators(rays: Matrix, w: NDArray[np.float64]) -> Written:
     """The cone of given generators, of which w is positive on all, without its facets."""
     rows = portable_rows(rays)
-    out = {"rays": nested_text(rows.tolist()), "w": nested_text(w.tolist())}
-    Z = spanning_inverse(rays, rows)
-    return Written({"cone": [[1, out if Z is None else {**out, "Z": nested_text(Z.tolist())}]]})
+    out = {"rays": nested_text(rows.tolist())}
+    if rows.shape[0] != rows.shape[1]:
+        out["w"], Z = nested_text((w + 0.0).tolist()), spanning_inverse(rays, rows)
+        out |= {} if Z is None else {"Z": nested_text(Z.tolist())}
+    return Written({"cone": [[1, out]]})
+
+
+def factors_in(data: Any) -> Iterator[dict[str, Any]]:
+    """The factors of all cones in data of a file."""
+    if isinstance(data, dict) and isinstance(data.get("rays"), list):
+        yield data
+    elif isinstance(data, (dict, list)):
+        items = data if isinstance(data, list) else (x for key, x in data.items() if key not in _NUMBERS)
+        for item in items:
+            yield from factors_in(item)
+
+
+def is_portable(factor: dict[str, Any]) -> bool:
+    """True if a factor of a cone can be proven pointed and solid from what a file has of it."""
+    n = len(factor["rays"][0])
+    return "Z" in factor or (len(factor["rays"]) == n <= LARGE)
 
 
 def given_generators(cone: Cone) -> Matrix:
@@ -181,9 +204,9 @@ def decode_cone(runs: Any, limit: int) -> Cone:
 
 def _is_shown_proper(cone: Cone, part: dict[str, Any]) -> bool:
     """Whether w'x > 0 on all generators, which span the space; False if the file has no such w."""
-    if "w" not in part or len(part["w"]) != cone.dim:
-        return False
     rays = given_generators(cone)
+    if rays.shape[0] == cone.dim or "w" not in part or len(part["w"]) != cone.dim:
+        return False
     pointed = Condition("w'x > 0", BilinearForms(exact_rows([part["w"]]), None, rays), ">")
     spanning = independent(rays, rays.rows_as_integers(np.arange(rays.shape[0])))
     return pointed.verdict() is True and len(spanning) == cone.dim

@@ -27,13 +27,13 @@ from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix, integers_of_doubles
 from ..exact.rational_programs import exact_combination, exact_feasibility
-from .encoding import encode_triplets, exact_rows, number_text
+from .encoding import encode_triplets, number_text
 from .portable_cones import (
     LARGE,
-    encode_cone,
     independent,
     opposite_facets,
     portable_rows,
+    right_inverse,
     spanning_inverse,
 )
 
@@ -53,12 +53,6 @@ _HALF_LINE = orthant(1)
 
 class ProofOmittedError(ArithmeticError):
     """A proof would be too long for a file, or take too long to find."""
-
-
-def require_portable(cone: Cone) -> None:
-    """Raise `ProofOmittedError` if a file with this cone does not prove it pointed and solid."""
-    if any("Z" not in part for _, part in encode_cone(cone)):
-        raise ProofOmittedError(f"cones are proven pointed and solid up to dimension {LARGE}")
 
 
 class _Block(NamedTuple):
@@ -89,7 +83,7 @@ class Prover:
         invariance: bool = False,
         source_rays: Matrix | None = None,
     ) -> Any:
-        """Weights of M x_i, column by column, as JSON data; None for an orthant, where M x_i are the weights.
+        """Weights of M x_i, column by column, as JSON data; None for a simplicial target, where they follow.
 
         Parameters
         ----------
@@ -105,7 +99,7 @@ class Prover:
         ProofOmittedError
             If it would take too long.
         """
-        if isinstance(target, Orthant):
+        if _determines_weights(target):
             return None
         if source_rays is not None:
             return self._images(target, M, source_rays)
@@ -127,20 +121,15 @@ class Prover:
         Then J x_i has weights >= 0 (invariance: but for its own) for every J with |J - A| <= radius, entry by entry,
         because sum_k x_k Z_kj = e_j.  On simplicial cones this is necessary too.
         """
-        if isinstance(X, Orthant) or not radius.any():
+        if X.is_simplicial or not radius.any():
             return self.inclusion(X, A, X, invariance=invariance)
-        require_portable(X)
         if X.n_rays * X.n_rays * X.dim > _REPAIRS:
             raise ProofOmittedError("exact weights for so many generators would take too long")
-        rays, Z = _written(X, "rays"), _written(X, "Z")
-        images = A.fractions() @ rays.T
-        if len(rays) == X.dim:
-            P = Z @ images
-        else:
-            spread = np.abs(Z) @ Matrix(radius).fractions() @ np.abs(rays.T)
-            rest = (images - rays.T @ spread).T
-            free = range(len(rays)) if invariance else [None] * len(rays)
-            P = spread + np.array([self._column(rays, y, i, False) for y, i in zip(rest, free, strict=True)]).T
+        rays, Z = _written(X)
+        spread = np.abs(Z) @ Matrix(radius).fractions() @ np.abs(rays.T)
+        rest = (A.fractions() @ rays.T - rays.T @ spread).T
+        free = range(len(rays)) if invariance else [None] * len(rays)
+        P = spread + np.array([self._column(rays, y, i, False) for y, i in zip(rest, free, strict=True)]).T
         return self._encoded(_entries(P), P.shape)
 
     def _images(self, target: Cone, M: Matrix, rays: Matrix) -> Any:
@@ -153,8 +142,8 @@ class Prover:
         return self._encoded(entries, (target.n_rays, rays.shape[0]))
 
     def vector(self, target: Cone, x: Rationals, *, interior: bool = False) -> Any:
-        """Weights of one vector in a cone, as JSON data; None for an orthant."""
-        if isinstance(target, Orthant):
+        """Weights of one vector in a cone, as JSON data; None for a simplicial one, where they follow."""
+        if _determines_weights(target):
             return None
         out: list[Entry] = []
         for block in _blocks(target):
@@ -235,8 +224,7 @@ class Prover:
         if any(x < 0 and (i != j or not invariance) for (i, j), x in found.items()):
             raise ProofOmittedError("rounding errors are larger than what the weights have to spare")
         entries = [(i, j, x) for (i, j), x in sorted(found.items())]
-        self._count(entries)
-        return encode_triplets(entries, guess.shape)
+        return self._encoded(entries, guess.shape)
 
     def _count(self, entries: list[Entry]) -> None:
         self._bits += sum(
@@ -294,6 +282,13 @@ class Prover:
         return found
 
 
+def _determines_weights(cone: Cone) -> bool:
+    """True if the generators of a cone are as many as its dimensions, so that readers work weights out."""
+    if isinstance(cone, ProductCone) and cone.is_simplicial and sum(cone.counts) > _BLOCKS:
+        raise ProofOmittedError(f"the product has more than {_BLOCKS} factors")
+    return cone.is_simplicial
+
+
 def _blocks(cone: Cone) -> list[_Block]:
     runs = list(zip(cone.factors, cone.counts, strict=True)) if isinstance(cone, ProductCone) else [(cone, 1)]
     runs = [
@@ -337,15 +332,17 @@ def _pieces(M: Matrix, targets: list[_Block], sources: list[_Block]) -> Iterator
         yield a, b, piece
 
 
-def _written(cone: Cone, key: str) -> Rationals:
-    """The generators ("rays") or the right inverse ("Z") of a cone as they stand in its file, block diagonal."""
-    blocks = [exact_rows(part[key]).fractions() for count, part in encode_cone(cone) for _ in range(count)]
-    out = np.full((sum(len(b) for b in blocks), cone.dim), Fraction(0), dtype=object)
-    row = column = 0
-    for b in blocks:
-        out[row : row + b.shape[0], column : column + b.shape[1]] = b
-        row, column = row + b.shape[0], column + b.shape[1]
-    return out
+def _written(cone: Cone) -> tuple[Rationals, Rationals]:
+    """The generators and the right inverse of a cone as readers of its file have them, block diagonal."""
+    out = tuple(np.full((cone.n_rays, cone.dim), Fraction(0), dtype=object) for _ in range(2))
+    for block in _blocks(cone):
+        rays = portable_rows(block.cone.exact_rays)
+        Z = right_inverse(block.cone, rays)
+        if Z is None:
+            raise ProofOmittedError(f"cones are proven solid up to dimension {LARGE}")
+        for whole, part in zip(out, (rays, Z), strict=True):
+            whole[block.ray : block.ray + len(rays), block.row : block.row + block.cone.dim] = part
+    return out[0], out[1]
 
 
 def _entries(W: Rationals, row: int = 0, column: int = 0) -> list[Entry]:
@@ -362,9 +359,14 @@ def _encoded(entries: list[Entry], shape: tuple[int, int]) -> dict[str, Any]:
     return {"matrix": full}
 
 
-def crossed_facet(facets: Matrix, facet: int, first: int = 0, size: int | None = None) -> dict[str, Any]:
-    """Of a broken inclusion the exact normal, which begins at an entry of a vector of this size."""
-    row = facets.rows_as_integers(np.array([facet]))[0]
+def crossed_facet(target: Cone | None, facet: int, first: int = 0, size: int | None = None) -> dict[str, Any]:
+    """Of a broken inclusion the exact normal, which begins at an entry of a vector of this size.
+
+    Nothing for a simplicial cone, or None, of which readers have all facets.
+    """
+    if target is None or target.is_simplicial:
+        return {}
+    row = target.exact_facets.rows_as_integers(np.array([facet]))[0]
     entries = [(first + int(j), 0, int(row[j])) for j in np.flatnonzero(row)]
     return {"normal": encode_triplets(entries, (len(row) if size is None else size, 1))}
 

@@ -27,6 +27,7 @@ from ..exact.condition import Condition
 from ..exact.intake import exact_matrix, flag, require_shape
 from ..exact.matrix import Matrix
 from ..proof.certificate import Certificate, Status
+from ..proof.generators_in_files import generator_proof
 from ..proof.inclusion import MEANING, NAMES, NO_MARGIN, GeneratorProof, Inclusion, PlaneViolation, PositivityViolation
 from ..proof.portable_cones import encode_generators, own_generators
 from ..proof.proposed_weights import prove
@@ -112,6 +113,11 @@ class PositivityCertificate(Certificate):
         return next((inclusion for inclusion in self.inclusions() if MEANING[inclusion.name] == w.condition), None)
 
     @classmethod
+    def _completed(cls, contents: dict[str, Any], data: dict[str, Any], proof: dict[str, Any]) -> dict[str, Any]:
+        """The contents with the proof from generators, if it is one."""
+        return _with_generators(contents, data, proof)
+
+    @classmethod
     def restore(cls, contents: dict[str, Any]) -> PositivityCertificate:
         """The inverse of `contents`; what a violation shows is computed afresh.
 
@@ -158,7 +164,7 @@ class PositivityCertificate(Certificate):
             broken = self._broken(w)
             if broken is None:
                 raise DataError(f"{w.condition} is not claimed.")
-            return crossed_facet(broken.target.exact_facets, w.facet)
+            return crossed_facet(broken.target, w.facet)
         prover = Prover()
         guesses = {} if proof is None else {"A": proof.multipliers, "B": proof.shares}
         return {
@@ -334,6 +340,11 @@ class ClaimOnPositivity(Certificate):
         return {**self.positivity.contents(), **{k: x for k, x in self.data().items() if k != "positivity"}}
 
     @classmethod
+    def _completed(cls, contents: dict[str, Any], data: dict[str, Any], proof: dict[str, Any]) -> dict[str, Any]:
+        """The contents with the proof from generators, if it is one."""
+        return _with_generators(contents, data, proof)
+
+    @classmethod
     def restore(cls: type[P], contents: dict[str, Any]) -> P:
         """The inverse of `contents`.
 
@@ -350,6 +361,12 @@ class ClaimOnPositivity(Certificate):
         if violation is not None:
             own["witness"] = positivity.witness
         return cls.settle(positivity=positivity, **own)
+
+
+def _with_generators(contents: dict[str, Any], data: dict[str, Any], proof: dict[str, Any]) -> dict[str, Any]:
+    if not isinstance(contents.get("generator_proof"), GeneratorProof):
+        return contents
+    return {**contents, "generator_proof": generator_proof(contents, data, proof)}
 
 
 @np.errstate(all="ignore")

@@ -30,6 +30,7 @@ from ..exact.intake import exact_number
 from ..exact.matrix import Integers, Matrix, bit_length
 from ..exact.signs import BilinearForms
 from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly
+from ..proof.generators_in_files import growth_weights
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
@@ -154,6 +155,14 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
         if conditions is None or not isinstance(w, SlowDirection) or w.rate < asked:
             return conditions
         return [*conditions, moving_condition(self.A, self.X, self.discrete, w)] if w.rate == asked else None
+
+    @classmethod
+    def _completed(cls, contents: dict[str, Any], data: dict[str, Any], proof: dict[str, Any]) -> dict[str, Any]:
+        """The contents with the proof from generators, and the weights of a direction of growth, if it is one."""
+        w, out = contents.get("witness"), super()._completed(contents, data, proof)
+        if not isinstance(w, InstabilityCombination):
+            return out
+        return {**out, "witness": replace(w, weights=growth_weights(contents, data, proof, exactly(w, "x")))}
 
     def evidence(self) -> dict[str, Any]:
         """Evidence of positivity, and of a witness x (the slow direction) the weights of x and A x (+ bound x) in X."""
@@ -334,9 +343,9 @@ def _growing(positivity: PositivityCertificate, x: Matrix) -> InstabilityDirecti
 def _growth_conditions(positivity: PositivityCertificate, w: InstabilityDirection) -> list[Condition] | None:
     """The inequalities on a direction of growth; None if weights come without generators."""
     A, X, discrete, proof = positivity.A, positivity.X, positivity.discrete, positivity.generator_proof
-    if not isinstance(w, InstabilityCombination):
+    if not isinstance(w, InstabilityCombination) or proof is None:
         return instability_conditions(A, X, discrete, w)
-    return None if proof is None else combination_conditions(A, X, discrete, w, proof)
+    return combination_conditions(A, X, discrete, w, proof)
 
 
 def by_vector(positivity: PositivityCertificate, v: Matrix, **more: Any) -> LyapunovCertificate:

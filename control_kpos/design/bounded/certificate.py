@@ -172,7 +172,7 @@ class OrderIntervalCertificate(ToldAsInterval, ClaimOnPositivity):
     def refutation(self) -> Sequence[Condition] | None:
         """The inequalities on the witness."""
         w, facets, rays = self.witness, self.X.exact_facets, self.X.exact_rays
-        if self.x_max is not None or self.positivity.status is not Status.PROVED:
+        if self.x_max is not None or self.covers is not None or self.positivity.status is not Status.PROVED:
             return None
         if isinstance(w, NoInterval):
             d = exactly(w, "d")[None]
@@ -247,6 +247,8 @@ class OrderIntervalCertificate(ToldAsInterval, ClaimOnPositivity):
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.x_max is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
+        if (self.rows is None) != (self.bounds is None) or (self.covers is not None and self.rows is None):
+            raise DataError("rows have bounds, and without them there is nothing to cover.")
         if (self.lyapunov is None) != (self.x_min is None):
             raise DataError("x_min needs a vector v with v'A x < 0, which stands for nothing else.")
         return super()._evaluate()

@@ -54,6 +54,10 @@ class Between:
     normal: Matrix
     vector: Matrix
 
+    def __post_init__(self) -> None:
+        for name in ("normal", "vector"):
+            object.__setattr__(self, name, getattr(self, name).dense())
+
     def restated(self, matrices: Matrix, *, discrete: bool) -> Between:
         """The obstruction with what files leave out."""
         return self
