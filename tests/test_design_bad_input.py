@@ -242,7 +242,15 @@ def test_refusals_name_their_cone():
     slow = kp.state_feedback(PLANT, X=PAPER, rate=3)
     assert slow.status is kp.Status.REFUTED and "a cone of 2 generators in R^2" in slow.explain()
     still = kp.state_feedback(ct.ss([[1, 0], [0, -1]], [[0], [1]], np.eye(2), 0))
-    assert "stability while X stays invariant cannot be had with any F" in still.explain()
+    assert "stability while X stays invariant cannot be had with any F, X" in still.explain()
+    half = ct.ss(np.eye(2), np.eye(2), np.eye(2), 0)
+    held = kp.state_feedback(half, structure=[[1, 1], [0, 0]])
+    assert kp.state_feedback(half) and held.status is kp.Status.REFUTED and held.check()
+    assert "No gain of this structure exists" in held.explain() and "any F of this structure, X" in held.explain()
+    both = kp.state_feedback(half, structure=[[1, 1], [0, 0]], vertices=[half, half])
+    assert "is not excluded" not in both.explain()  # no vector is needed to see that one entry is too large
+    bounded = kp.state_feedback(half, state_bounds=[1, 1], input_bounds=0.5)
+    assert bounded.status is kp.Status.REFUTED and "exists for this cone: Proved impossible" in bounded.explain()
     out = kp.output_feedback(ct.ss([[1, 0], [0, -1]], [[0], [1]], np.eye(2), 0))
     assert out.status is kp.Status.REFUTED and out.check() and "nonnegative orthant" in out.explain()
 

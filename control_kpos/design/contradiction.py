@@ -34,7 +34,8 @@ from .plant import Plant, leading_sizes
 
 Rationals = NDArray[np.object_]
 
-# What the refutation of a common vector leaves open.
+# What the refutation of a common vector is about, and leaves open.
+_COMMON = " with a common vector x inside X for all vertices"
 _OTHER_VECTOR = "A common v in X*, with V(x) = v'x falling at all vertices, is not excluded by this. "
 # Where other cones come from.
 _OTHERS = "find_cone and design_cone_and_feedback look for one"
@@ -270,10 +271,10 @@ class NoFeedback(Contradiction):
 
     @property
     def scope(self) -> str:
-        """Of several vertices those with a common vector inside X, if stability of more than one was used."""
+        """Those of the structure; of several vertices with a common x, if stability of more than one was used."""
         w = self.witness
         used = w.d.fractions().any(axis=0).sum() if isinstance(w, Functionals) and w.d is not None else 0
-        return " with a common vector x inside X for all vertices" if used > 1 else ""
+        return ("" if np.all(self.free) else " of this structure") + (_COMMON if used > 1 else "")
 
     def functionals(self) -> Any:
         """The witness; for multipliers of the rows of `exact_inequalities` the facets that they combine.
@@ -335,7 +336,7 @@ class NoFeedback(Contradiction):
             demands.append(speed)
         if not pairs and drift:  # what decreases is a vector inside X
             demands[-1] += " while X stays invariant"
-        every, besides = f"F{self.scope}", _OTHER_VECTOR if self.scope else ""
+        every, besides = f"F{self.scope}", _OTHER_VECTOR if self.scope.endswith(_COMMON) else ""
         verdict = f"cannot be had with any {every}" if len(demands) == 1 else f"exclude each other for every {every}"
         names = self._signals.legend(" and ".join(demands))
         return (

@@ -198,13 +198,14 @@ class DesignResult(Answer):
                 f"Certified gain for {self.law}. {self.objective}: {about(self.value)} reached, {self._best()}. "
                 f"Decay rate {floored(self.decay_rate)}.{proof} {self._weakening()}{notes}"
             )
-        proof = f" {self.certificate.explain()}" if self.certificate is not None else ""
+        proof = self.certificate.explain() if self.certificate is not None else ""
         nearest = f" Possible instead, as computed and not proven: {self.nearest}." if self.nearest is not None else ""
         scope = getattr(self.certificate, "scope", "")
         lead = (
             f"No gain{scope} exists for this cone" if self.status is Status.REFUTED else "No certified gain was found"
         )
-        return f"{lead}: {self.message}{proof}{nearest}{notes}"
+        why = " ".join(filter(None, (self.message, proof)))
+        return f"{lead}: {why}{nearest}{notes}"
 
     def _best(self) -> str:
         """What is proven of other gains."""
