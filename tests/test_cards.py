@@ -65,6 +65,7 @@ PROMISES = {
     rf"lies in \[.*, {NUMBER}\]": ("upper", 1),
     rf"with a decay rate of at least {NUMBER}\.": ("decay_rate", -1),
     rf"differ by at most {NUMBER} of": ("gap", 1),
+    rf"by at most {NUMBER} of it\.": ("gap", 1),
     rf"gain from w to z is below {NUMBER}:": ("gamma", 1),
     rf"stays below {NUMBER} from rest": ("gamma", 1),
     rf"is at most \[{NUMBER}\] at every": ("bound", 1),
@@ -123,7 +124,7 @@ def long_numbers():
     yield kp.state_feedback(node, vertices=[([[-slow]], [[0]]), ([[-1]], [[0]])]).certificate
     yield kp.optimal_feedback(node, [1], [0], [["1/3"]]).certificate
     yield kp.dissipativity([[-slow]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[0], r=[2])
-    yield from (ring.certificate, ring.abscissa_certificate())
+    yield from (ring.certificate, ring.abscissa_certificate(), CERTIFICATES["network interval"]())
     yield kp.feedback_interconnect([node] * 2, [[0, 1.0003333], [1.0003333, 0]]).certificate
     yield kp.state_feedback(kp.ConeStateSpace(*plant), rate="1/3", X=kp.orthant(2)).certificate
     for shape in ([["1/3", 1], [-1, "1/3"]], [["1/3", 1, 0], [-1, "1/3", 0], [0, 0, "1/7"]]):

@@ -129,3 +129,12 @@ def test_nothing_but_constant_gains():
     with pytest.raises(kp.ShapeError, match="no states"):
         kp.order_interval(net, [])
     assert kp.feedback_interconnect([gain, gain], [[0, 3], [3, 0]]).certificate.status is kp.Status.REFUTED
+
+
+def test_growth_in_numbers_beyond_doubles_is_refuted():
+    """The exact combination has entries of some hundred digits; only its direction counts."""
+    rng = np.random.default_rng(1025)
+    count, discrete, bound = int(rng.integers(2, 40)), bool(rng.integers(2)), 0.3 * 10 ** rng.uniform(-1, 1.5)
+    systems, W, A, _ = with_gains(rng, count, discrete, bound)
+    b = kp.order_interval(kp.feedback_interconnect(systems, W), np.ones(len(A)))
+    assert b.status is kp.Status.REFUTED and b.check()
