@@ -1,5 +1,7 @@
 """Limits of designs: proven bounds that no gain beats, or none; what was only found is called the best found."""
 
+import pickle
+
 import control as ct
 import cvxpy as cp
 import numpy as np
@@ -27,6 +29,17 @@ def test_no_gain_is_smaller_than_the_limit(seed, size, discrete):
         below = kp.state_feedback(sys, X=rays, gain_bound=d.limit * (1 - 1e-9))
         assert below.status is kp.Status.REFUTED and below.check()
         assert "which is proven" in d.explain() and "best found" not in d.explain()
+
+
+def test_limits_are_proven_on_the_other_side_of_a_pickle():
+    plant = kp.ConeStateSpace([[1]], [[1]], [[1]], 0)
+    asked = {}, {"rate": "max", "gain_bound": 3}, {"disturbance": ([[1]], [[1]]), "gain_bound": 3}
+    designs = [kp.state_feedback(plant, **keywords) for keywords in asked]
+    designs.append(kp.network_feedback([plant] * 2, np.zeros((2, 2))))
+    for d in designs:
+        again = pickle.loads(pickle.dumps(d))
+        assert again.check() and np.isfinite(again.limit) and again.limit == d.limit
+        assert np.array_equal(again.certified_fraction, d.certified_fraction)
 
 
 def test_no_gain_is_faster_than_the_limit():

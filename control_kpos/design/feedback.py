@@ -99,7 +99,8 @@ def state_feedback(
     disturbance_bounds : array_like, shape (n,), optional
         w_max in X: all this for x' = (A + B F) x + w with w(t) in [0, w_max] (x[k+1] in discrete time).
     constraints : callable, optional
-        Of a cvxpy variable F, shape (m, n): a list of further linear constraints.
+        Of a cvxpy variable F, shape (m, n): a list of further linear constraints.  With per_mode the gains of the modes
+        are below each other in F, shape (S m, n).
     objective : callable, optional
         Of the same variable: a convex expression to minimise instead of the gain.
     gap : float

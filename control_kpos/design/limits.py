@@ -30,12 +30,7 @@ _APART = (1e-5, 1e-4, 1e-3, 3e-3, 1e-2)
 
 def gain_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:
     """A bound on max |F x_k| below which no gain meets the demands; NaN if none is proven."""
-
-    def refused(bound: float) -> bool:
-        own = np.inf if plant.gain_bound is None else plant.gain_bound
-        return refused_at(replace(plant, gain_bound=np.minimum(own, np.full(plant.m, bound))), rate)
-
-    return partial(proven_limit, refused, found, -1)
+    return partial(proven_limit, partial(_no_smaller, plant, rate), found, -1)
 
 
 def rate_limit(plant: Plant, found: float) -> Callable[[], float]:
@@ -67,6 +62,12 @@ def refused_at(plant: Plant, rate: float) -> bool:
     """Proven: no gain has a decay rate above this one."""
     proof = decide(plant, rate)[0]
     return proof is not None and proof.status is Status.REFUTED
+
+
+def _no_smaller(plant: Plant, rate: float, bound: float) -> bool:
+    """Proven: no gain whose max |F x_k| is at most the bound meets the demands."""
+    own = np.inf if plant.gain_bound is None else plant.gain_bound
+    return refused_at(replace(plant, gain_bound=np.minimum(own, np.full(plant.m, bound))), rate)
 
 
 def _no_smaller_gain(plant: Plant, gamma: float) -> bool:

@@ -111,9 +111,9 @@ class DesignResult(Answer):
         PROVED: `F` does what was asked.  REFUTED: no gain does, proven by `certificate`; of several vertices no gain
         with a common vector x inside X, as `explain` says.  UNDECIDED: no gain was found, or none could be proven.
     F : ndarray, shape (m, n), or None
-        Gain of u = F x + w.  Of networks: shape (N, m, n), or a tuple of arrays.
+        Gain of u = F x + w.  Of modes: shape (S, m, n).  Of networks: shape (N, m, n), or a tuple of arrays.
     closed_loop : ConeStateSpace or network, or None
-        From w to y, with A + B F exact.
+        From w to y, with A + B F exact.  Of modes: a tuple, one for each.
     certificate : Certificate or None
         Proof for the closed loop formed exactly from the plant's data and the doubles in `F`; or the proof
         that there is no gain.

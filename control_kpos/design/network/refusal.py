@@ -148,12 +148,15 @@ def _no_local_gains(task: Task) -> NoFeedback | None:
 
 def network_limit(task: Task, found: float) -> Callable[[], float]:
     """A bound on max |F_j x_k| below which no local gains do it; NaN if none is proven, as for large networks."""
+    return partial(
+        proven_limit, partial(_no_smaller, task), found if task.model.totals[0] <= _STATES else float("nan"), -1
+    )
 
-    def refused(bound: float) -> bool:
-        bounded = replace(task, bound=np.full(task.model.totals[1], bound))
-        return refused_at(whole_network(bounded), task.rate * BELOW)
 
-    return partial(proven_limit, refused, found if task.model.totals[0] <= _STATES else float("nan"), -1)
+def _no_smaller(task: Task, bound: float) -> bool:
+    """Proven: no local gains whose max |F_j x_k| is at most the bound do it."""
+    bounded = replace(task, bound=np.full(task.model.totals[1], bound))
+    return refused_at(whole_network(bounded), task.rate * BELOW)
 
 
 def whole_network(task: Task) -> Plant:
