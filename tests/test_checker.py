@@ -181,6 +181,13 @@ def test_it_runs_alone(tmp_path):
         assert done.returncode == status and not done.stderr
 
 
+def test_it_is_a_command_without_warnings(tmp_path):
+    certified.CERTIFICATES["stable"]().save(tmp_path / "file.json")
+    command = [sys.executable, "-W", "error::RuntimeWarning", "-m", "control_kpos.checker", str(tmp_path / "file.json")]
+    done = subprocess.run(command, capture_output=True, check=False, timeout=60)
+    assert done.returncode == 0 and not done.stderr
+
+
 def test_it_stands_alone():
     modules = {n.split(".")[0] for node in ast.walk(ast.parse(SOURCE)) for n in imported(node)}
     assert modules <= sys.stdlib_module_names

@@ -5,10 +5,10 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import dataclass
 from typing import Any
 
-from .. import checker
 from ..errors import CertificateFileError, FalseClaimError
 from .archive import expand
 from .portable_cones import factors_in
@@ -42,6 +42,8 @@ def verdict(content: dict[str, Any]) -> Verdict:
     content : dict
         What `read_content` returned; arrays of archives are turned into text.
     """
+    # not before it is needed: python -m control_kpos.checker warns where the package has loaded it
+    checker: Any = importlib.import_module("..checker", __package__)
     try:
         note = checker.verify(expand(content), _LONGEST)
     except checker.Wrong as reason:
