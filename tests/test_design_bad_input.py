@@ -3,6 +3,7 @@
 import time
 
 import control as ct
+import cvxpy as cp
 import numpy as np
 import pytest
 
@@ -272,3 +273,11 @@ def test_refusals_name_their_cone():
 def test_systems_without_states_are_refused(design):
     with pytest.raises(ShapeError, match=r"no states|not empty"):
         design(kp.ConeStateSpace([], [], [], [[0.5]]))
+
+
+@pytest.mark.parametrize("kind", ["integer", "boolean"])
+def test_variables_that_are_whole_numbers_are_refused(kind, capfd):
+    whole = cp.Variable(**{kind: True})
+    with pytest.raises(kp.DataError, match="integer or boolean"):
+        kp.state_feedback(PLANT, X=PAPER, constraints=lambda F: [F[0, 0] == whole])
+    assert capfd.readouterr() == ("", "")

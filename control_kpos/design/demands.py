@@ -50,7 +50,10 @@ class Demands:
         if not all(isinstance(c, cp.constraints.constraint.Constraint) for c in self.own):
             raise DataError("constraints must return a list of cvxpy constraints on its argument.")
         self.cost = cp.expressions.expression.Expression.cast_to_const(cost)
-        if not cp.Problem(cp.Minimize(self.cost), self.own).is_dcp():
+        problem = cp.Problem(cp.Minimize(self.cost), self.own)
+        if problem.is_mixed_integer():  # solvers of these print, and a few stop in the middle
+            raise DataError("constraints and objective must not have integer or boolean variables of their own.")
+        if not problem.is_dcp():
             raise DataError("constraints and objective must be convex in F by cvxpy's rules.")
 
     def usual(self) -> Any:

@@ -25,7 +25,7 @@ from .running import EFFORT
 from .simplicial.inequalities import output_rows
 
 # How far from the limit in floating point a proven one may be, relative to it, tried in turn.
-_APART = (1e-5, 1e-4, 1e-3, 3e-3, 1e-2)
+_APART = (1e-5, 1e-4, 4e-4, 1e-3, 3e-3, 1e-2)
 
 
 def gain_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:

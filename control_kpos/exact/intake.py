@@ -206,7 +206,8 @@ def whole_number(
     """
     limits = "" if least is None else f", at least {least}" if most is None else f", from {least} to {most}"
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise DataError(f"{name} is {found(value)}; it must be a whole number{limits}.")
+        what = repr(value) if isinstance(value, float) else found(value)  # 2.0 is no 2
+        raise DataError(f"{name} is {what}; it must be a whole number{limits}.")
     if (least is not None and value < least) or (most is not None and value > most):
         raise outside(f"{name} is {found(value)}; it must be a whole number{limits}.")
     return int(value)
