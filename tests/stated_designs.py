@@ -224,7 +224,7 @@ def false_refusal(rng, task, d):
         return None
     if is_possible(task, task.rate, task.asked.get("gain_bound")):
         return "refused what a linear program finds"
-    if "common Lyapunov vector" not in d.explain() and next(stabilising_gains(rng, task), None) is not None:
+    if "common vector x inside X" not in d.explain() and next(stabilising_gains(rng, task), None) is not None:
         return "refused what individual vectors prove"
     return None
 

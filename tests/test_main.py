@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from tampering import redigested
 
 import control_kpos as kp
 from control_kpos.__main__ import main
@@ -66,6 +67,12 @@ def test_check_refuses_a_false_claim(tmp_path, capsys):
     content = json.loads((tmp_path / "file.json").read_text())
     content["status"] = "PROVED"
     (tmp_path / "file.json").write_text(json.dumps(content))
+    assert main(["check", str(tmp_path / "file.json")]) == 2  # what proves nothing has no v to read
+    assert "says PROVED, but its data give REFUTED" in capsys.readouterr().out.replace("\n  ", " ")
+    kp.linear_lyapunov([[-2, 1], [1, -2]], kp.orthant(2)).save(tmp_path / "file.json")
+    content = json.loads((tmp_path / "file.json").read_text())
+    content["data"]["A"]["matrix"][0][0] = 2
+    (tmp_path / "file.json").write_text(json.dumps(redigested(content)))
     assert main(["check", str(tmp_path / "file.json")]) == 1
     assert "WRONG" in capsys.readouterr().out
 

@@ -119,7 +119,8 @@ def test_changed_exact_data_fail_their_check():
     assert good.check() and not replace(good, exact=None).check()
     assert not replace(good, exact=(tilted, *good.exact[1:])).check()
     assert not replace(good, v=good.v * 2).check()
-    assert not replace(good, exact=good.exact[:2]).check()
+    with pytest.raises(kp.DataError, match="2 exact vectors"):
+        replace(good, exact=good.exact[:2])
     nodes = [lag(3), lag(7)]
     bad = kp.feedback_interconnect(nodes, [["0", "21/10"], ["10", "0"]]).certificate
     assert bad.status is Status.REFUTED and bad.check()

@@ -148,13 +148,14 @@ class Fractions:
         if fractions is None:
             return
         given = fractions if len(self.names) > 1 else (fractions,)
+        if len(given) != len(self.names):
+            raise DataError(f"there are {len(given)} exact vectors, not one for each of {', '.join(self.names)}.")
         for name, part in zip(self.names, given, strict=True):
             if (held := vars(record)[name]) is None and part:
                 raise DataError(f"exact numbers stand where {name} has none.")
             if held is not None:
                 exact = _of_fractions(part)
-                same = np.array_equal(exact.values, held.values)
-                vars(record)[name] = exact if same else _Apart(held.values, part)
+                vars(record)[name] = exact if np.array_equal(exact.values, held.values) else _Apart(held.values, part)
 
 
 def _of_fractions(values: Sequence[Any]) -> Matrix:
@@ -335,8 +336,7 @@ class Certificate(ABC):
         if self.status is Status.UNDECIDED:
             return {"omitted": "nothing is proven"}
         try:
-            found = self.evidence().items()
-            return {name: x for name, x in found if x is not None and x != [None] * len(x)}
+            return {name: x for name, x in self.evidence().items() if x is not None and x != [None] * len(x)}
         except ProofOmittedError as reason:
             return {"omitted": str(reason)}
 
@@ -443,8 +443,8 @@ def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.f
 
 
 def named(certificate: C, signals: Signals) -> C:
-    """The certificate, which then knows the names of states, inputs and outputs, as do its parts."""
-    vars(certificate)["_named"] = signals
+    """The certificate, which then knows the names of signals, as do its parts."""
     for part in certificate.parts():
         named(part, signals)
+    vars(certificate)["_named"] = signals
     return certificate
