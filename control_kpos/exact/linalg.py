@@ -22,7 +22,6 @@ from math import isqrt, lcm
 from typing import Any
 
 import numpy as np
-from flint import fmpz_mat
 from numpy.typing import NDArray
 
 from .budget import spend
@@ -399,6 +398,8 @@ def _room(matrix: NDArray[Any]) -> NDArray[Any]:
 
 def _flint(matrix: Integers) -> Any:
     rows, columns = matrix.shape
+    from flint import fmpz_mat  # noqa: PLC0415  (takes time, and most verdicts need no exact solve)
+
     return fmpz_mat(rows, columns, matrix.ravel().tolist())
 
 
