@@ -324,23 +324,10 @@ def beyond_feedback(plant: Plant, message: str, **matrices: Any) -> DesignResult
 
 def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: Any = float("nan")) -> DesignResult:
     """The result for an accepted gain; a limit may be given as a function that proves it."""
-    sys = plant.system
-    loop = ConeStateSpace(
-        found.closed[0],
-        plant.vertices[0][1],
-        closed_loop(sys.C, sys.D, found.full),
-        sys.D,
-        sys.dt,
-        X=plant.X,
-        U=sys.U,
-        Y=sys.Y,
-        remove_useless_states=False,
-        **plant.names,
-    )
     return DesignResult(
         status=Status.PROVED,
         F=found.F,
-        closed_loop=loop,
+        closed_loop=loop_of(plant, found.closed[0], plant.vertices[0][1], found.full),
         certificate=found.certificate,
         objective=objective,
         value=value,
@@ -349,6 +336,23 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
         certified_fraction=partial(certified_fraction, plant, found.full, found.certificate, found.rate),
         weakened_rate=found.rate,
         notes=(*_bound_notes(plant), *controllability_notes(plant)),
+    )
+
+
+def loop_of(plant: Plant, closed: Matrix, B: Matrix, F: Matrix) -> ConeStateSpace:
+    """The closed loop x' = (A + B F) x, y = (C + D F) x of a vertex, with the cones of the plant."""
+    sys = plant.system
+    return ConeStateSpace(
+        closed,
+        B,
+        closed_loop(sys.C, sys.D, F),
+        sys.D,
+        sys.dt,
+        X=plant.X,
+        U=sys.U,
+        Y=sys.Y,
+        remove_useless_states=False,
+        **plant.names,
     )
 
 

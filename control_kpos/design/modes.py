@@ -14,9 +14,9 @@ from ..cards import Signals
 from ..cones import product
 from ..errors import DataError
 from ..exact.matrix import Matrix
-from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
-from .plant import Plant, closed_loop
+from .accept import loop_of
+from .plant import Plant
 from .result import DesignResult, changed
 
 # The law of such gains; s is the mode.
@@ -63,20 +63,7 @@ def taken_apart(result: DesignResult, plant: Plant) -> DesignResult:
     """The result with F of shape (S, m, n) and one closed loop for each mode of the plant, as it was before."""
     if not result:
         return changed(result, law=BY_MODE)
-    sys, F = plant.system, np.asarray(result.F).reshape(len(plant.vertices), plant.m, plant.n)
-    loops = tuple(
-        ConeStateSpace(
-            loop.A,
-            B,
-            closed_loop(sys.C, sys.D, Matrix(gain)),
-            sys.D,
-            sys.dt,
-            X=sys.X,
-            U=sys.U,
-            Y=sys.Y,
-            remove_useless_states=False,
-            **plant.names,
-        )
-        for loop, (_, B), gain in zip(result.certificate.loops, plant.vertices, F, strict=True)  # type: ignore[union-attr]
-    )
-    return changed(result, F=F, closed_loop=loops, law=BY_MODE)
+    gains = np.asarray(result.F).reshape(len(plant.vertices), plant.m, plant.n)
+    closed = [loop.A for loop in result.certificate.loops]  # type: ignore[union-attr]
+    loops = tuple(loop_of(plant, M, B, Matrix(F)) for M, (_, B), F in zip(closed, plant.vertices, gains, strict=True))
+    return changed(result, F=gains, closed_loop=loops, law=BY_MODE)
