@@ -98,6 +98,10 @@ class Signals:
         turned = {"states": "states", "inputs": "outputs", "outputs": "inputs"}
         return Signals(self.states, self.outputs, self.inputs, frozenset(turned[kind] for kind in self.orthants))
 
+    def of_states(self) -> Signals:
+        """For texts about other inputs and outputs than those of the system."""
+        return Signals(states=self.states, orthants=self.orthants & {"states"})
+
     def support(self, x: NDArray[np.float64]) -> str:
         """Which states a vector is about; "" if they are all, or have no names."""
         held = np.flatnonzero(x)

@@ -1956,6 +1956,9 @@ def main(path: str | Path) -> int:
     """Say what a file proves, and return the exit status."""
     try:
         expect(Path(path).is_file(), "it is not a regular file, or does not exist")
+        with Path(path).open("rb") as file:
+            packed = file.read(2) == b"PK"
+        expect(not packed, "an archive (.npz); python -m control_kpos check reads it, or save the certificate as .json")
         text = Path(path).read_text(encoding="utf-8")
         c = json.loads(text, parse_float=whole, parse_constant=whole, parse_int=whole, object_pairs_hook=unique)
         json.dumps(c, ensure_ascii=False).encode()  # refuses halves of pairs of characters, which nobody could print
@@ -1975,4 +1978,7 @@ def main(path: str | Path) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1]) if len(sys.argv) == 2 else 2)
+    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+        print(__doc__)
+        sys.exit(2)
+    sys.exit(main(sys.argv[1]))

@@ -212,6 +212,7 @@ def test_an_undecided_certificate_states_nothing():
         ({"w_max": [1, -1]}, DataError, "outside X, beyond facet 1"),
         ({"w_max": [1, np.nan]}, DataError, "w_max"),
         ({"constraints": ([[1, 0]],)}, ShapeError, "pair"),
+        ({"constraints": lambda F: [F <= 1]}, ShapeError, r"a pair \(f, c\)"),
         ({"constraints": ([[1, 0, 0]], [1])}, ShapeError, "constraints f"),
         ({"constraints": ([[1, 0]], [1, 2])}, ShapeError, "constraints c"),
         ({"sys": "no"}, DataError, "sys is a str"),

@@ -179,6 +179,13 @@ def test_it_runs_alone(tmp_path):
             timeout=60,
         )
         assert done.returncode == status and not done.stderr
+        assert arguments or b"checker.py FILE" in done.stdout  # how it is used
+
+
+def test_archives_are_left_to_the_package(tmp_path, capsys):
+    certified.CERTIFICATES["stable"]().save(tmp_path / "file.npz")
+    assert checker.main(tmp_path / "file.npz") == 2
+    assert "python -m control_kpos check reads it" in capsys.readouterr().out
 
 
 def test_it_is_a_command_without_warnings(tmp_path):

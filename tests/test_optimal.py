@@ -253,6 +253,11 @@ def test_advice_about_inputs_that_leave_the_cone_is_exact():
     assert kp.optimal_feedback(system([["1/3"]], [["1/2"]]), [1], [0], [["0.666"]])
     mixed = kp.optimal_feedback(system([["1/2"]], [[0.8, -0.9]]), [1], [0, 0], [[1]], groups=[[0, 1]])
     assert "inputs 1 may push" in mixed.message and "Limits 0.555 times" in mixed.message
+    assert "groups" not in mixed.message
+    one_way = {"s": [1, 1], "r": [0], "limits": [["0.3", 0]], "controls": [[-1], [1]]}
+    both = kp.optimal_feedback(system(np.diag([0.9, 0.5]), np.eye(2)), **one_way)
+    assert "give groups= if they are never negative" in both.message
+    assert kp.optimal_feedback(system(np.diag([0.9, 0.5]), np.eye(2)), **one_way, groups=[[0]])
     disturbed = kp.optimal_feedback(system([["1/2"]], [["1/4"]]), [1], [0], [[1]], disturbance=([[1]], [[1]]))
     assert "a disturbance may push x out of X" in disturbed.message
     still = kp.optimal_feedback(system([[1, 0], [0, 1]], [[1], [0]]), [1, 1], [0], [[0, 1]])
@@ -327,7 +332,9 @@ def test_a_stage_that_costs_nothing_bounds_nothing_from_below():
         ({"s": [1, 2]}, ShapeError, r"must be \(1,\), one number per state of sys"),
         ({"r": [1, 2]}, ShapeError, "one number per input"),
         ({"limits": [[1, 2]]}, ShapeError, "limits"),
-        ({"s": [np.nan]}, DataError, "s"),
+        ({"s": [np.nan]}, DataError, r"s\[0\] is nan"),
+        ({"r": [[np.nan]]}, DataError, r"r\[0, 0\] is nan"),
+        ({"groups": [0]}, DataError, "a list of inputs for each group, or an array"),
         ({"groups": [[0], [0]]}, DataError, "each of the 1 inputs"),
         ({"groups": [[]]}, DataError, "none may be empty"),
         ({"use_all": True}, DataError, "use_all is about groups"),

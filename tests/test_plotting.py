@@ -318,5 +318,11 @@ def test_closed_loops_of_modes_and_of_least_cost():
     cheap = kp.optimal_feedback(still, [1, 1], [0.1], [[1, 0]])
     assert [ax.get_title() for ax in kp.plot_closed_loop(still, cheap).axes.ravel()][1] == "least cost"
     dear = kp.optimal_feedback(kp.ConeStateSpace([[2.0]], [[0.1]], [[1]], 0, True), [1], [0], [[1]])
-    with pytest.raises(kp.DataError, match="two states"):
+    steps = kp.optimal_feedback(still, [1, 1], [0.1], [[1, 0]], horizon=3)
+    assert "first gain" in kp.plot_closed_loop(still, steps).axes.ravel()[1].get_title()
+    placed = kp.design_cone_and_feedback(still, poles=[0.5, 0.1])
+    assert "with its cone" in kp.plot_closed_loop(still, placed).axes.ravel()[1].get_title()
+    with pytest.raises(kp.DataError, match="REFUTED, without a gain"):
         kp.plot_closed_loop(still, dear)
+    with pytest.raises(kp.DataError, match="not an observer"):
+        kp.plot_closed_loop(still, kp.observer_gain(still))

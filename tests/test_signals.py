@@ -50,7 +50,8 @@ def test_designs_call_states_and_inputs_by_name():
     assert "By name: facet 1 is b, generator 0 is a, input 0 is pump." in text
     assert "By name" not in kp.state_feedback(kp.ConeStateSpace(plant.A, plant.B, plant.C, 0), gain_bound=1.2).explain()
     sensor = kp.ConeStateSpace(plant.A.T, np.eye(2), plant.B.T, 0, states=["a", "b"], outputs=["meter"])
-    assert "input 0 is meter" in kp.observer_gain(sensor, gain_bound=1.2).explain()
+    observed = kp.observer_gain(sensor, gain_bound=1.2).explain()
+    assert "the gain bound on output 0" in observed and "output 0 is meter" in observed and "input" not in observed
     assert "generator 0 is a" in kp.output_feedback(ct.ss(plant), gain_bound=1.2).explain()
 
 
@@ -61,6 +62,21 @@ def test_optimal_control_calls_them_by_name():
     assert "By name: input 0 is pump, facet 0 is a, generator 0 is a." in kp.optimal_feedback(plant, **ask).message
     mixed = kp.optimal_feedback(plant, **ask, controls=[[1]])
     assert "generator 0 is a" in mixed.message and "pump" not in mixed.message  # numbers are of the controls
+
+
+def test_names_belong_to_the_cone_and_the_inputs_that_are_asked_about():
+    names = {"states": ["a", "b"], "inputs": ["pump"]}
+    plant = kp.ConeStateSpace([[-1, 0], [0, -1]], [[1], [1]], np.eye(2), 0, **names)
+    w = kp.state_feedback(plant, disturbance=([[0], [-1]], [[1, 0]])).explain()
+    assert "facet 1 is b." in w and "pump" not in w
+    ports = kp.ConeStateSpace(plant.A, -plant.B, plant.C, 0, **names)
+    assert "generator 0 is pump" in kp.state_feedback(ports, ports=True).explain()
+    ask = {"s": [1, 1], "r": [0.1], "limits": [[1, 0]]}
+    other = kp.optimal_feedback(plant, **ask, X=[[1, 0], [1, 1]])
+    assert "facet" in other.message and "is a" not in other.message  # no facet of this cone is a state
+    assert "generator 0 is a" in kp.optimal_feedback(ct.ss(plant), **ask).message
+    turns = ct.ss([[-1, -1], [0, -1]], [[0], [1]], np.eye(2), 0, states=["a", "b"])
+    assert "facet 0 is a, generator 1 is b" in kp.order_interval(turns, [1, 1]).explain()
 
 
 def test_names_are_no_part_of_a_claim(tmp_path):

@@ -104,7 +104,7 @@ class Functionals:
     def __str__(self) -> str:
         parts = [part for part in (*self.L, self.d, self.G) if part is not None]
         used = sum(int(np.count_nonzero((part.fractions() != 0).any(axis=0))) for part in parts)
-        return f"a combination of {used} demands that contradicts itself"
+        return f"a combination of {used} demand{'s' * (used != 1)} that contradicts itself"
 
 
 class Contradiction(Certificate):

@@ -18,12 +18,13 @@ from numpy.typing import ArrayLike
 from ..cards import Signals
 from ..cones import Cone
 from ..errors import DataError
-from ..exact.intake import choice, exact_number, flag, is_number
+from ..exact.intake import choice, exact_number, flag, found, is_number
 from ..exact.matrix import Matrix
 from ..progress import Target
 from ..proof.certificate import Status, named
 from ..systems.signals import signals_of
 from ..systems.system import System
+from ..theorems.positivity import PositivityCertificate
 from .accept import beyond_feedback
 from .bounded.gains import design_in_interval, read_interval
 from .disturbance import leaves_at_once, objective_of, read_disturbance, reject_disturbance
@@ -173,7 +174,7 @@ def state_feedback(
         message = "B U is not inside X, and no feedback changes that; choose another X or U, or ports=False."
         blocked = beyond_feedback(plant, message, U=plant.system.U) if ports else None
         if blocked is not None:
-            return blocked
+            return _named(blocked, sys, plant.system)
         bounds = (state_bounds, input_bounds, disturbance_bounds)
         interval = read_interval(plant, *bounds) if any(part is not None for part in bounds) else None
         modes = per_mode is not False and flag(per_mode, "per_mode")
@@ -197,7 +198,10 @@ def state_feedback(
             return _design(plant, target, method, lp)
 
         result = taken_apart(designed(by_mode(plant)), plant) if modes else designed(plant)
-        return _named(result, sys, plant.system, partial(signals_by_mode, plant=plant) if modes else None)
+        turned = partial(signals_by_mode, plant=plant) if modes else None
+        if disturbance is not None and isinstance(result.certificate, PositivityCertificate):
+            turned = Signals.of_states  # it is about w and z
+        return _named(result, sys, plant.system, turned)
 
     return within(time_limit, design, solver=solver, progress=progress)
 
@@ -238,7 +242,9 @@ def _rejecting(
 def read_rate(rate: Any) -> Any:
     """The number, as a fraction if it is no double; or "max"."""
     if isinstance(rate, str) and not is_number(rate):
-        return choice(rate, "rate", ("max",))
+        if rate != "max":
+            raise DataError(f'rate is {found(rate)}; give a number, or "max".')
+        return rate
     asked = exact_number(rate, "rate", nonnegative=True)
     return float(asked) if float(asked) == asked else asked
 

@@ -56,6 +56,8 @@ _DUAL_WORDS = {
     "generators of X": "facets of X",
     "any F": "any L",
     "every F": "every L",
+    "gain bound on input": "gain bound on output",
+    " input ": " output ",
 }
 
 

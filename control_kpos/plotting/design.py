@@ -13,6 +13,7 @@ from ..design import DesignResult, OptimalFeedback
 from ..design.tradeoff import Tradeoff
 from ..errors import DataError
 from ..exact.intake import found, words
+from ..find import CodesignResult
 from .figure import (
     BLUE,
     ORANGE,
@@ -80,7 +81,7 @@ def plot_tradeoff(curve: Tradeoff, *, ax: Any = None, title: str | None = None) 
 
 
 def plot_closed_loop(
-    sys: Any, design: DesignResult | OptimalFeedback, *, title: str | None = None, **kwargs: Any
+    sys: Any, design: DesignResult | OptimalFeedback | CodesignResult, *, title: str | None = None, **kwargs: Any
 ) -> ct.ControlPlot:
     """Phase portraits of a plant with two states without and with the feedback, side by side; of modes one for each.
 
@@ -88,8 +89,8 @@ def plot_closed_loop(
     ----------
     sys : control.StateSpace or ConeStateSpace
         The plant that was designed for.
-    design : DesignResult or OptimalFeedback
-        With a gain.
+    design : DesignResult, OptimalFeedback or CodesignResult
+        With a gain; with a `horizon` its first gain is drawn.
     title : str, optional
     **kwargs
         Keywords of `phase_portrait`, such as `pointdata`.
@@ -101,7 +102,7 @@ def plot_closed_loop(
     Raises
     ------
     DataError
-        The design has no gain, or the plant does not have two states.
+        The design has no gain, or is one of an observer or a network; the plant does not have two states.
 
     Examples
     --------
@@ -113,11 +114,13 @@ def plot_closed_loop(
     title = words(title, "title")
     if not isinstance(sys, ct.StateSpace):
         raise DataError(f"sys is {found(sys)}; give the plant, a StateSpace.")
-    if not isinstance(design, (DesignResult, OptimalFeedback)):
+    if not isinstance(design, (DesignResult, OptimalFeedback, CodesignResult)):
         raise DataError(f"design is {found(design)}; give what a design function returns, such as state_feedback.")
+    if not design:
+        raise DataError(f"design is {design.status.name}, without a gain to draw; see design.explain().")
     loops = _loops(design)
-    if not design or any(loop.nstates != 2 or not hasattr(loop, "X") for _, loop in loops):
-        raise DataError("plot_closed_loop needs a successful design for a plant with two states.")
+    if any(loop.nstates != 2 or not hasattr(loop, "X") for _, loop in loops):
+        raise DataError("plot_closed_loop draws feedback for one plant with two states, not an observer or a network.")
     X = loops[0][1].X
     with control_style():
         figure, axes = plt.subplots(1, 1 + len(loops), figsize=(4.8 * (1 + len(loops)), 4.2), layout="tight")
@@ -136,8 +139,11 @@ def plot_closed_loop(
 
 def _loops(design: Any) -> list[tuple[str, Any]]:
     """The closed loops with a title for each."""
+    if isinstance(design, CodesignResult):
+        return [("u = F x, with its cone", design.closed_loop)]
     if isinstance(design, OptimalFeedback):
-        return [("least cost", design.closed_loop)]
+        steps = np.ndim(design.F) == 3
+        return [("first gain of the horizon, held" if steps else "least cost", design.closed_loop)]
     if isinstance(design.closed_loop, tuple):
         return [(f"mode {s}, {design.law}", loop) for s, loop in enumerate(design.closed_loop)]
     return [(f"{design.law}, decay rate {floored(design.decay_rate, 3)}", design.closed_loop)]

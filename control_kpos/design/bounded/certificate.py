@@ -77,7 +77,7 @@ class BoundExceeded:
     exact: Fractions = Fractions("x")
 
     def __str__(self) -> str:
-        return f"a state that lies in every invariant interval and breaks bound {self.row}"
+        return f"a state that lies in every invariant interval and breaks row {self.row} of the constraints"
 
 
 class ToldAsInterval(Certificate):
@@ -101,7 +101,7 @@ class ToldAsInterval(Certificate):
             )
         if not self:
             return "Undecided: no invariant interval is proven."
-        bounds = "" if self.rows is None else f" On it f'x <= b for all {self.rows.shape[0]} rows."
+        bounds = "" if self.rows is None else " On it f'x <= c for every row of the constraints."
         least = "" if self.x_min is None else f" It is stable, {self._smallest()}."
         return (
             "Proved: from every x in the interval [0, x_max] in the order of X the state stays in it, for all "

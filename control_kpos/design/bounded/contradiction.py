@@ -61,7 +61,7 @@ class BoundedFunctionals:
     def __str__(self) -> str:
         parts = [part for part in (*self.L, self.d, self.up, self.down) if part is not None]
         used = sum(int(np.count_nonzero((part.fractions() != 0).any(axis=0))) for part in parts)
-        return f"a combination of {used} demands that contradicts itself"
+        return f"a combination of {used} demand{'s' * (used != 1)} that contradicts itself"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

@@ -10,13 +10,14 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from control import StateSpace
 from numpy.typing import ArrayLike
 
 from ...cones import Cone
 from ...errors import DataError, ShapeError, TooLargeError
 from ...exact.budget import spend
 from ...exact.condition import Condition
-from ...exact.intake import exact_matrix, items, require_shape
+from ...exact.intake import exact_matrix, require_shape
 from ...exact.linalg import lifting_operations, solve_exactly
 from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_feasibility
@@ -25,7 +26,8 @@ from ...networks.closed_loop import EXACT_STATES
 from ...networks.network import ConeNetwork
 from ...networks.witnesses import AlgebraicLoop, CouplingViolation, NodeViolation
 from ...proof.answer import Answer
-from ...proof.certificate import Status, exactly
+from ...proof.certificate import Status, exactly, named
+from ...systems.signals import signals_of
 from ...theorems.positivity import state_positivity
 from ...theorems.stability import LyapunovCertificate, lyapunov_on
 from ..contradiction import unit_of
@@ -132,7 +134,10 @@ def order_interval(
     w = _vector(w_max, "w_max", system.sizes[0], "state of sys")
     rows, bounds = read_constraints(constraints, system.sizes[0])
     _require_inside(w, system.X)
-    return within(time_limit, lambda _: _found(system, w, rows, bounds), answer=OrderInterval)
+    found = within(time_limit, lambda _: _found(system, w, rows, bounds), answer=OrderInterval)
+    if found.certificate is not None and isinstance(sys, StateSpace):
+        named(found.certificate, signals_of(sys, system.X, system.U, system.Y))
+    return found
 
 
 def _of_network(net: ConeNetwork, w_max: Any, constraints: Any, X: Any, time_limit: float | None) -> OrderInterval:
@@ -162,7 +167,7 @@ def read_constraints(constraints: Any, n: int) -> tuple[Matrix | None, Matrix | 
     """f and c of f x <= c, exactly."""
     if constraints is None:
         return None, None
-    pair = items(constraints, "constraints")
+    pair = constraints if isinstance(constraints, (tuple, list)) else ()
     if len(pair) != 2:
         raise ShapeError("constraints must be a pair (f, c): the rows f of f x <= c, and the numbers c.")
     f = exact_matrix(pair[0], "constraints f")

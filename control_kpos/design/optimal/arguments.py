@@ -11,7 +11,7 @@ import scipy.sparse as sp
 
 from ...cones import Cone, orthant
 from ...errors import DataError, ShapeError
-from ...exact.intake import exact_matrix, exact_number, flag, items, require_shape, whole_number
+from ...exact.intake import dimensions, exact_matrix, exact_number, flag, items, require_shape, whole_number
 from ...exact.layers import sparse_product, tower
 from ...exact.matrix import Matrix
 from ...networks.closed_loop import EXACT_STATES
@@ -141,7 +141,7 @@ def closed_loop_of(net: ConeNetwork, controls: Any) -> tuple[Matrix, Matrix]:
 
 def _flat(values: Any, name: str, nodes: int) -> Any:
     """Numbers of the states of nodes of one size, one row a node, as one row."""
-    rows = exact_matrix(values, name)
+    rows = _read(values, name)
     if not nodes or rows.shape[0] != nodes or rows.shape[0] == 1:
         return rows
     return (
@@ -151,8 +151,13 @@ def _flat(values: Any, name: str, nodes: int) -> Any:
     )
 
 
+def _read(values: Any, name: str) -> Matrix:
+    """Numbers as a row, or as the rows they were given in; errors call those of a list by their one place."""
+    return exact_matrix(values, name, ndim=1)[None] if dimensions(values) == 1 else exact_matrix(values, name)
+
+
 def _row(values: Any, name: str, size: int, of: str) -> Matrix:
-    row = exact_matrix(values, name)
+    row = values if isinstance(values, Matrix) else _read(values, name)
     if row.shape != (1, size):
         shape = row.shape[1:] if row.shape[0] == 1 else row.shape
         raise ShapeError(f"{name} has shape {shape}; it must be ({size},), one number per {of}.")
@@ -167,7 +172,10 @@ def _blocks(groups: Any, m: int, use_all: bool) -> tuple[Index, Index]:
     if isinstance(groups, np.ndarray) and groups.ndim == 1 and groups.dtype.kind in "iu":
         owner = _labelled(groups, m)
         return owner, np.full(owner.max() + 1, SHARED if use_all else GROUP)
-    given = [[whole_number(i, "groups") for i in items(group, "groups")] for group in items(groups, "groups")]
+    listed = items(groups, "groups")
+    if any(isinstance(group, (int, np.integer)) for group in listed):
+        raise DataError("groups holds numbers; give a list of inputs for each group, or an array of the group of each.")
+    given = [[whole_number(i, "groups") for i in items(group, "groups")] for group in listed]
     flat = [i for group in given for i in group]
     if not all(given) or sorted(flat) != list(range(m)):
         raise DataError(f"groups must hold each of the {m} inputs, 0 to {m - 1}, once, and none may be empty.")

@@ -51,11 +51,14 @@ def _leaves(problem: LinearCost, kept: Condition) -> str:
         return f"a disturbance may push x out of X, through {place}; choose smaller limits M, or another cone."
     acting = ((worst < 0) & ~disturbed)[here.owner] & ((y < 0) | (here.kinds[here.owner] == CONTROL))
     names = ", ".join(str(i) for i in inputs[acting])
+    inwards = (y[acting] >= 0).all()  # as long as they are not negative
+    way = " or give groups= if they are never negative: then they push nothing out there;" if inwards else ""
     if left == 0:
         return (
-            f"inputs {names} may push x out of X, through {place}; set their limits to 0 there, or choose another cone."
+            f"inputs {names} may push x out of X, through {place}; set their limits to 0 there,{way} or choose another "
+            "cone."
         )
     return (
         f"inputs {names} may push x out of X, through {place}. Limits {floored(left / pushed, 3)} times as large there "
-        "would do; or choose another cone."
+        f"would do;{way} or choose another cone."
     )

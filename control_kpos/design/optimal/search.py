@@ -8,6 +8,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from control import StateSpace
 from numpy.typing import ArrayLike
 
 from ...cones import Cone
@@ -20,7 +21,7 @@ from ...progress import Target
 from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.signals import signals_of
-from ...systems.statespace import ConeStateSpace
+from ..plant import read_system
 from ..running import Programs, within
 from .answer import OptimalFeedback
 from .arguments import Question, goes_sparse
@@ -149,13 +150,14 @@ def optimal_feedback(
     if own:
         design = partial(_constrained, route, constraints, objective, spare)
     found = within(time_limit, design, route.effort, answer=OptimalFeedback, progress=progress)
-    return found if found or not isinstance(sys, ConeStateSpace) else _by_name(found, sys, controls is None)
+    return found if found or not isinstance(sys, StateSpace) else _by_name(found, sys, X, controls is None)
 
 
-def _by_name(answer: OptimalFeedback, sys: ConeStateSpace, own_inputs: bool) -> OptimalFeedback:
+def _by_name(answer: OptimalFeedback, sys: StateSpace, X: Any, own_inputs: bool) -> OptimalFeedback:
     """The answer with the names of the states and inputs that its message numbers; controls have none."""
-    signals = signals_of(sys, sys.X, sys.U, sys.Y)
-    signals = signals if own_inputs else replace(signals, inputs=())
+    system = read_system(sys, X)
+    signals = signals_of(sys, system.X, system.U, system.Y)
+    signals = signals if own_inputs else signals.of_states()
     return replace(answer, message=answer.message + signals.legend(answer.message))
 
 

@@ -192,8 +192,8 @@ def design_cone_and_feedback(
 
 def _not_found(reason: str) -> CodesignResult:
     advice = (
-        "No cone and gain were found; none was excluded. Smaller vertices, more inputs, or more time may help: the "
-        "dominant pole should stay real and isolated in every vertex."
+        "No cone and gain were found; none was excluded. A lower rate, vertices nearer to each other, more inputs, or "
+        "more time may help: the dominant pole should stay real and isolated in every vertex."
     )
     return CodesignResult(status=Status.UNDECIDED, message=f"{reason} {advice}".lstrip())
 
