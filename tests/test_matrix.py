@@ -4,6 +4,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -85,3 +86,18 @@ def test_quotients_by_powers_of_two_are_those_of_fractions(numbers, longer, bits
     assert made.values.tolist() == expected
     assert made.fractions().tolist() == [Fraction(k, 2**bits) for k in integers.tolist()]
     assert made.is_double is all(Fraction(a) == Fraction(k, 2**bits) for a, k in zip(expected, integers, strict=True))
+
+
+@pytest.mark.parametrize("form", ["csr", "csc", "coo"])
+def test_sparse_data_are_read_with_short_indices_and_left_alone(form):
+    data = sp.random_array((30, 20), density=0.2, rng=np.random.default_rng(0)).asformat(form)
+    if form == "coo":
+        data.coords = tuple(index.astype(np.int64) for index in data.coords)
+    else:
+        data.indices, data.indptr = data.indices.astype(np.int64), data.indptr.astype(np.int64)
+    before = data.toarray()
+    read = exact_matrix(data, "M").values
+    assert read.indices.dtype == read.indptr.dtype == np.int32
+    read.data[:] = 7.0
+    np.testing.assert_array_equal(data.toarray(), before)
+    assert (read.indices.nbytes, data.shape) == (4 * data.nnz, (30, 20))

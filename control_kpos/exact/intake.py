@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, KposError, ShapeError
-from .matrix import Matrix
+from .matrix import Matrix, short_indices
 
 _NUMBER = re.compile(r"[+-]?(\d+/\d+|(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,4})?)")
 
@@ -155,7 +155,7 @@ def sparse_matrix(data: Any, name: str) -> sp.csr_array:
             if index.min() < 0 or index.max() >= size:
                 raise ShapeError(f"{name} has an entry outside its {data.shape} shape along axis {axis}.")
     _require_finite(np.asarray(data.data, dtype=np.float64).ravel(), f"{name}.data")
-    out = sp.csr_array(data, dtype=np.float64, copy=True)
+    out = short_indices(sp.csr_array(data, dtype=np.float64, copy=True))
     out.sum_duplicates()
     out.eliminate_zeros()
     _require_finite(out.data, f"{name}.data")

@@ -18,48 +18,39 @@ class Loops:
 
     Parameters
     ----------
-    A, B, L : csr_array, shapes (n, n), (n, m), (m, n)
+    A, B, L : csr_array, shapes (n, n), (m, n), (m, n)
+        B transposed.
     places : NetworkModel
         The sizes and cones of the nodes.
     """
 
     def __init__(self, A: sp.csr_array, B: sp.csr_array, L: sp.csr_array, places: NetworkModel) -> None:
-        self.places, n, m = places, A.shape[0], B.shape[1]
-        count, states = np.diff(L.indptr)[B.indices], np.arange(n, dtype=np.int32)
-        at, acting, inputs, gains = L.indptr[B.indices], np.repeat(states, np.diff(B.indptr)), B.indices, B.data
-        if not (count == 1).all():
-            within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-            at, acting, inputs, gains = (np.repeat(part, count) for part in (at, acting, inputs, gains))
-            at = at + within
-        rows = np.concatenate([A.indices, L.indices[at], states])
-        columns = np.concatenate([np.repeat(states, np.diff(A.indptr)), acting, states])
-        order = _sorted(rows, columns, n)
-        rows, columns = rows[order], columns[order]
-        # entries of the pattern, and what they are sums of
-        begins = np.ones(len(rows), dtype=bool)
-        begins[1:] = (rows[1:] != rows[:-1]) | (columns[1:] != columns[:-1])
-        self._first = np.flatnonzero(begins)
-        self._weights = np.concatenate([A.data, gains * L.data[at], np.ones(n)])[order]
-        kind = inputs.dtype
-        factors = np.concatenate([np.full(A.nnz, m, dtype=kind), inputs, np.full(n, m + 1, dtype=kind)])
-        self._factors = factors[order].astype(np.intp)
-        rows, self._indices = rows[self._first], columns[self._first]
-        self._indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
-        owner = places.owners(0)
+        self.places, n, m = places, *B.shape[::-1]
+        rows, columns, weights, factors = _terms(A, B, L)
+        order, columns, begins = _sorted(rows, columns, n)
+        # entries of the pattern: where other terms of its row or column begin
+        first = np.ones(len(columns), dtype=bool)
+        np.not_equal(columns[1:], columns[:-1], out=first[1:])
+        first[begins[:-1][np.diff(begins) > 0]] = True
+        first = np.flatnonzero(first)
+        sums = np.append(first, len(columns)).astype(order.dtype)
+        self._sums = sp.csr_array((weights[order], factors[order], sums), shape=(len(first), m + 2))
+        self._indices = columns[first]
+        self._indptr = np.searchsorted(first, begins).astype(order.dtype)
+        rows, owner = np.repeat(np.arange(n, dtype=order.dtype), np.diff(self._indptr)), places.owners(0)
         own = owner[rows] == owner[self._indices]
         self._links = np.flatnonzero(~own)
-        self._link_indptr = np.concatenate([[0], np.cumsum(np.bincount(rows[self._links], minlength=n))])
+        self._link_ends = self._indices[self._links], _pointers(rows[self._links], n)
         self._blocks = [_targets(places, g, rows, self._indices, own) for g in range(len(places.stacks))]
 
     def matrix(self, policy: Index, brake: float = 0.0) -> sp.csr_array:
         """The transposed closed loop."""
-        factors = np.concatenate([policy, [1.0, -brake]])
-        data = np.add.reduceat(self._weights * factors[self._factors], self._first)
+        data = self._sums @ np.concatenate([policy, [1.0, -brake]])
         return sp.csr_array((data, self._indices, self._indptr), shape=(len(self._indptr) - 1,) * 2)
 
     def network(self, transposed: sp.csr_array) -> NetworkModel:
         """A matrix of this pattern as a network."""
-        links = transposed.data[self._links], self._indices[self._links], self._link_indptr
+        links = transposed.data[self._links], *self._link_ends
         blocks = []
         for (entries, where), s in zip(self._blocks, self.places.stacks, strict=True):
             blocks.append(np.zeros((len(s), s.X.dim, s.X.dim)))
@@ -67,20 +58,47 @@ class Loops:
         return of_states(blocks, sp.csr_array(links, shape=transposed.shape), self.places)
 
 
-def _sorted(rows: Any, columns: Any, n: int) -> Index:
-    """The order of places by rows, then columns: two passes of counting, by the transposition of sparse matrices."""
+def _terms(A: sp.csr_array, B: sp.csr_array, L: sp.csr_array) -> tuple[Any, Any, Floats, Any]:
+    """Places (row, column) of the terms of the transposed closed loop, their weights, and the factors of these.
 
-    def counted(keys: Any) -> Index:
-        every = np.arange(len(keys) + 1, dtype=np.int32 if len(keys) < 2**31 - 1 else np.int64)
-        return sp.csr_array((np.ones(len(keys), dtype=np.int8), keys, every), shape=(len(keys), n)).tocsc().indices
+    Factors 0, ..., m - 1 are the coefficients of the policy, m is 1, and m + 1 the brake.
+    """
+    (m, n), kind = B.shape, A.indices.dtype
+    inputs, acting, gains = np.repeat(np.arange(m, dtype=kind), np.diff(B.indptr)), B.indices, B.data
+    at, count, states = L.indptr[inputs], np.diff(L.indptr), np.arange(n, dtype=kind)
+    if not (count == 1).all():
+        count = count[inputs]
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        at, acting, inputs, gains = (np.repeat(part, count) for part in (at, acting, inputs, gains))
+        at = at + within
+    return (
+        np.concatenate([A.indices, L.indices[at], states]),
+        np.concatenate([np.repeat(states, np.diff(A.indptr)), acting, states]),
+        np.concatenate([A.data, gains * L.data[at], np.ones(n)]),
+        np.concatenate([np.full(A.nnz, m, dtype=inputs.dtype), inputs, np.full(n, m + 1, dtype=inputs.dtype)]),
+    )
 
-    order = counted(columns)
-    return order[counted(rows[order])]
+
+def _sorted(rows: Any, columns: Any, n: int) -> tuple[Any, Any, Any]:
+    """The order of places by rows, then columns, the columns in it, and where every row begins.
+
+    By counting, as in the transposition of a sparse matrix, and by sorting within the rows.
+    """
+    every = np.arange(len(rows) + 1, dtype=np.int32 if len(rows) < 2**31 - 1 else np.int64)
+    counted = sp.csr_array((columns, rows, every), shape=(len(rows), n)).tocsc()
+    places = sp.csr_array((counted.indices, counted.data, counted.indptr), shape=(n, n))
+    places.sort_indices()
+    return places.data, places.indices, places.indptr
+
+
+def _pointers(rows: Any, n: int) -> Any:
+    """Where the entries of every row begin, for entries in the order of their rows."""
+    return np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))]).astype(rows.dtype)
 
 
 def as_network(A: sp.csr_array, places: NetworkModel) -> NetworkModel:
     """x' = A x as a network of nodes with these sizes and cones, whose every state is an input and an output."""
-    rows = np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+    rows = np.repeat(np.arange(A.shape[0], dtype=A.indices.dtype), np.diff(A.indptr))
     owner = places.owners(0)
     own = owner[rows] == owner[A.indices]
     blocks = []
@@ -89,8 +107,8 @@ def as_network(A: sp.csr_array, places: NetworkModel) -> NetworkModel:
         blocks.append(np.zeros((len(s), s.X.dim, s.X.dim)))
         blocks[-1][where] = A.data[entries]
     links = ~own & (A.data != 0)
-    indptr = np.concatenate([[0], np.cumsum(np.bincount(rows[links], minlength=A.shape[0]))])
-    return of_states(blocks, sp.csr_array((A.data[links], A.indices[links], indptr), shape=A.shape), places)
+    kept = A.data[links], A.indices[links], _pointers(rows[links], A.shape[0])
+    return of_states(blocks, sp.csr_array(kept, shape=A.shape), places)
 
 
 def of_states(blocks: list[Floats], links: sp.csr_array, places: NetworkModel) -> NetworkModel:

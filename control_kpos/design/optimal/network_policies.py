@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -20,8 +21,13 @@ from .network_problem import NetworkCost
 from .policies import Found, Policies
 from .problem import Floats, Index
 
-# Sizes of r + B'p that count as ties, and errors of the linear systems, at first and at the end.
-_COARSE, _FINE = (1e-6, 1e-7), (1e-12, 1e-12)
+# Sizes of r + B'p that count as ties, on the way and at the end.
+_COARSE, _FINE = 1e-6, 1e-12
+# Errors of the linear systems relative to the costs, and, on the way, to the residual they start from: a cost is good
+# enough there if it shows the next policy.
+_ERROR, _ROUGH = 1e-12, 1e-2
+# Part of the cost of a stage that the residual of a cost may be; any below 1 shows that the policy is stable.
+_MISSED = 0.1
 # Operations for each entry of a linear system.
 _EFFORT = 100.0
 # Steps of the power iteration, and how often the nodes are tried where nothing falls.
@@ -48,12 +54,11 @@ class NetworkPolicies(Policies):
         problem = self.problem
         self.rays, self.facets = problem.cones.rays.values, problem.cones.facets.values
         factor = float(problem.factor)
-        self.B, self.reach = problem.acting, problem.reach[0]
-        if factor != 1:
-            self.B, self.reach = self.B * factor, self.reach * factor
+        self.acted = problem.acted if factor == 1 else problem.acted * factor
+        self._reach = float(abs(self.acted).sum(axis=1).max(initial=0.0))
         self.limits = problem.limits.values if problem.apart else sp.csr_array(problem.limits.values[problem.owner])
         self._solved: tuple[NetworkModel, Floats] | None = None
-        self.ties, self._tolerance = _COARSE
+        self.ties, self._errors = _COARSE, (_ROUGH, 0.0)
 
     @cached_property
     def drift(self) -> sp.csr_array:  # type: ignore[override]
@@ -64,37 +69,55 @@ class NetworkPolicies(Policies):
     def loops(self) -> Loops:
         """The closed loops of all policies."""
         resting = self.problem.resting * float(self.problem.factor)
-        return Loops(resting, self.B, self.limits, self._places)
+        return Loops(resting, self.acted, self.limits, self._places)
+
+    @cached_property
+    def reach(self) -> sp.csr_array:  # type: ignore[override]
+        """|B|."""
+        return sp.csr_array(abs(self.acted).T)
+
+    def pushed(self, p: Floats) -> Floats:
+        """See `Policies`."""
+        return self.acted @ p
+
+    def _ties(self, y: Floats, p: Floats) -> Any:
+        """See `Policies`; sizes are only found where none is excluded by the largest one."""
+        most = np.abs(self.r).max(initial=0.0) + self._reach * np.abs(p).max()
+        near = np.flatnonzero(~(np.abs(y) > self.ties * most))
+        size = np.abs(self.r[near]) + abs(self.acted[near]) @ np.abs(p)
+        return near[~(np.abs(y[near]) > self.ties * size)]
 
     def optimal(self) -> Found | None:
-        """See `Policies`: first roughly, which takes fewer steps of every solve."""
+        """See `Policies`: first roughly, then from the best policy that this shows."""
         found = super().optimal()
-        self.ties, self._tolerance = _FINE
-        p = None if found is None else self.cost(found.policy)
-        return found if found is None or p is None else self._improved(found.policy, p, 0.0)
+        if found is None:
+            return None
+        self.ties, self._errors = _FINE, (0.0,)
+        start = self.worst(self._better(found.policy, found.p)) or self.worst(found.policy)
+        return None if start is None else self._improved(*start, 0.0)
 
     def cost(self, policy: Index, brake: float = 0.0) -> Floats | None:
-        """See `Policies`."""
-        spend(_EFFORT * (self.problem.A.values.nnz + self.B.nnz) + 1e5)
-        loop = self.loops.matrix(policy, brake + self.problem.own)
+        """See `Policies`; on the way roughly, and better where that does not show that the policy is stable.
+
+        That -(A_c - I)'p is positive on X proves it, so that a residual below the cost of a stage does.
+        """
+        spend(_EFFORT * (self.problem.A.values.nnz + self.acted.nnz) + 1e5)
         self.steps += 1
+        loop = self.loops.matrix(policy, brake + self.problem.own)
         model = self.loops.network(loop)
-        paid = self.s + (policy * self.r) @ self.limits
-        missed, p = paid, np.zeros(len(paid))
+        paid, p = self.s + (policy * self.r) @ self.limits, None
         if self._solved is not None:
             before, p = self._solved
             same_graph(before, model)
-            missed = paid + loop @ p
-        part = np.abs(missed).max() / np.abs(paid).max()
-        if not part < 1:
-            missed, p, part = paid, 0.0, 1.0
-        p = p + PortSystem(model, 0.0).primal(missed, min(self._tolerance / max(part, 1e-300), 0.1))[0]
-        # an iteration that gave up has not found the cost
-        missed = np.abs(self.rays @ (paid + loop @ p))
-        if not ((self.rays @ p > 0).all() and (missed <= 1e-3 * (self.rays @ paid)).all()):
-            return None
-        self._solved = model, p
-        return p
+        system, stage = PortSystem(model, 0.0), _MISSED * (self.rays @ paid)
+        missed = paid if p is None else paid + loop @ p
+        for error in self._errors:
+            p, missed = _nearer(system, loop, paid, p, missed, error)
+            # an iteration that gave up has not found the cost
+            if (self.rays @ p > 0).all() and (np.abs(self.rays @ missed) <= stage).all():
+                self._solved = model, p
+                return p
+        return None
 
     # -- no finite cost
 
@@ -117,7 +140,7 @@ class NetworkPolicies(Policies):
 
     def _moved(self, d: Floats) -> Floats:
         """D(d) without costs."""
-        return d @ self.drift + self.problem.best((d @ self.B)[None])[0] @ self.problem.limits.values
+        return d @ self.drift + self.problem.best(self.pushed(d)[None])[0] @ self.problem.limits.values
 
     def _cut(self, d: Floats) -> Floats | None:
         """d without the nodes where it falls; None if nothing is left."""
@@ -131,3 +154,14 @@ class NetworkPolicies(Policies):
                 return d
             d = np.where(np.isin(cones.owners, owner[falls]), 0.0, d)
         return None
+
+
+def _nearer(
+    system: PortSystem, loop: sp.csr_array, paid: Floats, p: Floats | None, missed: Floats, error: float
+) -> tuple[Floats, Floats]:
+    """A better solution p of paid + loop p = 0 with its residual, from one with the residual given or from none."""
+    part = np.abs(missed).max() / np.abs(paid).max()
+    if p is None or not part < 1:
+        p, missed, part = np.zeros(len(paid)), paid, 1.0
+    p = p + system.primal(missed, min(max(error, _ERROR / max(part, 1e-300)), 0.1))[0]
+    return p, paid + loop @ p

@@ -68,6 +68,11 @@ class NetworkCost(LinearCost):
         return _collapsed(self.B, self.limits.shape[1])
 
     @cached_property
+    def acted(self) -> sp.csr_array:
+        """B' in floating point, for products with columns."""
+        return sp.csr_array(self.acting.T)
+
+    @cached_property
     def resting(self) -> sp.csr_array:
         """A in floating point."""
         return _collapsed(self.A, self.limits.shape[1])
@@ -152,18 +157,18 @@ class NetworkCost(LinearCost):
 
     def _inputs(self, r: Matrix, p: Matrix, *, exact: bool = False) -> tuple[Floats, Floats]:
         """r + B'p in floating point, and more than its error; if `exact`, no error where there is one term only."""
-        (r_values, p_values), B = (np.asarray(row.values[0]) for row in (r, p)), self.acting
+        r_values, p_values = (np.asarray(row.values[0]) for row in (r, p))
         reach, terms = self.reach
-        error = 8 * (terms + 16) * HALF_ULP * (np.abs(r_values) + np.abs(p_values) @ reach)
+        error = 8 * (terms + 16) * HALF_ULP * (np.abs(r_values) + reach @ np.abs(p_values))
         if exact:
-            error[(p_values != 0).astype(float) @ (B != 0) <= 1] = 0.0
-        return r_values + p_values @ B, error
+            error[(self.acted != 0) @ (p_values != 0).astype(float) <= 1] = 0.0
+        return r_values + self.acted @ p_values, error
 
     @cached_property
     def reach(self) -> tuple[sp.csr_array, int]:
-        """|B| in floating point, and the number of terms of a column."""
-        B = self.acting
-        return abs(B), int(np.bincount(B.indices, minlength=1).max(initial=0)) + height(self.B, B.shape[0])
+        """|B'| in floating point, and the number of terms of a row."""
+        B = self.acted
+        return abs(B), int(np.diff(B.indptr).max(initial=0)) + height(self.B, B.shape[1])
 
     def _priced(self, name: str, r: Matrix, p: Matrix, z: Floats, sign: int, where: Any) -> list[Condition]:
         """y - sign z_g >= 0 and -y - sign z_g >= 0, y = r + B'p, for the columns of every block g where asked for."""
@@ -225,10 +230,10 @@ class NetworkCost(LinearCost):
     def earlier(self, p: Matrix) -> tuple[Matrix, Index, Floats | None]:
         """See `LinearCost`; in floating point."""
         row, factor, s, L = p.values[0], float(self.factor), np.asarray(self.s.values[0]), self.limits.values
-        y = np.asarray(self.r.values[0]) + factor * (row @ self.acting)
+        y = np.asarray(self.r.values[0]) + factor * (self.acted @ row)
         moved = s + factor * (row @ self.resting) + self.best(y[None])[0] @ L
         coming = np.abs(s) + factor * (np.abs(row) @ abs(self.resting)) + np.abs(moved)
-        paid = np.abs(np.asarray(self.r.values[0])) + factor * (np.abs(row) @ self.reach[0])
+        paid = np.abs(np.asarray(self.r.values[0])) + factor * (self.reach[0] @ np.abs(row))
         sizes = abs(self.rays.values) @ (coming + 2 * np.bincount(self.owner, paid, minlength=len(self.kinds)) @ abs(L))
         return Matrix(moved[None]), self.policy(y), sizes
 

@@ -54,7 +54,8 @@ class Policies:
     def __init__(self, problem: Any) -> None:
         self.problem, self.steps = problem, 0
         self.s, self.r = problem.s.values[0], problem.r.values[0]
-        self.disturbed = problem.kinds[problem.owner] == DISTURBANCE
+        kind = problem.kinds[problem.owner]
+        self.disturbed, self.free = kind == DISTURBANCE, kind == CONTROL
         self._read()
 
     def _read(self) -> None:
@@ -65,6 +66,10 @@ class Policies:
         self.drift, self.B = np.asarray(drift.values), np.asarray(B.values)
         self.reach = np.abs(self.B)
         self.limits = np.asarray(problem.limits.values)[problem.owner]
+
+    def pushed(self, p: Floats) -> Floats:
+        """B'p for a row p."""
+        return p @ self.B
 
     def optimal(self) -> Found | None:
         """A policy that no other one betters, as computed; None if none with a finite cost was found."""
@@ -99,33 +104,46 @@ class Policies:
 
     def _wanted(self, p: Floats) -> Index:
         """What reaches m_g(r + B'p), with 0 for ties."""
-        y, size = self.r + p @ self.B, np.abs(self.r) + np.abs(p) @ self.reach
-        return self.problem.policy(np.where(np.abs(y) > self.ties * size, y, 0.0))
+        y = self.r + self.pushed(p)
+        y[self._ties(y, p)] = 0.0
+        return self.problem.policy(y)
+
+    def _ties(self, y: Floats, p: Floats) -> Any:
+        """Where y = r + B'p is as good as 0."""
+        return ~(np.abs(y) > self.ties * (np.abs(self.r) + np.abs(p) @ self.reach))
+
+    def _better(self, policy: Index, p: Floats) -> Index:
+        """What reaches m_g(r + B'p), and as before where that is as good; disturbances as before."""
+        wanted = self._wanted(p)
+        return np.where(self.disturbed | (self.free & (wanted == 0)), policy, wanted)
 
     def _improved(self, policy: Index, p: Floats, brake: float) -> Found:
         """Policy iteration from a stable policy."""
-        kind = self.problem.kinds[self.problem.owner]
         for _ in range(_STEPS):
-            wanted = self._wanted(p)
-            # what is as good as before stays
-            better = np.where(self.disturbed | ((wanted == 0) & (kind == CONTROL)), policy, wanted)
+            better = self._better(policy, p)
             if (better == policy).all():
                 break
             found = self.worst(better, brake)
-            # a step that wins no more than rounding would be taken back by the next one
-            if found is None or not (self.rays @ (p - found[1]) > self.ties * abs(self.rays) @ np.abs(p)).any():
+            # a step that wins no more than rounding, or no more than it loses, would be taken back by the next one
+            if found is None or not self._won(p, found[1]) > 0:
                 break
             policy, p = found
         return Found(policy, p, self.steps)
 
+    def _won(self, p: Floats, later: Floats) -> float:
+        """By how much p is larger on the generators, in all, ties not counted."""
+        won = self.rays @ (p - later)
+        won[np.abs(won) <= self.ties * (abs(self.rays) @ np.abs(p))] = 0.0
+        return float(won.sum())
+
     def _stable_policy(self) -> tuple[Index, Floats] | None:
         """A policy of finite cost: one of two simple ones, or by discounts that are taken back."""
-        greedy = self.problem.policy(self.facets.sum(axis=0) @ self.B)
+        greedy = self.problem.policy(self.pushed(np.asarray(self.facets.sum(axis=0)).ravel()))
         for start in (self.problem.policy(np.zeros(len(self.r))), greedy):
             found = self.worst(start)
             if found is not None:
                 return found
-        acting = self.reach @ abs(self.limits).sum(axis=1)
+        acting = np.asarray(abs(self.limits).sum(axis=1)) @ self.reach.T
         brake = 2 * float((abs(self.drift).sum(axis=1) + acting).max())
         found = self.worst(greedy, brake)
         for _ in range(_DISCOUNTS):

@@ -163,8 +163,8 @@ class NetworkRoute(Route):
     def apart(self, found: Found) -> float:
         """See `Route`: residuals and their rounding, relative to the cost of a stage."""
         policies, problem, p = self.policies, self.problem, found.p
-        rays, L, y = policies.rays, problem.limits.values, policies.r + p @ policies.B
-        gone, reach = problem.own * np.abs(p), np.bincount(problem.owner, np.abs(p) @ policies.reach)
+        rays, L, y = policies.rays, problem.limits.values, policies.r + policies.pushed(p)
+        gone, reach = problem.own * np.abs(p), np.bincount(problem.owner, abs(policies.acted) @ np.abs(p))
         moved = policies.s + float(problem.factor) * (p @ problem.resting) - problem.own * p
         best, paid = problem.best(y[None])[0], problem.under(found.policy, y[None])[0]
         # what stands beside each other in the sums is no larger than what comes in, and what goes
