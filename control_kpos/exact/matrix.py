@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import partial, reduce
+from functools import cached_property, partial, reduce
 from math import gcd, lcm
 from typing import Any, TypeAlias
 
@@ -78,6 +78,13 @@ class Matrix:
                 view = array.view()
                 view.flags.writeable = False
                 object.__setattr__(self, name, view)
+
+    @cached_property
+    def column_length(self) -> int:
+        """The most entries of a column."""
+        if sp.issparse(self.values):
+            return int(np.bincount(self.values.indices, minlength=1).max(initial=0))
+        return self.shape[-2]
 
     # -- making one
 

@@ -76,27 +76,51 @@ class BilinearForms:
     @cached_property
     def magnitudes(self) -> Any:
         """|l_k|' |M| |r_i| in floating point, shaped like `values`."""
-        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            m = self._product(*(_sizes(m.values) for m in self._operands))
-        return self._on_pattern(m) if self.is_sparse else np.asarray(m)
+        return self._on_pattern(self._summed_sizes) if self.is_sparse else np.asarray(self._summed_sizes)
 
     @cached_property
     def pattern(self) -> sp.csr_array:
-        """Positions of a sparse result where some product of entries is not zero by structure."""
-        out = sp.csr_array(self._product(*(_nonzero(m) for m in self._operands)))
+        """Positions of a sparse result where some product of entries may not be zero."""
+        if self._smallest_product > SMALLEST_NORMAL and all(m.radius is None for m in self._operands):
+            out = sp.csr_array(self._summed_sizes)
+        else:
+            out = sp.csr_array(self._product(*(_nonzero(m) for m in self._operands)))
         out.sort_indices()
         return out
+
+    @cached_property
+    def _summed_sizes(self) -> Any:
+        with np.errstate(over="ignore", invalid="ignore", under="ignore"):
+            return self._product(*(_sizes(m.values) for m in self._operands))
+
+    @cached_property
+    def _smallest_product(self) -> float:
+        """No more than the size of any product of entries of sparse operands that are not zero."""
+        sizes = (np.abs(m.values.data) for m in self._operands)
+        return prod(float(size.min(initial=1.0, where=size != 0)) for size in sizes)
+
+    @np.errstate(all="ignore")
+    def enclosure(self, *, exactly: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Proven bounds of dense forms from below and above, infinite or NaN where there are none.
+
+        They are equal where nothing was rounded, if `exactly`, for which all data are read once more.
+        """
+        z, bound = self.values, self._entry_bound()
+        low, high = np.nextafter(z - bound, -np.inf), np.nextafter(z + bound, np.inf)
+        if exactly:
+            exact = self.magnitudes <= self._exactness_limit()
+            low[exact] = high[exact] = z[exact]
+            low[self._structure() == 0] = high[self._structure() == 0] = 0.0
+        return low, high
 
     def relative(self) -> Any:
         """z_ki / (|l_k|'|M||r_i|), between -1 and 1 and free of all scales; 0 for 0/0."""
         z, m = (self.values.data, self.magnitudes.data) if self.is_sparse else (self.values, self.magnitudes)
         with np.errstate(invalid="ignore", over="ignore"):
             ratio = np.divide(z, m, out=np.zeros_like(m), where=m > 0)
-        return (
-            sp.csr_array((ratio, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
-            if self.is_sparse
-            else ratio
-        )
+        if not self.is_sparse:
+            return ratio
+        return sp.csr_array((ratio, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
 
     def signs(self, where: NDArray[np.bool_] | None = None, *, integers: bool = True) -> Any:
         """Proven signs -1, 0, +1, or `UNKNOWN` where exact arithmetic would be out of reach.
@@ -166,8 +190,9 @@ class BilinearForms:
     @cached_property
     def _lengths(self) -> tuple[int, int]:
         """Bounds on the number of terms in the inner sums over a and over b."""
-        inner = 0 if self.middle is None else min(_row_length(self.left), _column_length(self.middle))
-        return inner, _row_length(self.right)
+        if self.middle is None:
+            return 0, min(_row_length(self.left), _row_length(self.right))
+        return min(_row_length(self.left), self.middle.column_length), _row_length(self.right)
 
     @cached_property
     def _constants(self) -> tuple[float, float, float]:
@@ -194,9 +219,10 @@ class BilinearForms:
         """Bound on |fl(z) - z| entry by entry."""
         g, inner, outer = self._constants
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            lost = inner * np.asarray(abs(self.right.values).sum(axis=-1)) + outer
+            spread = np.ones(1) if self._ends_in_identity else np.asarray(abs(self.right.values).sum(axis=-1))
+            lost = inner * spread + outer
             if self.is_sparse:
-                bound = g * self.magnitudes.data + lost[self.pattern.indices]
+                bound = g * self.magnitudes.data + (lost if len(lost) == 1 else lost[self.pattern.indices])
             else:
                 bound = g * self.magnitudes + lost[..., None, :]
             done: list[Any] = []
@@ -333,12 +359,6 @@ def _decide(out: NDArray[np.int8], z: NDArray[np.float64], bound: NDArray[np.flo
 
 def _row_length(m: Matrix) -> int:
     return int(np.diff(m.values.indptr).max(initial=0)) if sp.issparse(m.values) else m.shape[-1]
-
-
-def _column_length(m: Matrix) -> int:
-    if sp.issparse(m.values):
-        return int(np.bincount(m.values.indices, minlength=1).max(initial=0))
-    return m.shape[-2]
 
 
 def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.float64]:

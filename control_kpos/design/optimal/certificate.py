@@ -29,7 +29,7 @@ from ...exact.signs import BilinearForms
 from ...proof.certificate import Certificate, Status, Vector, exactly
 from ...proof.encoding import register_record, require_kinds
 from ...proof.weights import ProofOmittedError
-from .network_problem import PRICES, NetworkCost
+from .network_problem import PUSHES, NetworkCost
 from .problem import ABOVE, ADMITTED, BLOCKS, CONTROL, COSTS, DISTURBANCE, INSIDE, KEPT, LIMITS, Index, LinearCost
 
 # Squared dimension times generators times facets of a cone above which files leave out the proof.
@@ -168,7 +168,7 @@ class OptimalCostCertificate(ClaimOnCost):
     """
 
     claim: ClassVar[str] = "optimal cost"
-    no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, ADMITTED, *PRICES})
+    no_margin: ClassVar[frozenset[str]] = frozenset({LIMITS, KEPT, COSTS, INSIDE, ABOVE, ADMITTED, *PUSHES})
 
     policy: Index | None = None
     lower: Vector = Vector()

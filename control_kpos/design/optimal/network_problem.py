@@ -1,13 +1,11 @@
 """Linear cost for a network: the problem of `problem` in sparse matrices, and its inequalities without any product.
 
 A and B are towers (see `exact.layers`): layers below each other whose sum is the matrix, so that the closed loop of any
-network of doubles is held exactly.  In the place of m_g(y), y = r + B'p, stand prices z_g, doubles that are rounded to
-the safe side, of which the kernel proves that
+network of doubles is held exactly.  In the place of m_g(y), y = r + B'p, stand prices z_g, doubles on the safe side of
+what the kernel encloses y in, so that
 
     z_g <= m_g(y)   for  s + (A - I)'p + sum_g z_g l_g   in X*       (a bound from below),
     z_g >= c_g'y_g  for  the opposite of the same sum    in X*       (the cost of a policy c from above).
-
-m_g is a least or largest value of entries of y and their opposites: every price is one inequality for each column.
 """
 
 from __future__ import annotations
@@ -43,9 +41,8 @@ from .problem import (
     over,
 )
 
-BELOW_PRICE, ABOVE_PRICE, PUSHES = "z <= m(r + B'lower)", "z >= c (r + B'upper)", "z <= m(B'h)"
 # What holds with no more than rounding to spare.
-PRICES = [BELOW_PRICE, ABOVE_PRICE, f"{PUSHES} (1)", f"{PUSHES} (2)"]
+PUSHES = ["z <= m(B'h) (1)", "z <= m(B'h) (2)"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,54 +131,38 @@ class NetworkCost(LinearCost):
 
     # -- prices
 
-    def _below(self, p: Matrix, step: str = "", *, costs: bool = True) -> tuple[Matrix, list[Condition]]:
-        """z <= m(r + B'p) for a row p, and the proof; with r = 0 without costs."""
-        kind, r = self.kinds[self.owner], self.r if costs else Matrix.zeros(*self.r.shape)
-        p = _scaled(p, self.factor)
-        y, error = self._inputs(r, p, exact=not costs)
-        either, free = kind == CONTROL, kind == DISTURBANCE
-        least = np.where(either, -np.abs(y), np.where(free, np.abs(y), y)) - error
+    def _below(self, p: Matrix, *, costs: bool = True) -> Matrix:
+        """z <= m(r + B'p) for a row p, proven; with r = 0 without costs."""
+        kind, (low, high) = self.kinds[self.owner], self._inputs(p, costs=costs)
+        least = np.where(kind == CONTROL, np.minimum(low, -high), low)
+        least = np.where(kind == DISTURBANCE, np.maximum(low, -high), least)
         z = self._by_block(np.minimum, least[None])[0]
         z[self.kinds == GROUP] = np.minimum(z[self.kinds == GROUP], 0)
-        where = np.array([~free | (y >= 0), either | (free & (y < 0))])
-        return Matrix(z[None]), self._priced(BELOW_PRICE + step, r, p, z, 1, where)
+        return Matrix(z[None])
 
-    def _above(self, p: Matrix, policy: Index, step: str) -> tuple[Matrix, list[Condition]]:
-        """z >= what a policy pays for r + B'p, against any disturbance, and the proof."""
-        free, p = self.kinds[self.owner] == DISTURBANCE, _scaled(p, self.factor)
-        y, error = self._inputs(self.r, p)
-        paid = np.where(free, np.abs(y) + error, policy * y + np.abs(policy) * error)
-        z = np.bincount(self.owner, paid, minlength=len(self.kinds)).astype(float)
-        where = np.array([free | (policy < 0), free | (policy > 0)])
-        return Matrix(z[None]), self._priced(ABOVE_PRICE + step, self.r, p, z, -1, where)
+    def _above(self, p: Matrix, policy: Index) -> Matrix:
+        """z >= what a policy pays for r + B'p, against any disturbance, proven; it uses one column of a group."""
+        free, (low, high) = self.kinds[self.owner] == DISTURBANCE, self._inputs(p)
+        paid = np.where(policy == 0, 0.0, np.where(policy > 0, high, -low))
+        paid = np.where(free, np.maximum(high, -low), paid)
+        return Matrix(np.bincount(self.owner, paid, minlength=len(self.kinds)).astype(float)[None])
 
-    def _inputs(self, r: Matrix, p: Matrix, *, exact: bool = False) -> tuple[Floats, Floats]:
-        """r + B'p in floating point, and more than its error; if `exact`, no error where there is one term only."""
-        r_values, p_values = (np.asarray(row.values[0]) for row in (r, p))
-        reach, terms = self.reach
-        error = 8 * (terms + 16) * HALF_ULP * (np.abs(r_values) + reach @ np.abs(p_values))
-        if exact:
-            error[(self.acted != 0) @ (p_values != 0).astype(float) <= 1] = 0.0
-        return r_values + self.acted @ p_values, error
-
-    @cached_property
-    def reach(self) -> tuple[sp.csr_array, int]:
-        """|B'| in floating point, and the number of terms of a row."""
-        B = self.acted
-        return abs(B), int(np.diff(B.indptr).max(initial=0)) + height(self.B, B.shape[1])
-
-    def _priced(self, name: str, r: Matrix, p: Matrix, z: Floats, sign: int, where: Any) -> list[Condition]:
-        """y - sign z_g >= 0 and -y - sign z_g >= 0, y = r + B'p, for the columns of every block g where asked for."""
-        left = _row_and_opposite([r, repeated(p, self.B)], sign * z)
-        forms = BilinearForms(left, self._inputs_and_prices, Matrix.identity(len(self.owner), sparse=True))
-        return [Condition(name, forms, ">=", where)]
+    def _inputs(self, p: Matrix, *, costs: bool = True) -> tuple[Floats, Floats]:
+        """Proven bounds of r + B'p for a row p; without costs of B'p, equal where nothing is rounded."""
+        forms = BilinearForms(self._columns, None, repeated(_scaled(p, self.factor), self.B))
+        low, high = (bound[:, 0] for bound in forms.enclosure(exactly=not costs))
+        if not costs:
+            return low, high
+        least = most = np.asarray(self.r.values[0])
+        if self.r.radius is not None:
+            radius = np.asarray(self.r.radius[0])
+            least, most = np.nextafter(least - radius, -np.inf), np.nextafter(most + radius, np.inf)
+        return np.nextafter(low + least, -np.inf), np.nextafter(high + most, np.inf)
 
     @cached_property
-    def _inputs_and_prices(self) -> Matrix:
-        """What (r, p, ..., z) multiplies."""
-        owned = np.ones(len(self.owner)), (self.owner, np.arange(len(self.owner)))
-        prices = Matrix(-sp.csr_array(owned, shape=(len(self.kinds), len(self.owner))))
-        return Matrix.join([Matrix.identity(len(self.owner), sparse=True), self.B, prices], -2)
+    def _columns(self) -> Matrix:
+        """The columns of the layers of B as rows."""
+        return Matrix(self.acted if height(self.B, self.X.dim) == 1 else sp.csr_array(self.B.values.T))
 
     # -- exact forms
 
@@ -193,13 +174,13 @@ class NetworkCost(LinearCost):
 
     def above(self, upper: Matrix, policy: Index, before: Matrix | None = None, step: str = "") -> list[Condition]:
         """See `LinearCost`."""
-        paid, proof = self._above(upper, policy, step)
-        return [*proof, Condition(ABOVE + step, self._moved(self.s, paid, upper, before), "<=")]
+        paid = self._above(upper, policy)
+        return [Condition(ABOVE + step, self._moved(self.s, paid, upper, before), "<=")]
 
     def below(self, lower: Matrix, before: Matrix | None = None, step: str = "") -> list[Condition]:
         """See `LinearCost`."""
-        least, proof = self._below(lower, step)
-        return [*proof, Condition(BELOW + step, self._moved(self.s, least, lower, before), ">=")]
+        least = self._below(lower)
+        return [Condition(BELOW + step, self._moved(self.s, least, lower, before), ">=")]
 
     def assumptions(self) -> list[Condition]:
         """See `LinearCost`."""
@@ -233,7 +214,7 @@ class NetworkCost(LinearCost):
         y = np.asarray(self.r.values[0]) + factor * (self.acted @ row)
         moved = s + factor * (row @ self.resting) + self.best(y[None])[0] @ L
         coming = np.abs(s) + factor * (np.abs(row) @ abs(self.resting)) + np.abs(moved)
-        paid = np.abs(np.asarray(self.r.values[0])) + factor * (self.reach[0] @ np.abs(row))
+        paid = np.abs(np.asarray(self.r.values[0])) + factor * (abs(self.acted) @ np.abs(row))
         sizes = abs(self.rays.values) @ (coming + 2 * np.bincount(self.owner, paid, minlength=len(self.kinds)) @ abs(L))
         return Matrix(moved[None]), self.policy(y), sizes
 
@@ -252,12 +233,11 @@ class NetworkCost(LinearCost):
 
     def growing(self, d: Matrix) -> list[Condition]:
         """See `LinearCost`."""
-        rays, (least, below) = self.rays, self._below(d, costs=False)
+        rays, least = self.rays, self._below(d, costs=False)
         everywhere = Matrix(np.ones((1, rays.shape[0])))
         return [
             Condition("d'x >= 0", BilinearForms(d, None, rays), ">="),
             Condition("d'x > 0 inside X", BilinearForms(d, rays.T, everywhere), ">"),
-            *below,
             Condition("d'x does not fall", self._moved(Matrix.zeros(*self.s.shape), least, d), ">="),
         ]
 
@@ -301,7 +281,7 @@ class NetworkCost(LinearCost):
         for k, f in enumerate((np.ones(len(single)), -single)):
             parts = [_columns_times(self.B.values, f), -_columns_times(z, np.abs(f))]
             middle = Matrix(sp.csr_array(sp.vstack(parts, format="csr")))
-            out.append(Condition(f"{PUSHES} ({k + 1})", BilinearForms(left, middle, eye), ">="))
+            out.append(Condition(PUSHES[k], BilinearForms(left, middle, eye), ">="))
         return worst, out
 
     def _least_by_block(self, y: sp.csr_array) -> Matrix:
@@ -335,20 +315,6 @@ def _columns_times(M: sp.csr_array, f: Floats) -> sp.csr_array:
     if not f.all():
         out.eliminate_zeros()
     return out
-
-
-def _row_and_opposite(parts: list[Matrix], z: Floats) -> Matrix:
-    """Rows (y, z) and (-y, z) for parts of y beside each other."""
-    price = Matrix(z[None])
-    if not all(part.is_double for part in parts):
-        y = Matrix.join(parts, -1)
-        return Matrix.join([Matrix.join([y, price], -1), Matrix.join([-y, price], -1)], -2)
-    out = np.empty((2, sum(part.shape[1] for part in parts) + len(z)))
-    np.concatenate([*(part.values[0] for part in parts), z], out=out[0])
-    size = out.shape[1] - len(z)
-    np.negative(out[0, :size], out=out[1, :size])
-    out[1, size:] = z
-    return Matrix(out)
 
 
 def _entries(M: sp.csr_array) -> tuple[NDArray[Any], NDArray[Any]]:
