@@ -43,13 +43,13 @@ def disturbance_limit(plant: Plant, found: float) -> Callable[[], float]:
     return partial(proven_limit, partial(_no_smaller_gain, plant), found, -1)
 
 
-def proven_limit(refused: Callable[[float], bool], found: float, side: int) -> float:
+def proven_limit(refused: Callable[[float], bool], found: float, side: int, effort: str = "a limit") -> float:
     """The number closest to the one found that `refused` proves to be a limit, from below (side -1) or above (1)."""
     if not np.isfinite(found):
         return found
     if side < 0 and found <= 0:
         return 0.0  # no size is smaller
-    with suppress(OutOfBudgetError), budget(EFFORT["a limit"]), np.errstate(all="ignore"):
+    with suppress(OutOfBudgetError), budget(EFFORT[effort]), np.errstate(all="ignore"):
         for apart in _APART:
             if not affords():
                 break

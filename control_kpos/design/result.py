@@ -43,6 +43,8 @@ class Nearest:
 
 # What is asked for where it is not a small gain.
 LARGEST_RATE = "largest decay rate"
+# The least gain of a network whose nodes share it.
+ONE_GAIN = "smallest gain max |F x_k| over all generators (leading entries 1), with one vector x for all nodes"
 # The law of an observer; its design is the feedback of the dual system.
 OBSERVER = "z' = A z + B u + L (C z - y)"
 _DUAL_WORDS = {
@@ -124,9 +126,10 @@ class DesignResult(Answer):
     value : float
         What was reached; NaN without a gain.
     limit : float
-        Proven: no gain for this cone that meets the demands (of several vertices: with a common vector x inside X) does
-        better than this value.  Proven by exact multipliers when it is first read.  NaN where that is not proven, as
-        for the local search of other methods, structures and cones: what was reached is the best found then.
+        Proven: no gain for this cone that meets the demands (of several vertices, and of one gain for all nodes of a
+        network: with a common vector x inside X) does better than this value.  Proven by multipliers when it is first
+        read.  NaN where that is not proven, as for the local search of other methods, structures and cones: what was
+        reached is the best found then.
     decay_rate : float
         Proven for the closed loop; NaN without a gain.
     certified_fraction : float or ndarray
@@ -213,7 +216,8 @@ class DesignResult(Answer):
         """What is proven of other gains."""
         if not np.isfinite(self.limit):
             return "the best found"
-        scope = " with a common vector x inside X" if len(getattr(self.certificate, "loops", ())) > 1 else ""
+        common = len(getattr(self.certificate, "loops", ())) > 1 or self.objective == ONE_GAIN
+        scope = " with a common vector x inside X" if common else ""
         least, most = f"less than {floored(self.limit)}", f"more than {raised(self.limit)}"
         better = most if self.objective == LARGEST_RATE else least
         return f"and no gain{scope} for this cone that meets the demands has {better}, which is proven"

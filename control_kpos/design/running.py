@@ -31,6 +31,7 @@ EFFORT = {
     "a node of a network alone": 1e10,
     "refusal of a whole network": 3e10,
     "a limit": 1e10,
+    "a limit of a network": 1e11,
 }
 # Operations of the interior point method, for each entry.
 _INTERIOR_EFFORT = 3e3

@@ -51,6 +51,8 @@ class Solution:
         c'x; NaN unless the outcome is "optimal".
     basic : ndarray of int
         Basic variables, x first and the rows after them; empty where the method has no basis.
+    duals : ndarray, shape (k,), or None
+        How fast the value grows with the right-hand side of each row, those of A_ub first; None from other solvers.
     message : str
         Why it failed.
     places : mapping
@@ -63,6 +65,7 @@ class Solution:
     basic: NDArray[np.intp] | None = None
     message: str = ""
     places: Mapping[str, slice] = field(default_factory=dict)
+    duals: NDArray[np.float64] | None = None
 
     def __bool__(self) -> bool:
         return self.outcome == "optimal"
@@ -153,7 +156,7 @@ def solve(
     if _contradicts_itself(matrix, lower, upper, box):
         return Solution("infeasible", np.empty(0), message="a bound or a row without entries cannot hold")
     if not matrix.data.any():
-        return _best_in_box(cost, *box)
+        return _best_in_box(cost, box[0], box[1], upper.size)
     limit = min(time_limit, seconds_left())
     answer = guarded(lambda: _run_highs(cost, matrix, lower, upper, box, method, presolve, limit), limit)
     return vetted(answer, cost)
@@ -170,12 +173,12 @@ def _contradicts_itself(
     return bool(crossed.any() or impossible.any())
 
 
-def _best_in_box(cost: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64]) -> Solution:
+def _best_in_box(cost: NDArray[np.float64], low: NDArray[np.float64], high: NDArray[np.float64], rows: int) -> Solution:
     """The program without entries in its rows, which HiGHS may die of: every variable at its better bound."""
     x = np.where(cost > 0, low, np.where(cost < 0, high, np.clip(0.0, low, high)))
     if not np.isfinite(x).all():
         return Solution("unbounded", np.empty(0), message="nothing limits the cost")
-    return Solution("optimal", x, float(cost @ x))
+    return Solution("optimal", x, float(cost @ x), duals=np.zeros(rows))
 
 
 def program_effort(rows: int, columns: int, entries: float | None = None) -> float:
@@ -200,11 +203,11 @@ def vetted(answer: Any, cost: NDArray[np.float64]) -> Solution:
     """
     if isinstance(answer, str):
         return failure(answer)
-    basic = None
+    basic = duals = None
     if isinstance(answer, Solution):
         if answer.outcome != "optimal":
             return answer
-        answer, basic = answer.x, answer.basic
+        answer, basic, duals = answer.x, answer.basic, answer.duals
     if answer is None:
         return Solution("infeasible", np.empty(0), message="the solver found no point")
     try:
@@ -213,7 +216,7 @@ def vetted(answer: Any, cost: NDArray[np.float64]) -> Solution:
         return failure("the solver returned something that is not a vector")
     if x.shape != cost.shape or not np.isfinite(x).all():
         return failure("the solver returned a vector of the wrong length, or numbers that are not finite")
-    return Solution("optimal", x, float(cost @ x), basic)
+    return Solution("optimal", x, float(cost @ x), basic, duals=duals)
 
 
 def guarded(call: Callable[[], T], time_limit: float = np.inf) -> T | str:
@@ -394,13 +397,15 @@ def _run_highs(
         outcome = "unbounded"
     if outcome != "optimal":
         return Solution(outcome, np.empty(0), message=f"HiGHS: {solver.modelStatusToString(solver.getModelStatus())}")
-    x = np.ldexp(np.asarray(solver.getSolution().col_value, dtype=float), columns - size)
+    found = solver.getSolution()
+    x = np.ldexp(np.asarray(found.col_value, dtype=float), columns - size)
+    duals = np.ldexp(np.asarray(found.row_dual, dtype=float), rows - price)
     basic = None
     if method == "simplex":
         _, index = solver.getBasicVariables()  # type: ignore[attr-defined]
         index = np.asarray(index, dtype=np.intp)
         basic = np.where(index >= 0, index, cost.size - 1 - index)
-    return Solution("optimal", x, basic=basic)
+    return Solution("optimal", x, basic=basic, duals=duals)
 
 
 def _exponent(values: NDArray[np.float64]) -> int:

@@ -7,10 +7,9 @@ that it has no solution.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,6 @@ from ...systems.system import System
 from ...theorems.decay_rates import Rate
 from ..accept import undecided
 from ..contradiction import NoFeedback
-from ..limits import proven_limit, refused_at
 from ..plant import Plant, read_plant
 from ..refusal import decide
 from ..result import DesignResult, Nearest
@@ -144,19 +142,6 @@ def _no_local_gains(task: Task) -> NoFeedback | None:
     with suppress(OutOfBudgetError), budget(EFFORT["refusal of a whole network"]):
         return decide(plant, task.rate * BELOW)[0]
     return None
-
-
-def network_limit(task: Task, found: float) -> Callable[[], float]:
-    """A bound on max |F_j x_k| below which no local gains do it; NaN if none is proven, as for large networks."""
-    return partial(
-        proven_limit, partial(_no_smaller, task), found if task.model.totals[0] <= _STATES else float("nan"), -1
-    )
-
-
-def _no_smaller(task: Task, bound: float) -> bool:
-    """Proven: no local gains whose max |F_j x_k| is at most the bound do it."""
-    bounded = replace(task, bound=np.full(task.model.totals[1], bound))
-    return refused_at(whole_network(bounded), task.rate * BELOW)
 
 
 def whole_network(task: Task) -> Plant:

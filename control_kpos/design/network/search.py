@@ -40,11 +40,12 @@ from ..accept import proven_rate, undecided
 from ..actuator_loss import Demand, least_fractions, lifted
 from ..feedback import read_rate
 from ..plant import closed_loop, read_bound
-from ..result import DesignResult, percent
+from ..result import ONE_GAIN, DesignResult, percent
 from ..running import Programs, SolverChoice, within
 from ..simplicial.program import Failure
+from .lower_limit import network_limit
 from .program import MARGINS, Geometry, NetworkProgram, Task
-from .refusal import beyond_gains, explain_failure, network_limit
+from .refusal import beyond_gains, explain_failure
 
 Floats = NDArray[np.float64]
 
@@ -58,6 +59,8 @@ _DIGITS = (4, 6, 9, 12)
 _EFFORT_PER_ENTRY = 2e3
 # Margins that are tried at a gain within the gap, relative to the nodes and to the gap.
 _WIDE = (2.0, 0.6, 0.2, 0.02)
+# Part of the gap that gains may use; the rest is left to the proof that there are no smaller ones.
+_REACHED = 0.7
 # Bounds on gains are numbers of a linear program.
 _LARGEST_BOUND = 1e100
 
@@ -120,6 +123,12 @@ def network_feedback(
     One sparse program with n + n m variables and about n^2 + n m rows per node.  Up to 5000 nodes or so A + B F
     is formed exactly; beyond, the certificate is about the doubles of A + B F, and a note says whether the margins
     also cover the rounding of that sum.
+
+    `limit` is proven for networks of any size, by duality: a vector d in X* and weights of facets at every generator
+    say that no local gains within it are fast enough.  They are found by policy iteration when `limit` is first read,
+    and checked by the kernel; a fifth of the time of the design at 100 nodes of two states, 3 % or less from 1000 on.
+    With `uniform` it is about gains with one vector x for all nodes.  With `gain_bound` nothing is minimised, and
+    `limit` is NaN.
 
     Examples
     --------
@@ -209,7 +218,7 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
         x, digits = candidate
         spend(_effort(task.model))
         task.lp.stage(f"{task.model.n_nodes} nodes: proof with gains of {digits} digits")
-        most = limit * (1 + task.gap) if limit > 0 and digits < _DIGITS[-1] else np.inf
+        most = limit * (1 + _REACHED * task.gap) if limit > 0 and digits < _DIGITS[-1] else np.inf
         return _certified(task, program, [round_to(F, digits) for F in program.gains(x)], limit, most)
 
     with suppress(OutOfBudgetError):
@@ -277,7 +286,7 @@ def _certified(
         F=_shaped(task, gains),
         closed_loop=network,
         certificate=certificate,
-        objective=NETWORK_GAIN if task.bound is None else BOUNDED,
+        objective=BOUNDED if task.bound is not None else ONE_GAIN if task.uniform else NETWORK_GAIN,
         value=value,
         limit=network_limit(task, limit),
         decay_rate=proven_rate(certificate, task.rate),
