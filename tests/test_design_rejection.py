@@ -37,6 +37,15 @@ def test_disturbance_without_bound_says_so(plant):
     assert d.status is kp.Status.UNDECIDED and "gain_bound" in d.message
 
 
+def test_gain_bounds_of_zero_beside_constraints_of_the_users_own():
+    sys = kp.ConeStateSpace([[-2, 1], [1, -2]], np.eye(2), np.eye(2), np.zeros((2, 2)))
+    for asked in {}, PUSHED, {"vertices": [(sys.A, sys.B), (0.9 * sys.A, sys.B)]}:
+        d = kp.state_feedback(sys, constraints=lambda F: [F[0, 0] <= -0.5], gain_bound=[1, 0], **asked)
+        assert d and d.check() and d.F[0, 0] <= -0.5 + 1e-6 and not d.F[1].any()
+        none = kp.state_feedback(sys, constraints=lambda F: [F[0, 0] <= 1], gain_bound=0, **asked)
+        assert none and not none.F.any()
+
+
 def test_disturbance_that_leaves_the_cone_is_refuted(plant):
     d = kp.state_feedback(plant, X=PAPER, disturbance=([[-1], [0]], [[1, 0]]), gain_bound=8)
     assert d.status is kp.Status.REFUTED and d.check()

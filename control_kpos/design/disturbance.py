@@ -35,8 +35,8 @@ from .simplicial.program import SimplicialProgram, scaled_rows, stacked
 from .simplicial.search import exact_design
 
 LINF_GAIN = "L-infinity gain from w to z"
-# Relative increase of gamma that is spent on a small gain and on margins.
-_EXTRA = 1e-3
+# Relative increases of gamma that are spent on a small gain and on margins, tried in turn.
+_EXTRA = (7e-4, 1e-2)
 # Margins of invariance that are tried with a small gain, relative to its rows.
 _MARGINS = (1e-7, 1e-9, 0.0)
 # Gains this many times the size of the plant count as unbounded.
@@ -103,7 +103,7 @@ def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
 
     def points() -> Iterator[tuple[float, Floats]]:
         """Of each gamma, the point of smallest |F x_k|, then the first one."""
-        for extra in (_EXTRA, 1e-2):
+        for extra in _EXTRA:
             gamma = best + extra * max(abs(best), 1e-6)
             second = program.small(gamma, x)
             yield from ((gamma, point) for point in (second, x) if point is not None)

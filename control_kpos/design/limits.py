@@ -24,13 +24,16 @@ from .refusal import EFFORT_PER_ENTRY, decide
 from .running import EFFORT
 from .simplicial.inequalities import output_rows
 
-# How far from the limit in floating point a proven one may be, relative to it, tried in turn.
-_APART = (1e-5, 1e-4, 4e-4, 1e-3, 3e-3, 1e-2)
+# Part of the gap by which a gain exceeds the smallest one found; the rest is for the distance to a proven limit.
+REACHED = 0.7
+# How far from the limit in floating point a proven one may be, relative to it, tried in turn; and, for gaps below
+# a thousandth, relative to the gap.
+_APART, _APART_IN_GAP = (1e-5, 1e-4, 2.9e-4, 1e-3, 3e-3, 1e-2), (0.01, 0.1, 0.29)
 
 
 def gain_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:
     """A bound on max |F x_k| below which no gain meets the demands; NaN if none is proven."""
-    return partial(proven_limit, partial(_no_smaller, plant, rate), found, -1)
+    return partial(proven_limit, partial(_no_smaller, plant, rate), found, -1, gap=plant.gap)
 
 
 def rate_limit(plant: Plant, found: float) -> Callable[[], float]:
@@ -43,14 +46,16 @@ def disturbance_limit(plant: Plant, found: float) -> Callable[[], float]:
     return partial(proven_limit, partial(_no_smaller_gain, plant), found, -1)
 
 
-def proven_limit(refused: Callable[[float], bool], found: float, side: int, effort: str = "a limit") -> float:
+def proven_limit(
+    refused: Callable[[float], bool], found: float, side: int, effort: str = "a limit", gap: float = 1e-3
+) -> float:
     """The number closest to the one found that `refused` proves to be a limit, from below (side -1) or above (1)."""
     if not np.isfinite(found):
         return found
     if side < 0 and found <= 0:
         return 0.0  # no size is smaller
     with suppress(OutOfBudgetError), budget(EFFORT[effort]), np.errstate(all="ignore"):
-        for apart in _APART:
+        for apart in sorted({*_APART, *(min(gap, 1e-3) * part for part in _APART_IN_GAP)}):
             if not affords():
                 break
             if refused(found * (1 + side * apart)):

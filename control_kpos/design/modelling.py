@@ -152,7 +152,9 @@ class _OwnProgram(Demands):
         cp, program, F = self.cp, self.program, self.F
         (G, g), bound, (S, b) = program.invariance, program.plant.gain_bound, rows
         always = [S @ self.entries <= b]
-        held = np.setdiff1d(np.arange(F.size), program.free)
+        # a bound of 0 is an equality, which leaves an interior point method no interior as two inequalities
+        used = np.full(F.shape[0], True) if bound is None else bound > 0
+        held = np.union1d(np.setdiff1d(np.arange(F.size), program.free), np.flatnonzero(~np.repeat(used, F.shape[1])))
         if held.size:
             always.append(cp.reshape(F, (F.size,), order="C")[held] == 0)
         for margin in margins:
@@ -160,9 +162,9 @@ class _OwnProgram(Demands):
             if outputs is not None:
                 size = abs(outputs[0]) @ np.full(outputs[0].shape[1], program.unit) + np.abs(outputs[1])
                 asked.append(outputs[0] @ self.entries + outputs[1] >= margin * size)
-            if bound is not None:
-                most = bound[:, None] * (1 - margin) * program.plant.sizes
-                asked.append(cp.abs(F @ program.seen.T) <= most)
+            if bound is not None and used.any():
+                most = bound[used, None] * (1 - margin) * program.plant.sizes
+                asked.append(cp.abs(F[used] @ program.seen.T) <= most)
             gain = self.cheapest(cost, asked, (len(g) + len(b), len(program.free)))
             if gain is not None:
-                yield gain
+                yield np.where(used[:, None], gain, 0.0)

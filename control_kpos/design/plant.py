@@ -334,8 +334,8 @@ def _vertex(vertex: Any, s: int, n: int, m: int) -> tuple[Matrix, Matrix]:
     return A, B
 
 
-def read_bound(bound: ArrayLike | None, m: int, *, positive: bool = False) -> Floats | None:
-    """A bound on |F x| for each of m inputs, from one number or m of them; 0 is allowed unless `positive`."""
+def read_bound(bound: ArrayLike | None, m: int) -> Floats | None:
+    """A bound on |F x| for each of m inputs, from one number or m of them; 0 is allowed."""
     if bound is None:
         return None
     # the doubles below: what is proven for them holds for the bound that was given
@@ -344,9 +344,8 @@ def read_bound(bound: ArrayLike | None, m: int, *, positive: bool = False) -> Fl
         values = np.full(m, values[0])
     if values.shape != (m,):
         raise ShapeError(f"gain_bound has {values.size} entries; give one number, or one for each of the {m} inputs.")
-    if not (values > 0 if positive else values >= 0).all():
-        rule = "must be positive" if positive else "cannot be negative"
-        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| {rule}.")
+    if not (values >= 0).all():
+        raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| cannot be negative.")
     return values
 
 

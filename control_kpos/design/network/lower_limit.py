@@ -39,7 +39,7 @@ _EFFORT_OF_PROGRAM, _EFFORT_OF_VECTOR = 4e3, 2.5e4
 def network_limit(task: Task, found: float) -> Callable[[], float]:
     """A bound on max |F_j x_k| below which no local gains do it; NaN if none is proven."""
     search = Refutation(task.model, task.rate * BELOW, task.uniform)
-    return partial(proven_limit, search.refuses, found, -1, "a limit of a network")
+    return partial(proven_limit, search.refuses, found, -1, "a limit of a network", task.gap)
 
 
 @dataclass(eq=False)

@@ -34,6 +34,8 @@ Index = NDArray[np.intp]
 
 # Margins of invariance relative to the size of the nodes, widest first.
 MARGINS = (1e-1, 1e-3, 1e-6)
+# Inputs with smaller bounds are not used.
+_LEAST_BOUND = 1e-100
 # Range of magnitudes, in powers of two, below which units are left alone.
 _MODERATE = 16
 # From this many variables on, the interior point method without crossover is faster than the simplex method.
@@ -137,7 +139,17 @@ class NetworkProgram(RatioProgram):
         if not self.uniform:
             for g, units in zip(self.parts, state_units([g.HAT for g in self.parts], self._links()), strict=True):
                 g.use(units)
+        for g, used in zip(self.parts, self.used, strict=True):
+            g.HZ = g.HZ * used[:, None, :]
         self.scale = max(float(max(np.abs(g.HAT).max(), np.abs(g.HZ).max(initial=0.0))) for g in self.parts)
+
+    @cached_property
+    def used(self) -> list[NDArray[np.bool_]]:
+        """Inputs (N, m) of every stack whose bound is not 0, or next to it; with one gain, at all nodes."""
+        if self.bound is None:
+            return [np.ones(g.HZ.shape[::2], dtype=bool) for g in self.parts]
+        used = [b > _LEAST_BOUND for b in self.bound]
+        return [np.broadcast_to(u.all(axis=0), u.shape) for u in used] if self.uniform else used
 
     def _variables(self) -> tuple[list[Index], list[Index], int]:
         """Columns of xi (N, n) and z (N, n, m) per stack; all xi come first."""
@@ -206,7 +218,8 @@ class NetworkProgram(RatioProgram):
         """z and -z, input by input, divided by the bound if there is one."""
         measures = [g.measure() for g in self.parts]
         if self.bound is not None:
-            measures = [each / np.maximum(b, 1e-300)[:, None, :] for each, b in zip(measures, self.bound, strict=True)]
+            bounds = [np.where(used, b, 1.0) for used, b in zip(self.used, self.bound, strict=True)]
+            measures = [each / b[:, None, :] for each, b in zip(measures, bounds, strict=True)]
         columns, place = np.unique(np.concatenate([z.ravel() for z in self.z]), return_inverse=True)
         factors = np.zeros(len(columns))
         np.maximum.at(factors, place, np.concatenate([each.ravel() for each in measures]))
@@ -234,8 +247,8 @@ class NetworkProgram(RatioProgram):
     def gains(self, x: Floats) -> list[Floats]:
         """F per stack, shape (N, m, n)."""
         out = []
-        for g, xi, z in zip(self.parts, self.xi, self.z, strict=True):
-            columns = x[z] / (x[xi] * g.units)[:, :, None] * g.input_units[:, None, :]
+        for g, xi, z, used in zip(self.parts, self.xi, self.z, self.used, strict=True):
+            columns = x[z] / (x[xi] * g.units)[:, :, None] * (g.input_units * used)[:, None, :]
             out.append(np.swapaxes(np.linalg.inv(g.rays) @ columns, 1, 2))
         return out
 

@@ -39,6 +39,7 @@ from ...theorems.decay_rates import Rate
 from ..accept import proven_rate, undecided
 from ..actuator_loss import Demand, least_fractions, lifted
 from ..feedback import read_rate
+from ..limits import REACHED
 from ..plant import closed_loop, read_bound
 from ..result import ONE_GAIN, DesignResult, percent
 from ..running import Programs, SolverChoice, within
@@ -59,8 +60,6 @@ _DIGITS = (4, 6, 9, 12)
 _EFFORT_PER_ENTRY = 2e3
 # Margins that are tried at a gain within the gap, relative to the nodes and to the gap.
 _WIDE = (2.0, 0.6, 0.2, 0.02)
-# Part of the gap that gains may use; the rest is left to the proof that there are no smaller ones.
-_REACHED = 0.7
 # Bounds on gains are numbers of a linear program.
 _LARGEST_BOUND = 1e100
 
@@ -90,7 +89,8 @@ def network_feedback(
     rate : float
         Decay rate of the network.  A rate such as "1/3" is proven as it is written; equality will do.
     gain_bound : float, array_like, shape (sum m_j,), optional
-        |F_j x_k| <= gain_bound at every generator of X_j, its leading entry scaled to 1 as in `state_feedback`.
+        |F_j x_k| <= gain_bound at every generator of X_j, its leading entry scaled to 1 as in `state_feedback`.  0 at
+        inputs that no local gain is to use.
         With a bound one program is solved, for gains that are small beside it; without, several, for the smallest bound
         that is possible.
     gap : float
@@ -200,7 +200,7 @@ def _require_nodes(model: NetworkModel, uniform: bool) -> None:
 
 
 def _read_bound(bound: ArrayLike | None, model: NetworkModel) -> Floats | None:
-    values = read_bound(bound, model.totals[1], positive=True)
+    values = read_bound(bound, model.totals[1])
     if values is not None and (values > _LARGEST_BOUND).any():
         raise DataError(
             f"gain_bound is {values.max():g}, which is no bound; leave it out, or take at most {_LARGEST_BOUND:g}."
@@ -218,7 +218,7 @@ def _design(task: Task, program: NetworkProgram) -> DesignResult:
         x, digits = candidate
         spend(_effort(task.model))
         task.lp.stage(f"{task.model.n_nodes} nodes: proof with gains of {digits} digits")
-        most = limit * (1 + _REACHED * task.gap) if limit > 0 and digits < _DIGITS[-1] else np.inf
+        most = limit * (1 + REACHED * task.gap) if limit > 0 and digits < _DIGITS[-1] else np.inf
         return _certified(task, program, [round_to(F, digits) for F in program.gains(x)], limit, most)
 
     with suppress(OutOfBudgetError):
@@ -262,7 +262,7 @@ def _certified(
         bounds = [b[:, :, None] for b in model.split(task.bound, 1)]
         if not all((u + _rounding(F, g) <= b).all() for u, F, g, b in zip(used, gains, parts, bounds, strict=True)):
             return None
-        used = [u / b for u, b in zip(used, bounds, strict=True)]
+        used = [np.divide(u, b, out=np.zeros_like(u), where=u > 0) for u, b in zip(used, bounds, strict=True)]
     value = max(float(u.max(initial=0.0)) for u in used)
     if value > most:
         return None

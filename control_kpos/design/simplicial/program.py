@@ -30,6 +30,10 @@ from .inequalities import feedback_inequalities, gain_from_columns, output_rows,
 # Decay demanded beyond the required one, relative to the size of the plant on the cone; a cone that is nearly
 # flat makes that size large, so smaller ones are tried as well.
 _STRICT = (1e-6, 1e-9, 1e-12)
+# Relative to the rate, the last step of the search for the largest one.
+_STEP = 2e-5
+# Gains that differ by less are the same for what is sought near them.
+_SAME = 1e-4
 # A decay rate this many times the size of the plant counts as "any rate is possible".
 _UNBOUNDED = 1e5
 # How far one step may shrink an entry of xi, and how far all steps may.
@@ -167,7 +171,7 @@ class RatioProgram:
             return start
         x, rate = self.largest_rate(start)
         step = max(abs(rate), 0.1 * self.scale)
-        while np.isfinite(rate) and step > 1e-4 * max(abs(rate), 1e-3 * self.scale) and affords():
+        while np.isfinite(rate) and step > _STEP * max(abs(rate), 1e-3 * self.scale) and affords():
             higher = self.start(rate + step)
             if isinstance(higher, Failure):
                 step /= 4
@@ -291,6 +295,7 @@ class SimplicialProgram(RatioProgram):
                 'structure does not follow the blocks of X; state_feedback has method="alternation" for it.'
             )
         self.plant, self.n, self.m, self.scale = plant, n, m, plant.scale
+        self.tolerance = min(self.tolerance, plant.gap / 8)
         spend_on_entries(2.0 * len(plant.vertices) * n * n * (1 + m))
         facets = plant.facets / np.einsum("ij,ij->i", plant.facets, plant.rays)[:, None]
         coupled = None
@@ -314,6 +319,14 @@ class SimplicialProgram(RatioProgram):
         if plant.gain_bound is not None:
             limits = np.tile(plant.gain_bound, 2 * n)[np.flatnonzero(np.tile(free.ravel(), 2))]
             self.bounds = self.slope - scaled_rows(self.level, limits)
+
+    def smallest_gain(self, rate: Rate, start: Floats) -> tuple[Floats, float]:
+        """See `RatioProgram`; then once more with hardly any decrease beyond the rate: gains may be small beside A."""
+        x, gain = super().smallest_gain(rate, start)
+        used, self.strict = self.strict, min(self.strict, _STRICT[1])
+        finer, less = super().smallest_gain(rate, x) if gain > 0 and self.strict < used else (x, gain)
+        self.strict = used
+        return (x, less) if gain <= less * (1 + _SAME) else (finer, less)
 
     def by_columns(self, rate: float) -> Floats | None:
         """A solution by policy iteration, or None: quick where it works, complete nowhere.

@@ -19,7 +19,7 @@ from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ..accept import Accepted, accept, margins_of, proven_rate, succeed, undecided
 from ..controllability import controllability_notes
-from ..limits import gain_limit, rate_limit
+from ..limits import REACHED, gain_limit, rate_limit
 from ..plant import Floats, Plant
 from ..refusal import decide
 from ..result import LARGEST_RATE, DesignResult, Nearest, changed
@@ -31,7 +31,7 @@ FIRST_GAIN = "nothing; max |F x_k| at the generators of X (leading entries 1)"
 # Where the decay rate is to be large, the gain may exceed the smallest one by this much, for margins.
 _GAIN_EXTRA = 0.05
 # Of the decay rate that this excess allows, the part that is used; and of the largest rate, the parts asked for.
-_RATE_PART, RATE_PARTS = 0.8, (0.999, 0.99, 0.9)
+_RATE_PART, RATE_PARTS = 0.8, (0.9993, 0.999, 0.99, 0.9)
 UNLIMITED = "no limit of the decay rate was found; give gain_bound, or the rate you need."
 _UNPROVEN = (
     "the linear program has no solution that could be proven, and exact arithmetic would take too long, or longer than "
@@ -99,7 +99,7 @@ def _smallest(
         yield program.centred(rate, allowed, x)
         yield start
 
-    found = first_proven(points(), partial(_prove, plant, program, rate, gain=infimum * (1 + gap)))
+    found = first_proven(points(), partial(_prove, plant, program, rate, gain=infimum * (1 + REACHED * gap)))
     if found is None:
         return exact_design(plant, rate, lp, infimum)
     value = found.size if objective == SMALLEST_GAIN else proven_rate(found.certificate, found.rate)
