@@ -171,6 +171,21 @@ def test_parts_in_a_row_have_limits():
     assert d and 4.99 < d.limit <= 5 <= d.value <= 5.005
 
 
+@pytest.mark.parametrize("uniform", [False, True])
+@pytest.mark.parametrize("none", [0, 1e-300, 5e-324])
+def test_inputs_with_a_bound_of_zero_are_not_used(none, uniform):
+    """Two inputs a node, of which the first or none may act; without gains the network has a decay rate of 1/2."""
+    A, B = [[-2, 1], [1, -2]], [[1, 0], [0, 1]]
+    plants, links = [kp.ConeStateSpace(A, B, [[1, 0]], 0)] * 3, 0.5 * np.kron(ring(3).toarray(), [[1], [0]])
+    still = kp.network_feedback(plants, links, gain_bound=none, uniform=uniform, rate="0.4")
+    assert still and still.check() and not still.F.any() and still.value == 0
+    fast = kp.network_feedback(plants, links, gain_bound=none, uniform=uniform, rate=0.8)
+    assert fast.status is kp.Status.REFUTED and fast.check()
+    some = kp.network_feedback(plants, links, gain_bound=[2, none] * 3, uniform=uniform, rate=0.8)
+    assert some and some.check() and some.value > 0 and not some.F[..., 1, :].any() and some.F[..., 0, :].any()
+    assert np.abs(some.F).max() <= 2
+
+
 def test_a_limit_that_is_not_proven_is_none(monkeypatch):
     monkeypatch.setattr(Refutation, "proves", lambda *_: None)
     d = kp.network_feedback([node()] * 3, ring(3))
