@@ -328,7 +328,8 @@ def test_a_stage_that_costs_nothing_bounds_nothing_from_below():
     ("changes", "error", "message"),
     [
         ({"limits": [[-1]]}, DataError, r"limits\[0\] is negative at generator 0"),
-        ({"s": [0.1], "r": [1]}, DataError, "the cost is negative at generator 0"),
+        ({"s": [0.1], "r": [1]}, DataError, r"generator 0 .* inputs 0\. .* less than 0\.2 times"),
+        ({"s": [-1]}, DataError, "the cost is negative at generator 0 of X for some admissible input; raise s"),
         ({"s": [1, 2]}, ShapeError, r"must be \(1,\), one number per state of sys"),
         ({"r": [1, 2]}, ShapeError, "one number per input"),
         ({"limits": [[1, 2]]}, ShapeError, "limits"),

@@ -23,15 +23,31 @@ def obstacle(problem: LinearCost, conditions: Sequence[Condition]) -> str:
     costs = found.get(COSTS)
     at = None if costs is None else costs.worst_violation()
     if costs is not None and at is not None and float(costs.forms.values[at]) < 0:
-        raise DataError(
-            f"the cost is negative at generator {at[1]} of X for some admissible input; raise s, or lower |r|."
-        )
+        raise DataError(f"the cost is negative at generator {at[1]} of X {_dear(problem, at[1])}")
     if found[KEPT].verdict() is not True:
         return _leaves(problem, found[KEPT])
     if costs is not None and costs.verdict() is not True:
         where = "some state" if at is None else f"generator {at[1]} of X"
         return f"the cost of some admissible input at {where} is 0; bounds from below need s'x + r'u > 0, so raise s."
     return ""
+
+
+def _dear(problem: LinearCost, generator: int) -> str:
+    """Which inputs earn more than the state costs, and the limits that would do."""
+    x = problem.rays[np.array([generator])].dense()
+    sizes = problem.limits.values @ np.asarray(x.values)[0]
+    earning = np.flatnonzero((problem.best(np.asarray(problem.r.values))[0] < 0) & (sizes > 0))
+    (state,), r = problem.s.fractions() @ x.fractions()[0], problem.r.fractions()[0]
+    if state <= 0 or not earning.size:
+        return "for some admissible input; raise s, or lower |r|."
+    free = problem.kinds[earning] == CONTROL
+    most = [max(abs(v) if f else -v for v in r[problem.owner == g]) for g, f in zip(earning, free, strict=True)]
+    inputs = np.flatnonzero(np.isin(problem.owner, earning) & ((r < 0) | (problem.kinds[problem.owner] == CONTROL)))
+    allowed = problem.limits[earning].dense().fractions() @ x.fractions()[0]
+    return (
+        f"for some choice of inputs {', '.join(map(str, inputs))}. Raise s, lower |r|, or choose limits there that "
+        f"are less than {floored(state / (allowed @ most), 3)} times as large."
+    )
 
 
 def _leaves(problem: LinearCost, kept: Condition) -> str:
