@@ -119,6 +119,27 @@ def test_a_decay_rate_leaves_the_gain_as_it_is(method, rate):
     assert np.isnan(d.limit) if method == "alternation" else 0.999 / 3 <= d.limit <= 1 / 3
 
 
+@pytest.mark.parametrize("gap", [1e-1, 1e-3, 3e-4])
+def test_the_gain_is_within_the_gap_of_the_smallest_also_with_a_rate(gap):
+    """Published: 3.7416 (Miller et al., CDC 2023); the smallest is 3.7366548, and its loop decays faster than 0.1."""
+    sys = kp.ConeStateSpace(
+        [[-0.2, 0.2, 0.2], [0.4, -0.7, 0.2], [0, 0.8, -3]], [[-0.4, 0.5], [0.2, -0.8], [-1, 2]], np.eye(3), 0
+    )
+    z = np.vstack([np.eye(3), np.zeros((2, 3))]), np.vstack([np.zeros((3, 2)), np.eye(2)])
+    for rate in (0, 0.1):
+        d = kp.state_feedback(sys, rate=rate, gap=gap, disturbance=(np.eye(3, 2), *z))
+        assert d and d.check() and d.decay_rate >= rate and 3.7366 < d.value < 3.7366548 * (1 + gap)
+        assert d.limit > 3.7366548 * (1 - 1.1e-4)
+
+
+def test_a_family_decays_as_fast_as_its_best_common_vector():
+    A = np.array([[-1, 0.5, 0], [0, 0.2, 0.3], [0.1, 0, -0.5]])
+    sys = kp.ConeStateSpace(A, np.eye(3, 2), np.eye(3), 0)
+    pair = [(A, sys.B), (1.01 * A, sys.B)]
+    d = kp.state_feedback(sys, gain_bound=2, vertices=pair, disturbance=([[1], [0], [1]], [[0, 1, 0]]))
+    assert d and d.check() and d.decay_rate > 0.1
+
+
 @pytest.mark.parametrize("method", ["auto", "alternation"])
 def test_limits_hold_where_the_rate_asks_for_more(method):
     """x1' = -3 x1 - f x2, x2' = (f - 1) x2 + w, z = x1 + w: f = 0 has gain 1; rate 2 takes f = -1."""

@@ -229,12 +229,14 @@ def _common(
     plant: Plant, closed: tuple[Matrix, ...], positive: tuple[Any, ...], rate: float | Fraction, x: Floats | None
 ) -> Iterator[tuple[tuple[Any, ...], Floats]]:
     """Candidates for a common vector, x inside X first: a v inside X* is one of the transposed loops on X*."""
-    if x is not None:
-        yield positive, x
     rays, facets = plant.rays, plant.facets
+    if x is not None and plant.disturbance is None:  # that of a bound on a gain decays as slowly as it may
+        yield positive, x
     found = _inside(rays, facets, closed, rate, plant)
     if found is not None:
         yield positive, found
+    if x is not None and plant.disturbance is not None:
+        yield positive, x
     turned = tuple(M.T for M in closed)
     found = _inside(facets, rays, turned, rate, plant)
     if found is not None:

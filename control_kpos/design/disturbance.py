@@ -5,14 +5,15 @@ gain is the largest row sum of the DC gain.  It is below gamma if and only if so
 
     (A + B F) x + E 1 < 0 (in the order of X),   (G + H F) x + D 1 < gamma 1,   x = sum xi_k x_k,
 
-which is linear in xi, z_k = xi_k F x_k and gamma.  A decay rate is demanded by the same x as well, which a gain
-need not have it by: the limit is proven without it.
+which is linear in xi, z_k = xi_k F x_k and gamma.  If the gain of smallest gamma is too slow for a decay rate, the rate
+is demanded by the same x as well, which a gain need not have it by: the limit is proven without it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from ..exact.program import Block, Program, Solver
 from ..proof.answer import first_proven
 from ..proof.certificate import Status
 from .accept import Accepted, accept, beyond_feedback, proven_gamma, succeed, undecided
-from .limits import disturbance_limit
+from .limits import REACHED, disturbance_limit
 from .plant import Floats, Plant
 from .result import DesignResult
 from .running import Programs
@@ -35,8 +36,8 @@ from .simplicial.program import SimplicialProgram, scaled_rows, stacked
 from .simplicial.search import exact_design
 
 LINF_GAIN = "L-infinity gain from w to z"
-# Relative increases of gamma that are spent on a small gain and on margins, tried in turn.
-_EXTRA = (7e-4, 1e-2)
+# Larger relative increases of gamma, tried where the gap proves nothing.
+_EXTRA = (1e-3, 1e-2)
 # Margins of invariance that are tried with a small gain, relative to its rows.
 _MARGINS = (1e-7, 1e-9, 0.0)
 # Gains this many times the size of the plant count as unbounded.
@@ -56,6 +57,12 @@ def read_disturbance(data: Sequence[ArrayLike], plant: Plant) -> tuple[Matrix, M
     require_shape(H, "disturbance H", (G.shape[0], plant.m), "one row per row of G, one column per input")
     require_shape(D, "disturbance D", (G.shape[0], E.shape[1]), "one row per row of G, one column per column of E")
     return E, G, H, D
+
+
+def allowances(plant: Plant) -> list[float]:
+    """Parts by which gamma may exceed the smallest one, tried in turn; what is left of the gap is for the limit."""
+    least = REACHED * plant.gap
+    return [least, *(extra for extra in _EXTRA if extra > least)]
 
 
 def in_own_units(plant: Plant) -> tuple[Floats, Floats, Floats, Floats, tuple[float, float]]:
@@ -89,34 +96,39 @@ def objective_of(plant: Plant) -> str:
 def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     """The gain of smallest L-infinity gain from w to z (within 0.1 %), then of small size."""
     name = objective_of(plant)
-    program = DisturbanceProgram(plant, rate, lp)
-    first = program.least()
+    loose = DisturbanceProgram(plant, 0.0, lp)
+    free = loose.least()
+    if rate:  # the gain of the smallest bound at any rate may be fast enough
+        found = first_proven(loose.points(free, rate), partial(_accepted, plant, loose, rate))
+        if found is not None:
+            return _succeeded(plant, found, name, free, loose)
+    program = DisturbanceProgram(plant, rate, lp) if rate else loose
+    first = program.least() if rate else free
     if not first or not (first["x"][: plant.n] > 0).all():
         reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
         message = f"the linear program has no solution ({reason}); whether there is a gain is not proven."
         plain = exact_design(replace(plant, disturbance=None), rate, lp)
         return plain if plain.status is Status.REFUTED else undecided(message, plant, objective=name)
-    x, best, (of_x, of_z) = first["x"], float(first["gamma"][0]), program.units
-    if plant.gain_of(program.read(x)[0]) > _HUGE * max(plant.scale, 1.0):
+    if program.runs_away(first["x"]):
         message = "gains of ten thousand times the size of the plant still do better; give gain_bound."
         return undecided(message, objective=name)
-
-    def points() -> Iterator[tuple[float, Floats]]:
-        """Of each gamma, the point of smallest |F x_k|, then the first one."""
-        for extra in _EXTRA:
-            gamma = best + extra * max(abs(best), 1e-6)
-            second = program.small(gamma, x)
-            yield from ((gamma, point) for point in (second, x) if point is not None)
-
-    def prove(candidate: tuple[float, Floats]) -> Accepted | None:
-        gamma, (F, inside) = candidate[0], program.read(candidate[1])
-        return accept(plant, F, rate=rate, x=inside * of_x, gamma=gamma * of_z)
-
-    found = first_proven(points(), prove)
+    found = first_proven(program.points(first), partial(_accepted, plant, program, rate))
     if found is None:
         return undecided("a gain was found, but could not be proven.", objective=name)
-    free = DisturbanceProgram(plant, 0.0, lp).least() if rate else first
-    limit = disturbance_limit(plant, float(free["gamma"][0]) * of_z) if free else np.nan
+    return _succeeded(plant, found, name, free, loose)
+
+
+def _accepted(
+    plant: Plant, program: DisturbanceProgram, rate: float, candidate: tuple[float, Floats]
+) -> Accepted | None:
+    (gamma, point), (of_x, of_z) = candidate, program.units
+    F, inside = program.read(point)
+    return accept(plant, F, rate=rate, x=inside * of_x, gamma=gamma * of_z)
+
+
+def _succeeded(plant: Plant, found: Accepted, name: str, free: Any, program: DisturbanceProgram) -> DesignResult:
+    """With the limit, from the point of smallest gamma at any rate."""
+    limit = disturbance_limit(plant, float(free["gamma"][0]) * program.units[1]) if free else np.nan
     return succeed(plant, found, name, proven_gamma(found), limit)
 
 
@@ -149,6 +161,28 @@ class DisturbanceProgram(SimplicialProgram):
         program.below(-self.through, x=self.total, gamma=-np.ones(len(self.total)))
         return program.solve(self.lp)
 
+    def runs_away(self, x: Floats) -> bool:
+        """True for gains that count as unbounded."""
+        return self.plant.gain_of(self.read(x)[0]) > _HUGE * max(self.plant.scale, 1.0)
+
+    def points(self, first: Any, rate: float = 0.0) -> Iterator[tuple[float, Floats]]:
+        """Of each gamma, the point of smallest |F x_k|, then the first one; those that decay at a rate, as computed."""
+        if not first or not (first["x"][: self.plant.n] > 0).all() or self.runs_away(first["x"]):
+            return
+        x, best = first["x"], float(first["gamma"][0])
+        for extra in allowances(self.plant):
+            gamma = best + extra * max(abs(best), 1e-6)
+            for point in (self.small(gamma, x), x):
+                if point is not None and (not rate or self._decays(point, float(rate))):
+                    yield gamma, point
+
+    def _decays(self, point: Floats, rate: float) -> bool:
+        """Whether every vertex decays at this rate, in floating point."""
+        F = self.read(point)[0]
+        poles = [np.linalg.eigvals(A + B @ F) for A, B in self.plant.pairs]
+        rates = [1 - np.abs(p).max() if self.plant.discrete else -p.real.max() for p in poles]
+        return min(rates) >= rate
+
     def small(self, gamma: float, x: Floats) -> Floats | None:
         """The smallest largest entry of |F x_k| at this gamma, with the weights xi of x and a little margin."""
         scaled = scaled_rows(self.slope, 1 / (self.level @ x))
@@ -156,7 +190,7 @@ class DisturbanceProgram(SimplicialProgram):
         def solve(margin: float) -> Floats | None:
             program = self.program(margin, x)
             program.add(largest=Block(1, low=0.0, cost=1.0))
-            program.below(gamma - self.through - 1e-6 * abs(gamma), x=self.total)
+            program.below(gamma - self.through - min(1e-6, self.plant.gap / 10) * abs(gamma), x=self.total)
             program.below(0.0, x=scaled, largest=-np.ones(scaled.shape[0]))
             answer = program.solve(self.lp)
             return answer["x"] if answer and (answer["x"][: self.n] > 0).all() else None

@@ -105,8 +105,9 @@ def state_feedback(
     objective : callable, optional
         Of the same variable: a convex expression to minimise instead of the gain.
     gap : float
-        The gain may exceed the smallest one by this part of it: what is won goes into decay, margins and few digits.
-        `limit` is what is proven of the smallest one, within the gap as far as programs in doubles allow.
+        The gain (with `disturbance` that from w to z) may exceed the smallest one by this part of it: what is won goes
+        into decay, margins and few digits.  `limit` is what is proven of the smallest one, within the gap as far as
+        programs in doubles allow.
     method : {"auto", "one-shot", "first", "alternation", "two-step"}
         "one-shot": necessary and sufficient on simplicial cones.  "first": the same without a search for the
         smallest gain, for many states.  "alternation": any cone and any pattern.

@@ -43,7 +43,7 @@ def rate_limit(plant: Plant, found: float) -> Callable[[], float]:
 
 def disturbance_limit(plant: Plant, found: float) -> Callable[[], float]:
     """An L-infinity gain from w to z below which no gain gets; NaN if none is proven."""
-    return partial(proven_limit, partial(_no_smaller_gain, plant), found, -1)
+    return partial(proven_limit, partial(_no_smaller_gain, plant), found, -1, gap=plant.gap)
 
 
 def proven_limit(

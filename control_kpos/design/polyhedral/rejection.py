@@ -24,7 +24,7 @@ from ...exact.budget import affords
 from ...exact.program import Block, Program
 from ...proof.answer import first_proven
 from ..accept import Accepted, accept, proven_gamma, succeed, undecided
-from ..disturbance import in_own_units
+from ..disturbance import allowances, in_own_units
 from ..plant import Floats, Plant
 from ..result import DesignResult
 from ..running import Programs
@@ -37,8 +37,6 @@ Better: TypeAlias = Callable[[Floats, Floats, float], Floats | None]
 Small: TypeAlias = Callable[[Floats, float], Iterable[Floats]]
 # Steps of the alternation, and the relative decrease of gamma at which it stops.
 _ROUNDS, _ENOUGH = 20, 1e-4
-# Parts by which gamma may exceed what was found, for a small gain and margins.
-_EXTRA = (1e-3, 1e-2)
 # Of the size of the plant, what (A + B F) x + E 1 is below 0, for 1 in the units of x.
 _STRICT = 1e-6
 # Parts by which the disturbance is enlarged for the x that the gain is improved at.
@@ -164,7 +162,7 @@ class Rejection:
 
     def accepted(self, gain: Floats, x: Floats, gamma: float, small: Small | None = None) -> Accepted | None:
         """The gain, or a smaller one that does nearly as well, proven; `small` replaces the method."""
-        for extra in _EXTRA:
+        for extra in allowances(self.plant):
             most = gamma + extra * max(abs(gamma), 1e-6)
             inside = self.point(gain, extra / 2)  # where x is tight, no gain has a margin
             gains = chain((small or self.small)(x if inside is None else inside[0], most), (gain,))
