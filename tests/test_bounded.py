@@ -246,6 +246,7 @@ def test_planted_gains_are_found_and_keep_the_bounds(n, m, discrete):
         d = kp.state_feedback(plant, state_bounds=x, input_bounds=u, disturbance_bounds=w)
         assert d and d.check() and kp.state_positivity(d.closed_loop.A, plant.X, discrete=discrete)
         np.testing.assert_array_equal(d.x_max, x)
+        assert not d.limit > d.value
         moved = (plant.A + plant.B @ d.F - discrete * np.eye(n)) @ x + w
         assert (moved <= 1e-12).all()
         assert (np.maximum(np.maximum(d.F, 0) @ x, np.maximum(-d.F, 0) @ x) <= u).all()

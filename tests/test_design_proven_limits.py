@@ -153,3 +153,22 @@ def test_pictures_of_trade_offs_say_what_was_computed():
 def test_what_is_possible_instead_is_computed():
     d = kp.state_feedback(PLANT, X=PAPER, gain_bound=4.9)
     assert "Possible instead, as computed and not proven" in d.explain()
+
+
+def test_the_smallest_gain_within_the_bounds_is_proven():
+    """x' = x + u + w on [0, 1]: u = -x without w, -3/2 x for w <= 1/2; the paper's plant needs 5, the square 1/5."""
+    growing = kp.ConeStateSpace([[1]], [[1]], [[1]], 0)
+    half = {"state_bounds": [1], "disturbance_bounds": ["1/2"]}
+    seed = kp.ConeStateSpace([[0, 1], [-1, 0]], [[0], [1]], [[1, 0]], 0, X=PAPER)
+    square = kp.ConeStateSpace(np.diag([-0.5, -0.5, 0.2]), [[0], [0], [1]], np.eye(3), 0, X=PYRAMID)
+    for plant, asked, least in (
+        (growing, {"state_bounds": [1]}, 1),
+        (growing, half, 1.5),
+        (growing, {**half, "input_bounds": 2}, 1.5),
+        (growing, {"state_bounds": [1], "rate": 1}, 2),  # by the rate, not by the interval
+        (seed, {"state_bounds": [1, -1], "input_bounds": 10, "disturbance_bounds": [0, "1/10"]}, 5),
+        (square, {"state_bounds": [0, 0, 1], "input_bounds": 3}, 0.2),
+    ):
+        d = kp.state_feedback(plant, **asked)
+        assert d and least * 0.997 <= d.limit <= least * (1 + 1e-12) and d.value <= least * 1.0011
+    assert np.isnan(kp.state_feedback(growing, input_bounds=2, disturbance_bounds=["1/2"]).limit)  # other intervals

@@ -33,7 +33,7 @@ _APART, _APART_IN_GAP = (1e-5, 1e-4, 2.9e-4, 1e-3, 3e-3, 1e-2), (0.01, 0.1, 0.29
 
 def gain_limit(plant: Plant, rate: float, found: float) -> Callable[[], float]:
     """A bound on max |F x_k| below which no gain meets the demands; NaN if none is proven."""
-    return partial(proven_limit, partial(_no_smaller, plant, rate), found, -1, gap=plant.gap)
+    return partial(proven_limit, partial(no_smaller, plant, rate), found, -1, gap=plant.gap)
 
 
 def rate_limit(plant: Plant, found: float) -> Callable[[], float]:
@@ -69,7 +69,7 @@ def refused_at(plant: Plant, rate: float) -> bool:
     return proof is not None and proof.status is Status.REFUTED
 
 
-def _no_smaller(plant: Plant, rate: float, bound: float) -> bool:
+def no_smaller(plant: Plant, rate: float, bound: float) -> bool:
     """Proven: no gain whose max |F x_k| is at most the bound meets the demands."""
     own = np.inf if plant.gain_bound is None else plant.gain_bound
     return refused_at(replace(plant, gain_bound=np.minimum(own, np.full(plant.m, bound))), rate)

@@ -36,6 +36,7 @@ from ..result import DesignResult
 from ..running import Programs
 from ..simplicial.program import stacked
 from .contradiction import no_bounded_feedback
+from .limit import limit_within
 
 SMALLEST_INSIDE = "smallest gain max |F x_k| within the bounds"
 # Parts of u_max, and of the sizes of inequalities that have to be strict, that are left to rounding.
@@ -130,7 +131,10 @@ def _within(plant: Plant, bounds: Interval, x_max: Matrix, program: GainProgram,
     """The smallest gain that is proven for this x_max, which is that of the plant."""
     rows = _Rows(plant, bounds, program, float(rate), np.asarray(x_max.values))
     accepted = first_proven(rows.small_gains(), lambda gain: accept(plant, gain, rate=rate))
-    return None if accepted is None else succeed(plant, accepted, SMALLEST_INSIDE, accepted.size)
+    if accepted is None:
+        return None
+    limit = limit_within(plant, rate, accepted.size / (1 + plant.gap)) if bounds.x_max is not None else np.nan
+    return succeed(plant, accepted, SMALLEST_INSIDE, accepted.size, limit)
 
 
 def _shrinking(plant: Plant, bounds: Interval, program: GainProgram, rate: float, gain: Floats) -> Iterator[Matrix]:
