@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import control_kpos as kp
+from control_kpos import checker
 
 PAPER = [[0, 1], [1, -2]]
 PYRAMID = [[1, 0, 1], [0, 1, 1], [-1, 0, 1], [0, -1, 1]]
@@ -200,6 +201,17 @@ def test_modes_with_disturbance_and_constraints():
         assert found and found.check() and found.F.shape == (2, 1, 2)
         assert all(linf_gain(loop.A, *BOTH["disturbance"]) <= found.value for loop in found.closed_loop)
     assert own.F[:, 0, 0].sum() >= -5 - 1e-5
+
+
+def test_outputs_that_no_stabilising_gain_keeps_positive_are_refuted(plant, tmp_path):
+    """z = x1 + u >= 0 on the cone asks for F (0, 1)' >= 0, and stability for less."""
+    d = kp.state_feedback(plant, X=PAPER, disturbance=([[0], [1]], [[1, 0]], [[1]]))
+    assert d.status is kp.Status.REFUTED and d.check() and "outputs in Y" in d.explain()
+    assert d.message.startswith("z must not be negative")
+    d.save(tmp_path / "no.json")
+    assert kp.load_certificate(tmp_path / "no.json") == d.certificate and checker.main(tmp_path / "no.json") == 1
+    free = kp.state_feedback(plant, X=PAPER, gain_bound=13, disturbance=([[0], [1]], [[10, 0]], [[-1]]))
+    assert free and free.check()
 
 
 def test_refusals_and_wrong_arguments(plant):

@@ -27,9 +27,10 @@ from ..exact.program import Block, Program, Solver
 from ..proof.answer import first_proven
 from ..proof.certificate import Status
 from .accept import Accepted, accept, beyond_feedback, proven_gamma, succeed, undecided
+from .contradiction import NoFeedback
 from .limits import REACHED, disturbance_limit
 from .plant import Floats, Plant
-from .result import DesignResult
+from .result import DesignResult, changed
 from .running import Programs
 from .simplicial.inequalities import output_rows
 from .simplicial.program import SimplicialProgram, scaled_rows, stacked
@@ -40,6 +41,7 @@ LINF_GAIN = "L-infinity gain from w to z"
 _EXTRA = (1e-3, 1e-2)
 # Margins of invariance that are tried with a small gain, relative to its rows.
 _MARGINS = (1e-7, 1e-9, 0.0)
+_ALSO_Z = "z must not be negative where x is in X; it is called the output, and its orthant Y."
 # Gains this many times the size of the plant count as unbounded.
 _HUGE = 1e4
 
@@ -107,8 +109,11 @@ def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     if not first or not (first["x"][: plant.n] > 0).all():
         reason = (first.message or first.outcome) if not first else "the solver returned a point that violates it"
         message = f"the linear program has no solution ({reason}); whether there is a gain is not proven."
-        plain = exact_design(replace(plant, disturbance=None), rate, lp)
-        return plain if plain.status is Status.REFUTED else undecided(message, plant, objective=name)
+        plain = exact_design(_without_disturbance(plant), rate, lp)
+        if plain.status is not Status.REFUTED:
+            return undecided(message, plant, objective=name)
+        also = isinstance(plain.certificate, NoFeedback) and plain.certificate.ports is not None
+        return changed(plain, message=_ALSO_Z) if also else plain
     if program.runs_away(first["x"]):
         message = "gains of ten thousand times the size of the plant still do better; give gain_bound."
         return undecided(message, objective=name)
@@ -116,6 +121,15 @@ def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
     if found is None:
         return undecided("a gain was found, but could not be proven.", objective=name)
     return _succeeded(plant, found, name, free, loose)
+
+
+def _without_disturbance(plant: Plant) -> Plant:
+    """The plant with z as its outputs, in their orthant, where the feedback moves them: no gain here, none there."""
+    _, G, H, _ = plant.disturbance  # type: ignore[misc]
+    if H.is_zero:
+        return replace(plant, disturbance=None)
+    seen = replace(plant.system, C=G, D=H, Y=orthant(G.shape[0]))
+    return replace(plant, disturbance=None, system=seen, ports=True)
 
 
 def _accepted(

@@ -343,7 +343,9 @@ def read_bound(bound: ArrayLike | None, m: int) -> Floats | None:
     if values.shape == (1,):
         values = np.full(m, values[0])
     if values.shape != (m,):
-        raise ShapeError(f"gain_bound has {values.size} entries; give one number, or one for each of the {m} inputs.")
+        raise ShapeError(
+            f"gain_bound has {values.size} entries, and the gain {m} rows; give one number, or one for each."
+        )
     if not (values >= 0).all():
         raise DataError(f"gain_bound is {values.min():g}; a bound on |F x| cannot be negative.")
     return values
