@@ -23,7 +23,7 @@ import planted
 
 ONE_SHOT = "one-shot program n = 10, m = 5, beyond HiGHS"
 WHOLE = "smallest gain with proof, n = 10, m = 5"
-BOUNDED = "gain within hard bounds, with proof, n = 10, m = 5"
+BOUNDED = "4 gains within hard bounds, with proof, n = 10, m = 5"
 NETWORK = "local gains with proof, {} nodes"
 QUADRATIC = "stabilise, n = {}, m = {}"
 PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
@@ -80,8 +80,8 @@ def bounded_plant(n, m, seed=0):
 
 @pytest.fixture(scope="module")
 def bounded_programs():
-    """A call of the design, and the linear programs that it solves."""
-    sys_, bounds = bounded_plant(10, 5)
+    """Designs for four plants (the path of a simplex method is a matter of luck), and the programs that they solve."""
+    cases = [bounded_plant(10, 5, seed) for seed in range(4)]
     programs, solve = [], running.solve
 
     def kept(*program, **options):
@@ -90,8 +90,9 @@ def bounded_programs():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, "solve", kept)
-        assert kp.state_feedback(sys_, **bounds)
-    return (lambda: kp.state_feedback(sys_, **bounds)), programs
+        assert all(kp.state_feedback(sys_, **bounds) for sys_, bounds in cases)
+    assert len(programs) == 2 * len(cases)
+    return (lambda: [kp.state_feedback(sys_, **bounds) for sys_, bounds in cases]), programs
 
 
 def bare(program):
@@ -107,11 +108,16 @@ def bare(program):
     return solver.getObjectiveValue()
 
 
-@pytest.mark.parametrize(("who", "at_most"), [("ours", None), ("bare HiGHS", 2.5)])
+@pytest.mark.parametrize(("who", "at_most"), [("ours", None), ("bare HiGHS", 1.5)])
 def test_hard_bounds(contest, bounded_programs, who, at_most):
-    """The whole design with its proof, against HiGHS on the same two programs."""
+    """The whole design with its proof, against HiGHS with its own options on the same two programs for each plant.
+
+    The peer is a user of highspy who has the two programs as matrices: the smallest gain, then one within a thousandth
+    of it that is far inside all bounds.  He passes them to HiGHS and has them solved; no row is there for our sake
+    alone.  Writing them down, rounding the gain and proving it is our part.
+    """
     design, programs = bounded_programs
-    contest(BOUNDED, who, design if who == "ours" else lambda: [bare(p) for p in programs], at_most=at_most, rounds=40)
+    contest(BOUNDED, who, design if who == "ours" else lambda: [bare(p) for p in programs], at_most=at_most, rounds=15)
 
 
 @pytest.mark.parametrize("kind", ["one state a node", "two states a node"])

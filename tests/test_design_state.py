@@ -1,5 +1,7 @@
 """State feedback: the paper's design, every planted gain, proofs that there is none, what engineers ask."""
 
+import pickle
+
 import control as ct
 import cvxpy as cp
 import numpy as np
@@ -314,3 +316,18 @@ def test_alternation_is_never_worse_than_its_start():
         slim, size = program.slim(end, end.rate / 2)
         assert size <= np.abs(end.gain @ planted.unit(X.rays).T).max() + 1e-9
         assert slim.rate >= end.rate / 2 - 1e-9
+
+
+def test_closed_loop_and_notes_are_made_when_they_are_read_and_follow_no_later_change():
+    plant = ct.ss([[-1.0, 1.0], [0.0, -2.0]], [[1.0], [0.0]], np.eye(2), 0, name="plant", states=["a", "b"])
+    d = kp.state_feedback(plant, X=kp.orthant(2), rate=1.5)
+    B, C = plant.B.copy(), plant.C.copy()
+    plant.B[:], plant.C[:] = 9.0, 7.0
+    again = pickle.loads(pickle.dumps(d))
+    for result in (d, again):
+        assert callable(vars(result)["closed_loop"]) and callable(vars(result)["notes"])
+        loop = result.closed_loop
+        assert result.closed_loop is loop and loop.state_labels == ["a", "b"]
+        assert (loop.B == B).all() and (loop.C == C).all()
+        np.testing.assert_allclose(loop.A, plant.A + B @ result.F)
+        assert result.check() and any("-2" in note and "not controllable" in note for note in result.notes)

@@ -178,7 +178,7 @@ DEGENERATE = {
 
 
 @pytest.mark.parametrize("name", DEGENERATE)
-@pytest.mark.parametrize("options", [{}, {"presolve": False}, {"method": "ipm"}])
+@pytest.mark.parametrize("options", [{}, {"presolve": False}, {"method": "primal"}, {"method": "ipm"}])
 def test_programs_that_highs_must_not_see(name, options, monkeypatch):
     monkeypatch.setattr(linear_programs, "_run_highs", lambda *_: pytest.fail("HiGHS was asked"))
     call, outcome, x = DEGENERATE[name]
@@ -264,3 +264,28 @@ def test_other_callers_of_highs_in_the_same_process_do_no_harm():
     code = "import highspy; from control_kpos.exact.programs import solve; h = highspy.Highs(); "
     code += "h.setOptionValue('output_flag', False); h.addVar(0.0, 1.0); h.run(); assert solve([1.0], [[-1.0]], [-2.0])"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_rows_of_one_entry_are_bounds(seed):
+    """Of both signs, among inequalities and equations: the same optimum by every method."""
+    rng = np.random.default_rng(seed)
+    c, A, b = random_program(seed)
+    n = len(c)
+    single = np.eye(n)[rng.integers(0, n, size=6)] * rng.choice([-3.0, 0.5, 2.0], size=(6, 1))
+    rows, right = np.concatenate([A, single]), np.concatenate([b, rng.uniform(0.5, 4, size=6)])
+    fixed, value = np.eye(n)[:1] * -2.0, np.array([0.25])
+    data = {"A_ub": sp.csr_array(rows), "b_ub": right, "A_eq": fixed, "b_eq": value, "bounds": (-2.0, 2.0)}
+    plain = solve(c, **data)
+    for options in ({"presolve": False}, {"method": "primal"}):
+        other = solve(c, **data, **options)
+        assert plain.outcome == other.outcome
+        if other:
+            assert other.value == pytest.approx(plain.value, abs=1e-6)
+            assert (rows @ other.x <= right + 1e-6).all() and other.x[0] == pytest.approx(-0.125)
+            assert other.basic is None
+
+
+def test_rows_of_one_entry_can_contradict_each_other():
+    for options in ({"presolve": False}, {"method": "primal"}):
+        assert solve([1.0], [[1.0], [-1.0]], [-1.0, -1.0], bounds=(-5.0, 5.0), **options).outcome == "infeasible"

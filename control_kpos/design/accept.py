@@ -16,7 +16,7 @@ import numpy as np
 
 from ..cones import orthant
 from ..errors import DataError
-from ..exact.budget import OutOfBudgetError, affords, spend
+from ..exact.budget import OutOfBudgetError, affords, budget, spend
 from ..exact.matrix import Matrix
 from ..exact.program import Block, Program
 from ..exact.programs import program_effort
@@ -33,6 +33,7 @@ from .certificates import CommonVectorCertificate, DisturbanceCertificate, Feedb
 from .controllability import controllability_notes
 from .plant import Floats, Plant, closed_loop, times
 from .result import DesignResult
+from .running import EFFORT
 
 # Significant decimal digits tried for the gain, fewest first.
 _DIGITS = (3, 4, 5, 6, 8, 10, 12, 15)
@@ -78,11 +79,20 @@ def roundings(F: Floats) -> Iterator[Floats]:
     seen: list[Floats] = []
     cleaned = np.where(np.abs(F) < 1e-12 * np.abs(F).max(initial=0.0), 0.0, F)
     for digits in _DIGITS:
-        candidate = np.array([[float(f"{v:.{digits - 1}e}") for v in row] for row in cleaned]).reshape(F.shape)
+        candidate = _rounded(cleaned, digits)
         if not any(np.array_equal(candidate, old) for old in seen):
             seen.append(candidate)
             yield candidate
     yield F
+
+
+def _rounded(values: Floats, digits: int) -> Floats:
+    """With so many significant decimal digits: a whole number times or over a power of ten, which is exact up to 1e22."""
+    with np.errstate(all="ignore"):
+        last = np.where(values == 0, 0.0, np.floor(np.log10(np.abs(values)))) - (digits - 1)
+        above, below = np.power(10.0, np.maximum(last, 0)), np.power(10.0, np.maximum(-last, 0))
+        out = np.rint(values / above * below) * above / below
+    return np.where(np.isfinite(out), out, values)
 
 
 def accept(
@@ -329,7 +339,7 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
     return DesignResult(
         status=Status.PROVED,
         F=found.F,
-        closed_loop=loop_of(plant, found.closed[0], plant.vertices[0][1], found.full),
+        closed_loop=partial(loop_of, plant, found.closed[0], plant.vertices[0][1], found.full),
         certificate=found.certificate,
         objective=objective,
         value=value,
@@ -337,7 +347,7 @@ def succeed(plant: Plant, found: Accepted, objective: str, value: float, limit: 
         decay_rate=proven_rate(found.certificate, found.rate),
         certified_fraction=partial(certified_fraction, plant, found.full, found.certificate, found.rate),
         weakened_rate=found.rate,
-        notes=(*_bound_notes(plant), *controllability_notes(plant)),
+        notes=partial(_notes, plant),
     )
 
 
@@ -358,10 +368,12 @@ def loop_of(plant: Plant, closed: Matrix, B: Matrix, F: Matrix) -> ConeStateSpac
     )
 
 
-def _bound_notes(plant: Plant) -> tuple[str, ...]:
-    """What the rows of an interval are: F and -F."""
+def _notes(plant: Plant) -> tuple[str, ...]:
+    """What the rows of an interval are, F and -F; and the modes that no gain moves."""
     bounded = plant.interval is not None and plant.interval.u_max is not None
-    return ("These rows are F and -F: every |u_i| is at most its input bound on [0, x_max].",) if bounded else ()
+    rows = ("These rows are F and -F: every |u_i| is at most its input bound on [0, x_max].",) if bounded else ()
+    with budget(EFFORT["a limit"]):
+        return (*rows, *controllability_notes(plant))
 
 
 def proven_gamma(found: Accepted) -> float:

@@ -31,8 +31,9 @@ from ..exact.roots import Disc, on_imaginary_axis, root_discs
 from .plant import Floats, Plant
 
 # Relative size of a singular value below which exact arithmetic is asked; operations of a decomposition, for each entry
-# and row; operations of exact arithmetic for n^4; binary digits of a mode after which no more is said of its stability.
-_SUSPECT, _EFFORT, _EXACT_EFFORT, _DIGITS = 1e-7, 10.0, 300.0, 512
+# and row; operations of exact arithmetic for n^4; binary digits of a mode after which no more is said of its stability;
+# entries of matrices that are decomposed together.
+_SUSPECT, _EFFORT, _EXACT_EFFORT, _DIGITS, _TOGETHER = 1e-7, 10.0, 300.0, 512, 20_000
 
 
 def reachable(A: Matrix, B: Matrix) -> NDArray[np.object_]:
@@ -75,13 +76,15 @@ def _is_suspect(A: Floats, B: Floats) -> bool:
     if not affords(effort):
         return False
     A, B = (M / (np.abs(M).max(initial=0.0) or 1.0) for M in (A, B))
-    for mode in np.linalg.eigvals(A):
-        if mode.imag < 0:
-            continue
-        if not affords(effort):
+    modes = np.linalg.eigvals(A)
+    modes, step = modes[modes.imag >= 0], max(1, _TOGETHER // (A.size + B.size))
+    for at in range(0, len(modes), step):
+        if not affords(effort * step):
             return False
-        sizes = np.linalg.svd(np.hstack([A - mode * np.eye(n), B]), compute_uv=False)
-        if not sizes[-1] > _SUSPECT * sizes[0]:
+        shifted = A - modes[at : at + step, None, None] * np.eye(n)
+        pencils = np.concatenate([shifted, np.broadcast_to(B, (len(shifted), *B.shape))], axis=2)
+        sizes = np.linalg.svd(pencils, compute_uv=False)
+        if not (sizes[:, -1] > _SUSPECT * sizes[:, 0]).all():
             return True
     return False
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from control import InputOutputSystem
 from numpy.typing import NDArray
 
 from ..cards import about, floored, raised, shown_rows
@@ -79,6 +79,8 @@ def percent(fraction: float) -> str:
 class Lazy:
     """A field that may be given as a function without arguments, which is asked when the field is first read.
 
+    Systems can be called, too: they are values.
+
     Parameters
     ----------
     default : object
@@ -92,7 +94,7 @@ class Lazy:
 
     def __get__(self, record: Any, owner: type | None = None) -> Any:
         held = self.default if record is None else vars(record)[self.name]
-        if callable(held):
+        if callable(held) and not isinstance(held, InputOutputSystem):
             held = vars(record)[self.name] = held()
         return held
 
@@ -117,7 +119,8 @@ class DesignResult(Answer):
     F : ndarray, shape (m, n), or None
         Gain of u = F x + w.  Of modes: shape (S, m, n).  Of networks: shape (N, m, n), or a tuple of arrays.
     closed_loop : ConeStateSpace or network, or None
-        From w to y, with A + B F exact.  Of modes: a tuple, one for each.
+        From w to y, with A + B F exact.  Of modes: a tuple, one for each.  Of one system it is made when it is first
+        read; what is proven rests on the same A + B F, not on it.
     certificate : Certificate or None
         Proof for the closed loop formed exactly from the plant's data and the doubles in `F`; or the proof
         that there is no gain.
@@ -143,7 +146,8 @@ class DesignResult(Answer):
     nearest : Nearest or None
         For a design that failed: what is possible instead.
     notes : tuple of str
-        Uncontrollable modes, loss of positivity under weakened gains, and the like.
+        Uncontrollable modes, loss of positivity under weakened gains, and the like.  Of a gain they are written when
+        they are first read.
     law : str
         Where the gain stands: "u = F x", for output feedback "u = F y", for an observer `OBSERVER`.
     alarm : str
@@ -151,7 +155,7 @@ class DesignResult(Answer):
     """
 
     F: Any = None
-    closed_loop: Any = None
+    closed_loop: Lazy = Lazy(None)
     objective: str = ""
     value: float = float("nan")
     limit: Lazy = Lazy(float("nan"))
@@ -159,7 +163,7 @@ class DesignResult(Answer):
     certified_fraction: Lazy = Lazy(float("nan"))
     weakened_rate: float | Fraction = 0.0
     nearest: Nearest | None = None
-    notes: Sequence[str] = field(default_factory=tuple)
+    notes: Lazy = Lazy(())
     law: str = "u = F x"
     alarm: str = ""
 

@@ -4,7 +4,7 @@ Every claim of this package comes down to signs of such numbers: h_k'A x_i for i
 for stability.  Three steps, each taken only for what the one before left open:
 
 1. floating point with an a-priori bound, |fl(z) - z| <= g |l|'|M||r| + underflow by the lemma in `rounding`,
-   first with norms, then entrywise;
+   first with norms, where these take less time, then entrywise;
 2. exactness: if all data are multiples of powers of two so coarse that |l|'|M||r| stays below 2^52
    units, no rounding happened and fl(z) = z;
 3. integer arithmetic with mantissas at a common exponent.
@@ -29,6 +29,7 @@ from .matrix import (
     dense,
     granularity,
     integers_of_doubles,
+    is_sparse,
 )
 from .rounding import RADIUS_FACTOR, SMALLEST_NORMAL, SUM_FACTOR, chain_constants, sum_factor
 from .sparse_integers import SparseIntegers
@@ -138,28 +139,31 @@ class BilinearForms:
         """
         z = self.values.data if self.is_sparse else self.values
         out = np.full(z.shape, UNKNOWN, dtype=np.int8)
-        if not any(m.is_sparse for m in self._operands):  # the norm of a large sparse matrix decides nothing
-            _decide(out, z, self._norm_bound())
-        open_ = out == UNKNOWN
-        if where is not None:
-            open_ &= where
+        if not (self._is_small or any(m.is_sparse for m in self._operands)):
+            _decide(out, z, self._norm_bound())  # the norm of a large sparse matrix decides nothing
+        open_ = _unknown(out, where)
         if open_.any() and all(_finite(m) for m in self._operands):
             _decide(out, z, self._entry_bound())
-            open_ &= out == UNKNOWN
+            open_ = _unknown(out, where)
             if open_.any():
                 magnitudes = self.magnitudes.data if self.is_sparse else self.magnitudes
                 exact = (out == UNKNOWN) & (magnitudes <= self._exactness_limit())
                 out[exact] = np.sign(z[exact]).astype(np.int8)
-            if not self.is_sparse and (open_ & (out == UNKNOWN)).any():
-                out[self._structure() == 0] = 0
-            open_ &= out == UNKNOWN
-            if integers and open_.any():
-                self._decide_by_integers(out, open_)
+                if not self.is_sparse and _unknown(out, where).any():
+                    out[self._structure() == 0] = 0
+                open_ = _unknown(out, where)
+                if integers and open_.any():
+                    self._decide_by_integers(out, open_)
         if self.is_sparse:
             return sp.csr_array((out, self.pattern.indices, self.pattern.indptr), self.pattern.shape)
         return out
 
     # -- floating point with a bound
+
+    @property
+    def _is_small(self) -> bool:
+        """True if the products of the entrywise bound take less time than norms; its zeros, signs and margins too."""
+        return self.left.shape[-1] * self.right.shape[-1] <= _SMALL and self.values.size <= _SMALL
 
     @cached_property
     def _ends_in_identity(self) -> bool:
@@ -175,7 +179,7 @@ class BilinearForms:
         out = head[0] @ head[1] if len(head) == 2 else head[0]
         if self._ends_in_identity:
             return out
-        return out @ (right.T if sp.issparse(right) else np.swapaxes(right, -1, -2))
+        return out @ (right.T if is_sparse(right) else np.swapaxes(right, -1, -2))
 
     def _on_pattern(self, z: sp.csr_array) -> sp.csr_array:
         z = sp.csr_array(z)
@@ -322,15 +326,12 @@ class BilinearForms:
 
 def _dense_if_small(m: Matrix) -> Matrix:
     """Sparse operands below the size where their overhead pays, as dense ones."""
-    if not m.is_sparse or m.shape[0] * m.shape[1] > _SMALL:
-        return m
-    radius = None if m.radius is None else dense(m.radius)
-    return Matrix(m.values.toarray(), radius, m.numerators, m.denominator, m.integer_rows)
+    return m.kept_dense if m.is_sparse and m.shape[0] * m.shape[1] <= _SMALL else m
 
 
 def _sizes(values: Any) -> Any:
     """Absolute values; a sparse matrix shares its places, which are not to be written to."""
-    if not sp.issparse(values):
+    if not is_sparse(values):
         return abs(values)
     return sp.csr_array((np.abs(values.data), values.indices, values.indptr), shape=values.shape)
 
@@ -357,8 +358,14 @@ def _decide(out: NDArray[np.int8], z: NDArray[np.float64], bound: NDArray[np.flo
             out[~np.isfinite(z)] = UNKNOWN
 
 
+def _unknown(out: NDArray[np.int8], where: NDArray[np.bool_] | None) -> NDArray[np.bool_]:
+    """Entries that matter and are not decided."""
+    open_ = out == UNKNOWN
+    return open_ if where is None else open_ & where
+
+
 def _row_length(m: Matrix) -> int:
-    return int(np.diff(m.values.indptr).max(initial=0)) if sp.issparse(m.values) else m.shape[-1]
+    return int(np.diff(m.values.indptr).max(initial=0)) if is_sparse(m.values) else m.shape[-1]
 
 
 def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.float64]:
@@ -380,7 +387,7 @@ def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.floa
 def _row_norms(m: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Norms of the rows, and of their radii."""
     sizes = [
-        _sparse_row_norms(part) if sp.issparse(part) else _norm(part, (-1,))
+        _sparse_row_norms(part) if is_sparse(part) else _norm(part, (-1,))
         for part in (m.values, m.radius)
         if part is not None
     ]
@@ -393,7 +400,7 @@ def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
 
 
 def _frobenius(m: Matrix) -> tuple[Any, Any]:
-    if sp.issparse(m.values):
+    if is_sparse(m.values):
         return _norm(m.values.data, (-1,)), 0.0 if m.radius is None else _norm(m.radius.data, (-1,))
     shape = m.shape[:-2] + (1, 1)
     size = _norm(m.values, (-2, -1)).reshape(shape)

@@ -8,6 +8,7 @@ to the side that is proven.
 from __future__ import annotations
 
 from fractions import Fraction
+from math import prod
 from typing import TypeAlias
 
 import numpy as np
@@ -23,6 +24,8 @@ from .generator_coordinates import sparse_integers
 Rate: TypeAlias = float | Fraction
 SLOW, SLOW_IN = "h'A x + bound h'x >= 0", "h'x >= 0 (slow direction)"
 _SMALL = 64
+# Entries of the generators up to which all quotients take less time in integers than one sign in doubles and integers.
+_AT_ONCE = 1000
 # Relative reductions tried until a decay rate is proven.
 _BACKOFF = (0.0, 2.0**-50, 2.0**-44, 1e-11, 1e-9, 1e-6, 1e-3, 0.5)
 
@@ -61,14 +64,16 @@ def proven_rate(v: Matrix, A: Matrix, rays: Matrix, discrete: bool) -> float:
     with np.errstate(all="ignore"):
         drift, value = drift_forms(v, A, rays, discrete).values, BilinearForms(v, None, rays).values
         quotient = float(np.min(-drift / value))
-    if np.isfinite(quotient) and quotient > 0:
+    is_positive = bool(np.isfinite(quotient) and quotient > 0)
+    at_once = is_positive and _is_small(A, rays)
+    if is_positive and not at_once:
         for step in _BACKOFF:
             rate = quotient * (1 - step)
             # on large problems rate is rounded down until floating point proves it
             signs = drift_forms(v, A, rays, discrete, rate).signs(integers=A.shape[0] <= _SMALL)
             if np.isin(signs, (-1, 0)).all():
                 return rate
-    if v.is_double:
+    if v.is_double and not at_once:
         return 0.0
     least = min(_quotients(v, A, rays, discrete), default=Fraction(0))
     return max(0.0, _rounded(least, up=False))
@@ -99,11 +104,20 @@ def proven_bound(A: Matrix, X: Cone, discrete: bool, row: Matrix) -> float | Non
     return None
 
 
+def _is_small(A: Matrix, points: Matrix) -> bool:
+    return not A.is_sparse and prod(points.shape) <= _AT_ONCE
+
+
 def _quotients(row: Matrix, A: Matrix, points: Matrix, discrete: bool) -> list[Fraction]:
     """-(v'A x_i) / (v'x_i) without rounding, where v'x_i > 0: also where doubles overflow or vanish."""
-    (S, factor), v = sparse_integers(A), row.rows_as_integers(np.arange(1))[0]
-    P = SparseIntegers.dense(points.plain().rows_as_integers(np.arange(points.shape[0])))
-    value, moved = P.apply(v), P.apply(S.T.apply(v))
+    v, every = row.rows_as_integers(np.arange(1))[0], np.arange(points.shape[0])
+    if _is_small(A, points):
+        (N, factor), P = A.as_integers(), points.dense().rows_as_integers(every)
+        value, moved = P @ v, P @ (v @ N)
+    else:
+        (S, factor), P = sparse_integers(A), SparseIntegers.dense(points.plain().rows_as_integers(every))
+        value, moved = P.apply(v), P.apply(S.T.apply(v))
+    factor = Fraction(factor)
     return [discrete - factor * Fraction(a, b) for a, b in zip(moved.tolist(), value.tolist(), strict=True) if b > 0]
 
 

@@ -209,11 +209,10 @@ class OrderIntervalCertificate(ToldAsInterval, ClaimOnPositivity):
 
     def _moved(self, x: Matrix) -> BilinearForms:
         """h'(A x + w_max), with A - I for A in discrete time."""
-        A, w, n = self.positivity.A, exactly(self, "w_max")[None], self.X.dim
-        eye = Matrix.identity(n, sparse=A.is_sparse)
-        parts, vectors = [A, eye], [x, w]
+        A, w, one = self.positivity.A, exactly(self, "w_max")[None].T, Matrix.identity(1)
+        parts, vectors = [A, w], [x, one]
         if self.positivity.discrete:
-            parts, vectors = [A, -eye, eye], [x, x, w]
+            parts, vectors = [A, -Matrix.identity(self.X.dim, sparse=A.is_sparse), w], [x, x, one]
         return BilinearForms(self.X.exact_facets, Matrix.join(parts, -1), Matrix.join(vectors, -1))
 
     def _stable(self) -> list[Condition]:

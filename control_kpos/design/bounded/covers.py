@@ -33,9 +33,9 @@ def covered(X: Cone, rows: Matrix, limits: Matrix, x_max: Matrix) -> list[Covere
     limits : Matrix, shape (k,)
     x_max : Matrix, shape (n,)
     """
-    end, pairs = x_max.fractions(), list(zip(rows.fractions(), limits.fractions(), strict=True))
     if isinstance(X, Orthant):
-        return [_chosen(np.maximum(f, 0), np.where(f > 0, end, 0), b, end) for f, b in pairs]
+        return _on_orthant(rows, limits, x_max)
+    end, pairs = x_max.fractions(), list(zip(rows.fractions(), limits.fractions(), strict=True))
     rays = X.exact_rays.plain().fractions()
     if not X.is_simplicial:
         return [_searched(X, rays, rays @ f, b, end) for f, b in pairs]
@@ -44,6 +44,18 @@ def covered(X: Cone, rows: Matrix, limits: Matrix, x_max: Matrix) -> list[Covere
     for f, b in pairs:
         values = rays @ f
         out.append(_chosen((np.maximum(values, 0) / heights) @ H, rays.T @ np.where(values > 0, parts, 0), b, end))
+    return out
+
+
+def _on_orthant(rows: Matrix, limits: Matrix, x_max: Matrix) -> list[Covered]:
+    """The positive parts of the rows, in integers: fractions take several times as long."""
+    (f, unit), (end, length) = rows.as_integers(), x_max.as_integers()
+    above, of_g, of_end = np.maximum(f, 0), Fraction(unit), Fraction(length)
+    g = Matrix.over(above * of_g.numerator, of_g.denominator)
+    out, most = list[Covered](), limits.fractions() / (of_g * of_end)
+    for i, is_kept in enumerate(above @ end <= most):
+        x = None if is_kept else Matrix.over(np.where(f[i] > 0, end, 0) * of_end.numerator, of_end.denominator)
+        out.append((g[i : i + 1] if is_kept else None, x))
     return out
 
 

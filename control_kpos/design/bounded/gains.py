@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -178,17 +179,16 @@ class _Rows:
 
     def small_gains(self) -> Iterator[Floats]:
         """Gains within the gap of the smallest, first as far inside all bounds as possible."""
-        lp = self.program.invariant()
+        lp = self.program.charged()
         self._add(lp, spread=False)
-        self.program.charge(lp)
-        answer = lp.solve(self.program.lp)
+        answer = lp.solve(self.program.lp, method="primal")
         if not answer:
             return
         most = float(answer["largest"][0]) * (1 + self.plant.gap)
         for spread in (True, False):
             lp = self.program.bounded(most)
             self._add(lp, spread=spread)
-            centred = lp.solve(self.program.lp)
+            centred = lp.solve(self.program.lp, presolve=False)
             if centred:
                 yield self.program.fill(centred["gain"])
 
@@ -209,7 +209,7 @@ class _Rows:
     def _add(self, lp: Program, *, spread: bool, part: Block | None = None, margin: float = 0.0) -> None:
         """Rows of the interval and of the inputs; with `spread` those of the interval and of X have slack."""
         lp.add(part=part or Block(1, low=1.0, high=1.0))
-        groups = [*self._kept(), *self._invariant()] if spread else [*self._kept()]
+        groups = [*self._kept, *self._invariant()] if spread else self._kept
         right, size = (np.concatenate([group[k] for group in groups]) for k in (0, 1))
         rows = stacked(*(group[2] for group in groups))
         if spread:
@@ -225,32 +225,33 @@ class _Rows:
         taking = np.flatnonzero(np.asarray(abs(G).sum(axis=1)).ravel())
         yield -g[taking], self.program.sizes[taking], G[taking]
 
-    def _kept(self) -> Iterator[tuple[Floats, Floats, Any]]:
+    @cached_property
+    def _kept(self) -> list[tuple[Floats, Floats, Any]]:
         """(A + B F) x + w and (A + B F) x + rate x in -X, for every vertex; strictly for the second if rate is 0."""
         H, x, k = self.plant.facets, self.x, np.zeros(len(self.plant.facets), dtype=np.intp)
+        pushed, drawn, out = np.asarray(self.bounds.w_max.values), self.rate * x, []
         for A, B in self.plant.pairs:
-            rows = -products(H @ B, x[None], k, self.program.free)
-            for more, strict in ((np.asarray(self.bounds.w_max.values), 0.0), (self.rate * x, float(not self.rate))):
+            rows, moved = -products(H @ B, x[None], k, self.program.free), A @ x - self.plant.discrete * x
+            for more, strict in ((pushed, 0.0), (drawn, float(not self.rate))):
                 size = np.abs(H) @ (np.abs(A) @ np.abs(x) + np.abs(x) + np.abs(more))
-                yield H @ (A @ x - self.plant.discrete * x + more) + strict * _STRICT * size, size, rows
+                out.append((H @ (moved + more) + strict * _STRICT * size, size, rows))
+        return out
 
     def _cover(self, lp: Program, most: Floats) -> None:
         """a_i and a_i - F_i in X*, and at most part u_i at x."""
-        m, n = self.plant.m, self.plant.n
+        above, seen, end, moved = self._used
+        lp.add(cover=Block(above.shape[1]))
+        lp.above(0.0, cover=above)
+        lp.above(0.0, cover=above, gain=-seen)
+        lp.below(0.0, cover=end, part=-most)
+        lp.below(0.0, cover=end, gain=-moved, part=-most)
+
+    @cached_property
+    def _used(self) -> tuple[Any, Any, Any, Any]:
+        """(a_i'x_k, F_i'x_k) for all inputs i and generators, and (a_i'x, F_i'x)."""
+        m, free = self.plant.m, self.program.free
         rays = self.plant.rays / np.abs(self.plant.rays).max(axis=1)[:, None]
-        points, last = np.arange(len(rays)), np.zeros(1, dtype=np.intp)
-        lp.add(cover=Block(m * n))
-        for i, unit in enumerate(np.eye(m)):
-            seen = products(np.tile(unit, (len(rays), 1)), rays, points, self.program.free)
-            lp.above(0.0, cover=_blocks(rays, i, m, n))
-            lp.above(0.0, cover=_blocks(rays, i, m, n), gain=-seen)
-            end, moved = _blocks(self.x[None], i, m, n), products(unit[None], self.x[None], last, self.program.free)
-            lp.below(0.0, cover=end, part=-most[[i]])
-            lp.below(0.0, cover=end, gain=-moved, part=-most[[i]])
-
-
-def _blocks(rows: Floats, i: int, m: int, n: int) -> Floats:
-    """Rows for block i of m vectors of n entries."""
-    out = np.zeros((len(rows), m * n))
-    out[:, i * n : (i + 1) * n] = rows
-    return out
+        unit = np.eye(m)
+        i, k = (index.ravel() for index in np.indices((m, len(rays))))
+        seen, moved = products(unit[i], rays, k, free), products(unit, self.x[None], np.zeros(m, dtype=np.intp), free)
+        return np.kron(unit, rays), seen, np.kron(unit, self.x), moved

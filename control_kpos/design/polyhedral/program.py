@@ -147,17 +147,25 @@ class GainProgram:
         answer = program.solve(self.lp)
         return Iterate(self.fill(answer["gain"]), v, float(answer["rate"][0])) if answer else None
 
-    def charge(self, program: Program) -> None:
-        """Minimise max |L R x_k|, a new variable `largest`."""
-        program.add(largest=Block(1, cost=1.0))
+    def charged(self) -> Program:
+        """Invariance, and the smallest max |L R x_k|, a variable `largest`."""
+        G, g = self.invariance
+        free = self.plant.gain_bound is None
+        program = Program(gain=Block(len(self.free))) if free else self.bounded()
+        program.above(-g, gain=G)
+        self.charge(program, _BOX * self.unit if free else np.inf)
+        return program
+
+    def charge(self, program: Program, most: float = np.inf) -> None:
+        """Minimise max |L R x_k|, a new variable `largest`, at most `most`."""
+        program.add(largest=Block(1, high=most, cost=1.0))
         program.below(0.0, gain=self._both, largest=-np.ones(self._both.shape[0]))
 
     def smallest(self, v: Floats, rate: float) -> tuple[Iterate, float] | None:
         """Gain of smallest max |L R x_k| that has this decay rate with this v."""
         S, s, w = self.stability(v)
-        program = self.invariant()
+        program = self.charged()
         program.below(-s - rate * w, gain=S)
-        self.charge(program)
         answer = program.solve(self.lp)
         return (Iterate(self.fill(answer["gain"]), v, rate), float(answer["largest"][0])) if answer else None
 
