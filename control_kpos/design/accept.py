@@ -87,7 +87,7 @@ def roundings(F: Floats) -> Iterator[Floats]:
 
 
 def _rounded(values: Floats, digits: int) -> Floats:
-    """With so many significant decimal digits: a whole number times or over a power of ten, which is exact up to 1e22."""
+    """With so many decimal digits: a whole number times or over a power of ten, which is exact up to 1e22."""
     with np.errstate(all="ignore"):
         last = np.where(values == 0, 0.0, np.floor(np.log10(np.abs(values)))) - (digits - 1)
         above, below = np.power(10.0, np.maximum(last, 0)), np.power(10.0, np.maximum(-last, 0))
