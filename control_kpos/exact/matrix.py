@@ -446,11 +446,3 @@ def dense(M: Any) -> NDArray[Any]:
             "use the sparse attribute instead."
         )
     return M.toarray()
-
-
-def short_indices(M: sp.csr_array) -> sp.csr_array:
-    """The same matrix with indices of 32 bits where these suffice: products read half as much; scipy keeps them so."""
-    if max(*M.shape, M.nnz) >= 2**31:
-        return M
-    parts = (part.astype(np.int32, copy=False) for part in (M.indices, M.indptr))
-    return sp.csr_array((M.data, *parts), shape=M.shape)

@@ -3,9 +3,8 @@
     minimise c'x   subject to   A_ub x <= b_ub,   A_eq x = b_eq,   lower <= x <= upper
 
 solved by HiGHS.  Rows and columns are scaled by powers of two first, because HiGHS drops matrix
-entries below 1e-9 and takes 1e20 for infinity.  The answer of a solver is a proposal: the theorem modules
-prove it or drop it.  The answer "infeasible" counts only once `rational_programs` has found an exact Farkas
-combination.
+entries below 1e-9 and takes 1e20 for infinity.  The answer of a solver is a proposal: the theorem modules prove it or
+drop it.  The answer "infeasible" counts only once `rational_programs` has found an exact Farkas combination.
 """
 
 from __future__ import annotations

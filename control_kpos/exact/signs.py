@@ -32,7 +32,7 @@ from .matrix import (
     is_sparse,
 )
 from .rounding import RADIUS_FACTOR, SMALLEST_NORMAL, SUM_FACTOR, chain_constants, sum_factor
-from .sparse_integers import SparseIntegers
+from .sparse_integers import SparseIntegers, columns_as_integers, csr_integers
 
 UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
@@ -302,12 +302,12 @@ class BilinearForms:
         """Exact signs at the positions (k, i), k in ascending order, when some operand is sparse."""
         rows, k = np.unique(k, return_inverse=True)
         columns, i = (i, np.arange(len(i))) if (np.diff(i) > 0).all() else np.unique(i, return_inverse=True)
-        right = _csr_integers(self.right, columns)
-        middle = None if self.middle is None else _columns_as_integers(self.middle, np.unique(right.indices))
+        right = csr_integers(self.right, columns)
+        middle = None if self.middle is None else columns_as_integers(self.middle, np.unique(right.indices))
         step = max(1, _CHUNK // self._row_work(middle))
         parts = []
         for start in range(0, len(rows), step):
-            left = _csr_integers(self.left, rows[start : start + step])
+            left = csr_integers(self.left, rows[start : start + step])
             if len(rows) == 1:  # each pair has this row
                 row = left.toarray()[0]
                 parts.append(np.sign(right.apply(row if middle is None else middle.T.apply(row))[i]).astype(np.int8))
@@ -429,29 +429,3 @@ def _aligned(m: Matrix, batch: tuple[NDArray[np.intp], ...]) -> tuple[NDArray[np
     sizes = m.shape[:-2]
     own = batch[len(batch) - len(sizes) :]
     return tuple(np.zeros_like(b) if size == 1 else b for b, size in zip(own, sizes, strict=True))
-
-
-def _csr_integers(m: Matrix, rows: NDArray[np.intp]) -> SparseIntegers:
-    """Rows as integers, each up to a positive factor."""
-    if m.is_sparse and m.integer_rows is None and m.numerators is None:
-        part = sp.csr_array(m.values)[rows]
-        counts = np.diff(part.indptr)
-        padded = np.zeros((len(rows), int(counts.max(initial=1))))
-        slot = np.arange(part.nnz) - np.repeat(part.indptr[:-1], counts)
-        owner = np.repeat(np.arange(len(rows)), counts)
-        padded[owner, slot] = part.data
-        ints = integers_of_doubles(padded, by_row=True)[0][owner, slot]
-        return SparseIntegers.of(owner, part.indices, ints, part.shape)
-    return SparseIntegers.dense(m.rows_as_integers(rows))
-
-
-def _columns_as_integers(m: Matrix, columns: NDArray[np.intp]) -> SparseIntegers:
-    """The matrix as integers with one factor; zero outside these columns."""
-    if m.numerators is not None:
-        at = np.nonzero(m.numerators[:, columns])
-        data = m.numerators[at[0], columns[at[1]]]
-    else:
-        part = sp.csr_array(m.values)
-        part = (part if len(columns) == m.shape[1] else part[:, columns]).tocoo()  # columns are in ascending order
-        at, data = part.coords, integers_of_doubles(part.data)[0]
-    return SparseIntegers.of(at[0], columns[at[1]], data, (m.shape[0], m.shape[1]))

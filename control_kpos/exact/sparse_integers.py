@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .matrix import Index, Integers
+from .matrix import Index, Integers, Matrix, integers_of_doubles
 
 Floats = NDArray[np.float64]
 
@@ -180,3 +180,29 @@ def mantissas(values: Integers) -> tuple[Floats, NDArray[np.int64]]:
     cut = np.maximum(length - 62, 0)
     m, e = np.frexp((values >> cut.astype(object)).astype(np.int64).astype(float))
     return m, e + cut
+
+
+def csr_integers(m: Matrix, rows: NDArray[np.intp]) -> SparseIntegers:
+    """Rows as integers, each up to a positive factor."""
+    if m.is_sparse and m.integer_rows is None and m.numerators is None:
+        part = sp.csr_array(m.values)[rows]
+        counts = np.diff(part.indptr)
+        padded = np.zeros((len(rows), int(counts.max(initial=1))))
+        slot = np.arange(part.nnz) - np.repeat(part.indptr[:-1], counts)
+        owner = np.repeat(np.arange(len(rows)), counts)
+        padded[owner, slot] = part.data
+        ints = integers_of_doubles(padded, by_row=True)[0][owner, slot]
+        return SparseIntegers.of(owner, part.indices, ints, part.shape)
+    return SparseIntegers.dense(m.rows_as_integers(rows))
+
+
+def columns_as_integers(m: Matrix, columns: NDArray[np.intp]) -> SparseIntegers:
+    """The matrix as integers with one factor; zero outside these columns."""
+    if m.numerators is not None:
+        at = np.nonzero(m.numerators[:, columns])
+        data = m.numerators[at[0], columns[at[1]]]
+    else:
+        part = sp.csr_array(m.values)
+        part = (part if len(columns) == m.shape[1] else part[:, columns]).tocoo()  # columns are in ascending order
+        at, data = part.coords, integers_of_doubles(part.data)[0]
+    return SparseIntegers.of(at[0], columns[at[1]], data, (m.shape[0], m.shape[1]))
