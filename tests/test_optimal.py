@@ -9,6 +9,7 @@ import pytest
 
 import control_kpos as kp
 from control_kpos import checker
+from control_kpos.design.optimal import policies
 from control_kpos.design.optimal.certificate import GrowingCost
 from control_kpos.design.optimal.policies import by_linear_program
 from control_kpos.errors import DataError, ShapeError
@@ -230,12 +231,30 @@ def test_limits_of_zero_leave_the_plant_alone():
 
 
 def test_a_start_far_from_any_stable_policy():
-    """Neither u = 0 nor the first guess is stable; the discount is taken back step by step."""
+    """Neither u = 0 nor the first guess is stable; value iteration leads to a policy that is."""
     rng = np.random.default_rng(0)
     A = np.diag(np.full(6, 0.9)) + 0.05 * rng.random((6, 6))
     B = np.eye(6) * 0.3
     a = kp.optimal_feedback(system(A, B), np.ones(6), np.zeros(6), np.eye(6))
     assert a and np.array_equal(a.F, -np.eye(6)) and np.abs(np.linalg.eigvals(A)).max() > 1
+
+
+@pytest.mark.parametrize("discrete", [True, False])
+def test_the_two_ways_to_a_stable_policy_lead_to_one_optimum(monkeypatch, discrete):
+    """Plants that only some policies stabilise: value iteration, and discounts where it takes too long."""
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        L = rng.uniform(0, 1, (3, 4))
+        B = rng.normal(size=(4, 3)) * 0.5
+        A = np.abs(B) @ L * 1.05 - (0 if discrete else 1) * np.diag(rng.uniform(0, 1, 4))
+        plant = system(A, B, discrete)
+        first = kp.optimal_feedback(plant, np.ones(4), np.zeros(3), L)
+        with monkeypatch.context() as patch:
+            patch.setattr(policies, "_VALUES", 0)
+            second = kp.optimal_feedback(plant, np.ones(4), np.zeros(3), L)
+        assert first.status is second.status
+        if first:
+            np.testing.assert_allclose(first.cost, second.cost, rtol=1e-9)
 
 
 def test_inputs_that_leave_the_cone_are_named():

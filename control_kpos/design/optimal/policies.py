@@ -3,9 +3,10 @@
 For fixed coefficients c of the columns the closed loop is A_c = A + B diag(c) L with L the limits of their blocks, and
 p solves s + L'(c r) + (A_c - I)'p = 0.  The next c are those that reach m_g(r + B'p).  From a stable policy every next
 one is stable, p decreases, and a p that comes back is optimal; p lies in int X* if and only if A_c is stable, so that
-every solve checks itself.  A problem with a strong discount has a stable policy always: from there the discount is
-taken back step by step.  Against disturbances every step of the controls is followed by steps of the disturbance, in
-which p rises (Hoffman and Karp 1966).  Nothing here is trusted.
+every solve checks itself.  Where no stable policy is known, value iteration from 0 leads to one: its policy is stable
+as soon as p'x falls under it.  A problem with a strong discount has a stable policy always: where values take long, the
+discount is taken back step by step.  Against disturbances every step of the controls is followed by steps of the
+disturbance, in which p rises (Hoffman and Karp 1966).  Nothing here is trusted.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ from .problem import CONTROL, DISTURBANCE, GROUP, Floats, Index, LinearCost
 
 # Policies tried for one discount, and discounts; sizes of r + B'p below which both signs are as good.
 _STEPS, _DISCOUNTS, _TIES = 100, 60, 1e-14
+# Steps of value iteration.
+_VALUES = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +140,19 @@ class Policies:
         return float(won.sum())
 
     def _stable_policy(self) -> tuple[Index, Floats] | None:
-        """A policy of finite cost: one of two simple ones, or by discounts that are taken back."""
+        """A policy of finite cost: one of two simple ones, of value iteration, or by discounts that are taken back."""
         greedy = self.problem.policy(self.pushed(np.asarray(self.facets.sum(axis=0)).ravel()))
         for start in (self.problem.policy(np.zeros(len(self.r))), greedy):
             found = self.worst(start)
             if found is not None:
                 return found
         acting = np.asarray(abs(self.limits).sum(axis=1)) @ self.reach.T
-        brake = 2 * float((abs(self.drift).sum(axis=1) + acting).max())
+        size = float((abs(self.drift).sum(axis=1) + acting).max())
+        reached = self._by_values(1.0 if self.problem.discrete else 1 / size)
+        found = None if reached is None else self.worst(reached)
+        if found is not None:
+            return found
+        brake = 2 * size
         found = self.worst(greedy, brake)
         for _ in range(_DISCOUNTS):
             if found is None:
@@ -154,6 +162,18 @@ class Policies:
             if free is not None:
                 return free
             brake, found = self._weaker(here.policy, brake)
+        return None
+
+    def _by_values(self, step: float) -> Index | None:
+        """The first policy under which the p of value iteration from 0 falls on X; None if that takes too long."""
+        p = np.zeros(len(self.s))
+        for _ in range(_VALUES):
+            spend(10.0 * (np.size(self.drift) if isinstance(self.drift, np.ndarray) else self.drift.nnz) + 1e4)
+            policy = self._wanted(p)
+            moved = p @ self.drift + (policy * self.pushed(p)) @ self.limits
+            if (self.rays @ p > 0).all() and (self.rays @ moved < 0).all():
+                return policy
+            p = p + step * (moved + self.s + (policy * self.r) @ self.limits)
         return None
 
     def _weaker(self, policy: Index, brake: float) -> tuple[float, tuple[Index, Floats] | None]:
