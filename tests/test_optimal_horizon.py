@@ -1,6 +1,7 @@
 """Optimal control over finitely many steps: recursions in fractions, linear programs, brute force, planning anew."""
 
 import itertools
+import tracemalloc
 from dataclasses import replace
 from fractions import Fraction
 
@@ -348,6 +349,28 @@ def test_forged_certificates_of_networks_prove_nothing():
         {"terminal": Matrix(np.ones((1, 30)))},
     ):
         assert not replace(c, **change).check(), change.keys()
+
+
+def test_a_step_is_let_go_of_before_the_next_one():
+    """What a step adds to a proof of 2000 nodes: its numbers and their sizes, not its matrices."""
+    peaks = []
+    for steps in (4, 16):
+        c = kp.optimal_feedback(**transport(2000), horizon=steps).certificate
+        tracemalloc.start()
+        assert c.check()
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] - peaks[0] < 12 * 6 * 2000 * 8
+
+
+def test_the_first_step_that_is_not_proven_ends_a_proof():
+    c = kp.optimal_feedback(**transport(30), horizon=3).certificate
+    low = c.lower.values.copy()
+    low[1] *= 1.001
+    forged = replace(c, lower=Matrix(low))
+    assert not forged.check() and 0 < len(forged.conditions()) < len(c.conditions())
+    assert forged.conditions()[-1].verdict() is not True and forged.conditions()[-1].margin < 0
+    assert all(condition.verdict() for condition in c.conditions()) and abs(c.conditions()[-1].margin) < 1e-9
 
 
 # -- certificates that fail, refusals, wrong arguments

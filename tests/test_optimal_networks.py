@@ -380,6 +380,29 @@ def test_networks_that_are_not_taken():
             kp.optimal_feedback(net, np.ones(301), np.zeros(301), sp.eye_array(301) * 0.1)
 
 
+def test_direct_paths_may_be_closed_first():
+    """As the refusal says: states linked by the entries of sparse_A, controls by sparse_B; a small one tells."""
+    answers = []
+    for n in (20, 301):
+        W = sp.csr_array((np.full(n - 1, 0.25), (np.arange(1, n), np.arange(n - 1))), shape=(n, n))
+        nodes = kp.stack(np.full((n, 1, 1), 0.25), [[0.125]], [[1]], [[0.5]], dt=True)
+        net = kp.feedback_interconnect(nodes, W, progress=False)
+        A, own = net.sparse_A, net.sparse_A.diagonal()[:, None, None]
+        links = sp.csr_array(A - sp.diags_array(A.diagonal()))
+        closed = kp.feedback_interconnect(kp.stack(own, [[1]], [[1]], dt=True), links, progress=False)
+        given = np.ones(n), np.zeros(n), sp.eye_array(n) * 0.1
+        a = kp.optimal_feedback(closed, *given, controls=net.sparse_B)
+        assert a and a.certificate.gap < 1e-9
+        answers.append(a.cost[-20:])
+        if n == 20:
+            b = kp.optimal_feedback(net, *given)
+            np.testing.assert_allclose(a.cost, b.cost, rtol=1e-9)
+        else:
+            with pytest.raises(DataError, match="sparse_A"):
+                kp.optimal_feedback(net, *given)
+    np.testing.assert_allclose(*answers, rtol=1e-9)
+
+
 def test_costs_may_be_fractions():
     nodes = kp.stack(np.full((301, 1, 1), 0.5), [[1]], [[1]], dt=True)
     net = kp.feedback_interconnect(nodes, sp.csr_array((301, 301)), progress=False)

@@ -319,7 +319,10 @@ def refuse_cone(X: Any) -> None:
 def in_sparse_form(M: Matrix, name: str) -> Matrix:
     """The matrix in sparse form; DataError if it holds fractions."""
     if not M.is_double:
-        raise DataError(f"{name} of a network in sparse matrices must hold doubles.")
+        raise DataError(
+            f"{name} of a network in sparse matrices must hold doubles. Round the fractions yourself: what is proven "
+            "is then about the rounded numbers."
+        )
     return M if M.is_sparse else Matrix(sp.csr_array(M.values))
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from .matrix import Matrix
 from .signs import UNKNOWN, BilinearForms
 
 Relation = Literal[">", ">=", "<", "<=", "=="]
@@ -94,6 +95,54 @@ class Condition:
         if self.where is not None:
             relative = relative[self.where]
         return float(relative.min(initial=1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluated(Condition):
+    """What is kept of a condition whose matrices are not needed any more: the verdict and its numbers.
+
+    Attributes
+    ----------
+    holds : bool or None
+    found, sizes : ndarray
+        The forms, and sizes against which they are to be judged.
+    """
+
+    # always set by `of`; a parent with defaults forces defaults here
+    holds: bool | None = None
+    found: NDArray[np.float64] = None  # type: ignore[assignment]
+    sizes: NDArray[np.float64] = None  # type: ignore[assignment]
+
+    @classmethod
+    def of(cls, condition: Condition) -> Evaluated:
+        """The verdict on a condition that is required everywhere."""
+        holds, nothing = condition.verdict(), Matrix.zeros(0, 1)
+        numbers = holds, condition.residual, condition.scale
+        return cls(condition.name, BilinearForms(nothing, None, nothing), condition.relation, None, *numbers)
+
+    def verdict(self) -> bool | None:
+        """As it was found."""
+        return self.holds
+
+    def worst_violation(self) -> None:
+        """None: which form failed is not kept."""
+        return
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """The forms in floating point."""
+        return self.found
+
+    @property
+    def scale(self) -> NDArray[np.float64]:
+        """Sizes against which the residuals are to be judged."""
+        return self.sizes
+
+    def _oriented(self) -> NDArray[np.float64]:
+        ratio = np.divide(self.found, self.sizes, out=np.zeros_like(self.sizes), where=self.sizes > 0)
+        if self.relation == "==":
+            return -np.abs(ratio)
+        return ratio if self.relation[0] == ">" else -ratio
 
 
 def residuals(conditions: Sequence[Condition]) -> dict[str, NDArray[np.float64]]:

@@ -126,9 +126,15 @@ def closed_loop_of(net: ConeNetwork, controls: Any) -> tuple[Matrix, Matrix]:
     """A + B W C, and B from the external inputs or the controls, as towers that are exact."""
     model = net.model
     if model.has_feedthrough:
-        raise DataError(f"networks with feedthrough D are taken up to {EXACT_STATES} states; this one has more.")
+        raise DataError(
+            f"networks with feedthrough D are taken up to {EXACT_STATES} states; this one has more. Close the direct "
+            "paths first: link states by the entries of sparse_A, which are rounded, and let controls act by sparse_B."
+        )
     if not _holds_doubles(model):
-        raise DataError(f"nodes and links of a network with more than {EXACT_STATES} states must hold doubles.")
+        raise DataError(
+            f"nodes and links of a network with more than {EXACT_STATES} states must hold doubles. Round the fractions "
+            "yourself: what is proven is then about the rounded numbers."
+        )
     a, b, c = (sp.csr_array(M, copy=True) for M in model.block_matrices[:3])
     for M in (a, b, c):
         M.eliminate_zeros()

@@ -21,7 +21,7 @@ import numpy as np
 
 from ...cards import raised
 from ...errors import DataError
-from ...exact.condition import Condition
+from ...exact.condition import Condition, Evaluated, all_hold
 from ...exact.matrix import Matrix
 from .certificate import ClaimOnCost
 from .problem import COSTS, Index, LinearCost
@@ -50,7 +50,7 @@ class FiniteCostCertificate(ClaimOnCost):
     upper: Matrix
 
     def conditions(self) -> Sequence[Condition]:
-        """The assumptions but for that on costs, and two inequalities for every step."""
+        """The assumptions but for that on costs, and two inequalities for every step, up to one that is not proven."""
         problem, policies, (n, shape) = self.problem, self.policies, (self.problem.X.dim, np.shape(self.policies))
         whole = len(shape) == 2 and shape[0] > 0 and all(map(problem.is_policy, policies))
         bounds = self.lower, self.upper, self.terminal
@@ -63,8 +63,11 @@ class FiniteCostCertificate(ClaimOnCost):
         )
         out = list(self._assumptions())
         for k, policy in enumerate(policies):
-            out += problem.above(upper[k + 1], policy, upper[k], f", step {k}")
-            out += problem.below(lower[k + 1], lower[k], f", step {k}")
+            # the matrices of one step are as large as the problem: they are let go of before the next one
+            out += map(Evaluated.of, problem.above(upper[k + 1], policy, upper[k], f", step {k}"))
+            out += map(Evaluated.of, problem.below(lower[k + 1], lower[k], f", step {k}"))
+            if not all_hold(out[-2:]):
+                break  # that one is open is all that counts
         return out
 
     def refutation(self) -> None:

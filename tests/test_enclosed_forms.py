@@ -1,12 +1,14 @@
-"""Numbers enclosed by the kernel, against fractions."""
+"""Proven bounds of bilinear forms, what is kept of conditions, and places of sparse products."""
 
 from fractions import Fraction
 
 import numpy as np
+import pytest
 import scipy.sparse as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from control_kpos.exact.condition import Condition, Evaluated
 from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.signs import BilinearForms
 
@@ -33,6 +35,17 @@ def test_enclosures_hold_the_exact_numbers(seed):
     assert all(
         (bound == np.round(left) @ np.round(rows).T).all() for bound in BilinearForms(*whole).enclosure(exactly=True)
     )
+
+
+@pytest.mark.parametrize("relation", [">", ">=", "<", "<=", "=="])
+def test_what_is_kept_of_a_condition_says_the_same(relation):
+    rows = np.random.default_rng(0).integers(-2, 3, (3, 4)).astype(float)
+    for left in (rows, np.abs(rows) + 1, -np.abs(rows) - 1, 0 * rows):
+        whole = Condition("z", BilinearForms(Matrix(left), None, Matrix(np.ones((2, 4)))), relation)
+        kept = Evaluated.of(whole)
+        assert kept.verdict() is whole.verdict() and kept.margin == whole.margin and kept.name == "z"
+        assert (kept.residual == whole.residual).all() and (kept.scale == whole.scale).all()
+        assert kept.worst_violation() is None
 
 
 def test_what_overflows_is_not_enclosed():
