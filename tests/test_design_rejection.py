@@ -110,6 +110,34 @@ def test_the_alternation_reaches_the_optimum_where_that_is_known(seed):
         assert linf_gain(e.closed_loop.A, *asked["disturbance"]) <= e.value
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_the_alternation_reaches_the_optimum_where_inputs_act_on_outputs(seed):
+    """H != 0, one output or two: next to the optimum of the one-shot program (0 in some cases, without a limit)."""
+    rng = np.random.default_rng(seed)
+    (n, m, q), discrete = rng.integers(1, [4, 3, 3]), bool(seed % 2)
+    A = rng.integers(0, 4, size=(n, n)) / (8.0 if discrete else 2.0)
+    B, E = rng.integers(-1, 3, size=(n, m)), rng.integers(0, 3, size=(n, 1))
+    asked = {"disturbance": (E, rng.integers(0, 3, size=(q, n)), rng.integers(-2, 2, size=(q, m))), "gain_bound": 3}
+    sys = kp.ConeStateSpace(A, B, np.eye(n), 0, discrete)
+    d, e = kp.state_feedback(sys, **asked), kp.state_feedback(sys, method="alternation", **asked)
+    if d and e:
+        assert e.check() and not e.value < d.limit and e.value <= 1.0005 * d.value + 1e-5
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+def test_inputs_that_act_on_the_output_against_its_closed_form(discrete):
+    """x' = (1 + f) x + w, z = (1 - f) x: gain (1 - f) / -(1 + f), or (1 - f) / -f, falls as f does."""
+    sys = kp.ConeStateSpace([[1]], [[1]], [[1]], 0, discrete)
+    asked = {"disturbance": ([[1]], [[1]], [[-1]]), "method": "alternation"}
+    best = 2.0  # at f = -3, and at f = -1 in discrete time, where positivity asks 1 + f >= 0
+    d = kp.state_feedback(sys, gain_bound=3, **asked)
+    assert d and d.check() and best <= d.value <= 1.0015 * best
+    least = -0.75 if discrete else -2.5
+    d = kp.state_feedback(sys, constraints=lambda F: [least <= F], **asked)
+    best = (1 - least) / -(least + (not discrete))
+    assert d and d.check() and d.F.item() >= least - 1e-6 and 0.9999 * best <= d.value <= 1.002 * best
+
+
 @pytest.mark.parametrize("method", ["auto", "alternation"])
 @pytest.mark.parametrize("rate", [0, 0.5, 1, "5/2"])
 def test_a_decay_rate_leaves_the_gain_as_it_is(method, rate):

@@ -19,7 +19,7 @@ from .accept import Accepted, accept, succeed, undecided
 from .demands import Demands
 from .plant import Floats, Plant
 from .polyhedral.program import GainProgram
-from .polyhedral.rejection import Better, Rejection, rejected
+from .polyhedral.rejection import Better, Rejection, Rows, rejected
 from .result import DesignResult
 from .running import Programs
 
@@ -88,14 +88,12 @@ def reject_with_constraints(
     program = GainProgram(plant, lp.on_highs())
     own, rejection = _OwnProgram(program, rate, constraints, None, lp), Rejection(program, rate)
 
-    def better(gain: Floats, x: Floats, gamma: float) -> Floats | None:
-        S, s, t = rejection.for_gain(x)
-        own.message, slope = "no step improves it", rejection.slope(gain, x)
-        return next(own.gains((S, gamma * t - s), slope @ own.entries, rejection.outputs, margins=(0.0,)), None)
+    def better(rows: Rows, slope: Floats) -> Floats | None:
+        own.message = "no step improves it"
+        return next(own.gains(rows, slope @ own.entries, rejection.outputs, margins=(0.0,)), None)
 
     def small(x: Floats, gamma: float) -> Iterator[Floats]:
-        S, s, t = rejection.for_gain(x)
-        yield from filter(own.is_met, own.gains((S, gamma * t - s), own.cost, rejection.outputs))
+        yield from filter(own.is_met, own.gains(rejection.kept(x, gamma), own.cost, rejection.outputs))
 
     gain = np.asarray(stable.F)
     if rejection.point(gain) is None:  # its vertices share no x; those of a gain without the constraints may
@@ -109,7 +107,10 @@ def _with_its_point(rejection: Rejection, free: DesignResult, better: Better) ->
     """A gain that meets the constraints at an x of a gain that need not; that gain itself if none is found."""
     gain = np.asarray(free.F)
     found = rejection.point(gain, 1.0)
-    step = None if found is None else better(gain, found[0], 1e3 * abs(found[1]) + 1.0)
+    if found is None:
+        return gain
+    rows = rejection.kept(found[0], 1e3 * abs(found[1]) + 1.0)
+    step = better(rows, rejection.slope(gain, found[0]))
     return gain if step is None else step
 
 
@@ -143,7 +144,7 @@ class _OwnProgram(Demands):
         return (found, value) if np.isfinite(value) else None
 
     def gains(
-        self, rows: tuple[Any, Floats], cost: Any, outputs: Any = None, margins: tuple[float, ...] = _MARGINS
+        self, rows: Rows, cost: Any, outputs: Any = None, margins: tuple[float, ...] = _MARGINS
     ) -> Iterator[Floats]:
         """The cheapest gains with S l <= b for rows (S, b), with smaller and smaller margins of positivity.
 

@@ -8,8 +8,15 @@ inside X has
 at every vertex; a decay rate is demanded by the same x, (A + B F) x + rate x < 0.  For fixed x this is linear in F, for
 fixed F in x and gamma; they are improved in turn, from a gain that is stable.  Where x is the best for F it leaves F no
 smaller gamma, but faster decay: with p' = -c'(A + B F)^{-1} for the sum c of the worst outputs, gamma falls as fast as
-p'(A + B F) x does, so that this is minimised.  To leave F more freedom x is taken for a larger disturbance.  What is
-found is a local optimum.
+p'(A + B F) x does, so that this is minimised.  To leave F more freedom x is taken for a larger disturbance.
+
+Where F works on the outputs, H != 0, such an x may leave no better F at all.  The gain is bounded from the other side
+as well: of output i it is p_i'E 1 + D_i 1 at most if p_i in X* has, on every generator,
+
+    p_i'(A + B F) + (G + H F)_i <= 0.
+
+With the p_i of one gain this is linear in the next, whose p_i are no larger, with one vertex: steps of a policy
+iteration.  Both kinds of steps are tried.  What is found is a local optimum.
 """
 
 from __future__ import annotations
@@ -32,8 +39,10 @@ from ..simplicial.inequalities import solved
 from ..simplicial.program import stacked
 from .program import GainProgram, products
 
-# From a gain, an x and the gamma that it proves to a better gain; from x and a gamma that it proves to gains.
-Better: TypeAlias = Callable[[Floats, Floats, float], Floats | None]
+# Rows S l <= b for the entries l of a gain; from these and costs of l to a gain; from x and a gamma that it proves to
+# gains.
+Rows: TypeAlias = tuple[Any, Floats]
+Better: TypeAlias = Callable[[Rows, Floats], Floats | None]
 Small: TypeAlias = Callable[[Floats, float], Iterable[Floats]]
 # Steps of the alternation, and the relative decrease of gamma at which it stops.
 _ROUNDS, _ENOUGH = 20, 1e-4
@@ -41,6 +50,10 @@ _ROUNDS, _ENOUGH = 20, 1e-4
 _STRICT = 1e-6
 # Parts by which the disturbance is enlarged for the x that the gain is improved at.
 _LARGER = (1.0, 0.1, 0.01, 0.0)
+# Parts of the way to the worst output that better ones may go in a step.
+_TOWARDS = (0.0, 0.5, 0.9)
+# Parts of such a step, which may lead beyond a better gain.
+_SHARES = (0.5, 0.1)
 # Entries of A + B F below this part of the largest in their row count as rounding.
 _NOISE = 1e-13
 # Margins of positivity that are tried with a small gain, relative to its rows.
@@ -61,7 +74,8 @@ class Rejection:
         plant = program.plant
         self.program, self.plant, self.rate = program, plant, rate
         E, self.G, self.H, D, self.units = in_own_units(plant)
-        self.push, self.through = plant.facets @ E.sum(axis=1), D.sum(axis=1)
+        self.push_by, self.through = E.sum(axis=1), D.sum(axis=1)
+        self.push = plant.facets @ self.push_by
         self.outputs = program.forms(np.eye(len(self.G)), [(self.G, self.H)])
         heights = np.abs(plant.facets) @ np.abs(plant.rays).max(axis=0)
         self.strict = _STRICT * np.maximum(plant.scale * heights, np.abs(self.push))
@@ -86,14 +100,40 @@ class Rejection:
         rates = [faster * self.strict] * (len(self.falls) - vertices)
         return np.concatenate([*[self.push + self.strict] * vertices, *rates, self.through])
 
-    def better(self, gain: Floats, x: Floats, gamma: float) -> Floats | None:
-        """The gain for which gamma falls fastest from this one, x still proving its present value."""
-        (S, s, t), (P, p) = self.for_gain(x), self.outputs
-        program = self.program.invariant(cost=self.slope(gain, x))
+    def better(self, rows: Rows, slope: Floats) -> Floats | None:
+        """The gain within these rows for which gamma falls fastest."""
+        P, p = self.outputs
+        program = self.program.invariant(cost=slope)
         program.above(-p, gain=P)
-        program.below(gamma * t - s, gain=S)
+        program.below(rows[1], gain=rows[0])
         answer = program.solve(self.program.lp)
         return self.program.fill(answer["gain"]) if answer else None
+
+    def kept(self, x: Floats, gamma: float) -> Rows:
+        """For which gains x proves gamma."""
+        S, s, t = self.for_gain(x)
+        return S, gamma * t - s
+
+    def no_worse(self, gain: Floats, part: float) -> Rows | None:
+        """For which gains the vectors p_i of this one prove no more than they do for it; None if it has none.
+
+        To those of better outputs is added what falls along every trajectory, until they prove more, by this part of
+        what is missing to the worst.
+        """
+        plant, used = self.plant, gain @ self.program.read
+        inner, seen = self.program.facet_sum(), self.G + self.H @ used
+        more = _STRICT * inner * np.abs(seen).max(axis=1, keepdims=True)  # so that every such gain is stable
+        rows, right, k = [], [], np.arange(len(plant.rays))
+        for M, (_, B) in zip(self.program.drifts, plant.pairs, strict=True):
+            *vectors, fall = -solved((M + B @ used).T, np.concatenate([seen + more, inner[None]]).T).T
+            reached, pushed = vectors @ self.push_by + self.through, fall @ self.push_by
+            if not np.isfinite([*reached, pushed]).all():
+                return None
+            vectors = vectors + np.outer(part * (reached.max() - reached) / max(pushed, 1e-300), fall)
+            for p, G, H in zip(vectors, self.G + more, self.H, strict=True):
+                rows.append(self.program.coefficients(np.tile(p @ B + H, (len(k), 1)), k))
+                right.append(-plant.rays @ (p @ M + G))
+        return stacked(*rows), np.concatenate(right)
 
     def slope(self, gain: Floats, x: Floats) -> Floats:
         """The slopes of gamma in the free entries of the gain."""
@@ -146,19 +186,38 @@ class Rejection:
             if found is None or (best is not None and found[1] > best[2] - _ENOUGH * abs(best[2])):
                 break
             best = gain, *found
-            tried = (self._step(gain, larger, better or self.better) for larger in _LARGER)
+            tried = self._steps(gain, found[0], better or self.better)
             steps = [step for step in tried if step is not None]
             if not steps:
                 break
             gain = min(steps, key=lambda pair: pair[1])[0]
         return best
 
-    def _step(self, gain: Floats, larger: float, better: Better) -> tuple[Floats, float] | None:
-        """A gain after one step of both, and its gamma."""
-        start = self.point(gain, larger)
-        step = None if start is None else better(gain, *start)
-        end = None if step is None else self.point(step)
-        return None if step is None or end is None else (step, end[1])
+    def _steps(self, gain: Floats, x: Floats, better: Better) -> Iterator[tuple[Floats, float] | None]:
+        """Gains after one step, and their gammas."""
+        for part in (_TOWARDS if len(self.G) > 1 else _TOWARDS[:1]) if self.H.any() else ():
+            yield from self._downward(gain, x, better, part)
+        for larger in _LARGER:
+            start = self.point(gain, larger)
+            if start is not None:
+                yield self._reached(better(self.kept(*start), self.slope(gain, start[0])))
+
+    def _downward(self, gain: Floats, x: Floats, better: Better, part: float) -> Iterator[tuple[Floats, float]]:
+        """By the vectors p_i; once more where one of several worst outputs stayed as it was."""
+        for _ in range(min(2, len(self.G))):
+            below = self.no_worse(gain, part)
+            end = None if below is None else better(below, self.slope(gain, x))
+            found = None if end is None else self.point(end)
+            if end is None or found is None:
+                return
+            yield end, found[1]
+            between = (self._reached(gain + share * (end - gain)) for share in _SHARES)
+            yield from filter(None, between)
+            gain, x = end, found[0]
+
+    def _reached(self, gain: Floats | None) -> tuple[Floats, float] | None:
+        end = None if gain is None else self.point(gain)
+        return None if gain is None or end is None else (gain, end[1])
 
     def accepted(self, gain: Floats, x: Floats, gamma: float, small: Small | None = None) -> Accepted | None:
         """The gain, or a smaller one that does nearly as well, proven; `small` replaces the method."""
