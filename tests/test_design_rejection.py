@@ -254,3 +254,13 @@ def test_refusals_and_wrong_arguments(plant):
             kp.state_feedback(plant, X=PAPER, vertices=[plant, plant], per_mode=True, disturbance=wrong)
     with pytest.raises(kp.DataError, match="fixed rate"):
         kp.state_feedback(plant, X=PAPER, rate="max", **PUSHED)
+
+
+@pytest.mark.parametrize("G", [[[1]], [[0]]])
+def test_gains_that_run_away_are_told_and_a_bound_ends_them(G):
+    plant = kp.ConeStateSpace([[1]], [[1]], [[1]], 0)
+    away = kp.state_feedback(plant, disturbance=([[1]], G))
+    assert away.status is kp.Status.UNDECIDED and away.message.endswith("give gain_bound.")
+    bounded = kp.state_feedback(plant, disturbance=([[1]], G), gain_bound=3)
+    assert bounded and abs(bounded.F[0, 0]) <= 3
+    assert bounded.value <= G[0][0] / 2 * (1 + 2e-3) + 1e-5

@@ -41,6 +41,7 @@ LINF_GAIN = "L-infinity gain from w to z"
 _EXTRA = (1e-3, 1e-2)
 # Margins of invariance that are tried with a small gain, relative to its rows.
 _MARGINS = (1e-7, 1e-9, 0.0)
+_AWAY = "the best gains found are ten thousand times the size of the plant; give gain_bound."
 _ALSO_Z = "z must not be negative where x is in X; it is called the output, and its orthant Y."
 # Gains this many times the size of the plant count as unbounded.
 _HUGE = 1e4
@@ -114,12 +115,10 @@ def reject_disturbance(plant: Plant, rate: float, lp: Programs) -> DesignResult:
             return undecided(message, plant, objective=name)
         also = isinstance(plain.certificate, NoFeedback) and plain.certificate.ports is not None
         return changed(plain, message=_ALSO_Z) if also else plain
-    if program.runs_away(first["x"]):
-        message = "gains of ten thousand times the size of the plant still do better; give gain_bound."
-        return undecided(message, objective=name)
     found = first_proven(program.points(first), partial(_accepted, plant, program, rate))
     if found is None:
-        return undecided("a gain was found, but could not be proven.", objective=name)
+        away = program.runs_away(first["x"])
+        return undecided(_AWAY if away else "a gain was found, but could not be proven.", objective=name)
     return _succeeded(plant, found, name, free, loose)
 
 
@@ -181,13 +180,15 @@ class DisturbanceProgram(SimplicialProgram):
 
     def points(self, first: Any, rate: float = 0.0) -> Iterator[tuple[float, Floats]]:
         """Of each gamma, the point of smallest |F x_k|, then the first one; those that decay at a rate, as computed."""
-        if not first or not (first["x"][: self.plant.n] > 0).all() or self.runs_away(first["x"]):
+        if not first or not (first["x"][: self.plant.n] > 0).all():
             return
         x, best = first["x"], float(first["gamma"][0])
         for extra in allowances(self.plant):
             gamma = best + extra * max(abs(best), 1e-6)
             for point in (self.small(gamma, x), x):
-                if point is not None and (not rate or self._decays(point, float(rate))):
+                if point is None or self.runs_away(point):
+                    continue
+                if not rate or self._decays(point, float(rate)):
                     yield gamma, point
 
     def _decays(self, point: Floats, rate: float) -> bool:
