@@ -48,6 +48,16 @@ if TYPE_CHECKING:
         scale_free_feedback,
         state_feedback,
     )
+    from .families import (
+        CommonVectorCertificate,
+        CycleOfGrowth,
+        NextModeCertificate,
+        NoCommonVector,
+        Switching,
+        SwitchingCertificate,
+        UnstableMixture,
+        switched,
+    )
     from .find import CodesignResult, ConeCertificate, FoundCone, design_cone_and_feedback, find_cone
     from .networks import (
         AbscissaCertificate,
@@ -76,12 +86,14 @@ __all__ = [
     "Certificate",
     "CertificateFileError",
     "CodesignResult",
+    "CommonVectorCertificate",
     "Cone",
     "ConeCertificate",
     "ConeMismatchError",
     "ConeNetwork",
     "ConeStateSpace",
     "CouplingViolation",
+    "CycleOfGrowth",
     "DataError",
     "DesignResult",
     "DifferentialCertificate",
@@ -96,6 +108,8 @@ __all__ = [
     "NetworkCertificate",
     "NetworkInstability",
     "NetworkIntervalCertificate",
+    "NextModeCertificate",
+    "NoCommonVector",
     "NoWeights",
     "NodeNotDissipative",
     "NodeViolation",
@@ -113,10 +127,13 @@ __all__ = [
     "SolverError",
     "Status",
     "SupplyViolation",
+    "Switching",
+    "SwitchingCertificate",
     "TimebaseError",
     "TooLargeError",
     "Tradeoff",
     "UndecidedError",
+    "UnstableMixture",
     "__version__",
     "cone_positivity",
     "design_cone_and_feedback",
@@ -148,6 +165,7 @@ __all__ = [
     "stack",
     "state_feedback",
     "state_positivity",
+    "switched",
 ]
 
 # Folders that are imported when one of their names is first used: `import control_kpos` is to cost little
@@ -159,6 +177,10 @@ _ON_DEMAND = {
             "DesignResult FiniteCostCertificate NetworkIntervalCertificate OptimalCostCertificate OptimalFeedback "
             "OrderInterval OrderIntervalCertificate Tradeoff gain_rate_tradeoff network_feedback observer_gain "
             "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
+        ),
+        ".families": (
+            "CommonVectorCertificate CycleOfGrowth NextModeCertificate NoCommonVector Switching SwitchingCertificate "
+            "UnstableMixture switched"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

@@ -1782,6 +1782,94 @@ def infinite_cost(e: Said, limit: int) -> None:
     need(above(residual(c, d, costs=0), c.X), "d'x does not fall")
 
 
+# -- families whose members follow each other in any order
+
+
+def members(e: Said, claim: str, limit: int) -> list[System]:
+    """The members of a family."""
+    expect("tuple" in e["A"], "the members are in a tuple")
+    return family(claim, e, limit)
+
+
+def kept(e: Said, systems: list[System]) -> None:
+    """X is kept by every member."""
+    for s, P in zip(systems, e.get("P") or [None] * len(systems), strict=True):
+        e["P"] = P
+        positive(s, e)
+
+
+def no_common_vector(e: Said, limit: int) -> None:
+    """No v has v'x > 0 > v'A x for all A and x:  x_s in X, not all 0,  sum A_s x_s in X (discrete: A_s x_s - x_s).
+
+    Then  0 <= v'sum A_s x_s < 0.  In the file are A' and the dual cone if the claim is about a vector inside the cone.
+    """
+    systems, (_, w) = members(e, "common vector", limit), record(e, "witness", "NoCommonVector")
+    X = systems[0].X
+    xs = [entries(x, X.dim) for x in rows(w["vectors"], X.dim)]
+    expect(len(xs) == len(systems), "there is one vector for every member")
+    for x, o in zip(xs, e.get("wx") or [None] * len(xs), strict=True):
+        inside(X, x, weights(X, [x], o)[0], "the vectors are in X")
+    need(any(xs), "one of the vectors is not 0")
+    listed(e, "z", total(*((1, drift(s, x)) for s, x in zip(systems, xs, strict=True))), X)
+
+
+def not_stable_under_switching(e: Said, limit: int) -> None:
+    """Some order of the members does not let x go to 0:  kept, x != 0 and z are in X, where
+
+    `CycleOfGrowth`:  z = P x - factor x for the product P of the members in a cycle, factor >= 1; or
+    `UnstableMixture`:  z = sum lam_s A_s x,  lam >= 0 not 0 (discrete: sum lam_s = 1,  z = sum lam_s A_s x - x).
+    """
+    systems = members(e, "stable under switching", limit)
+    kind, w = record(e, "witness", "CycleOfGrowth", "UnstableMixture")
+    kept(e, systems)
+    x = entries(exactly(w, "x")[0], systems[0].X.dim)
+    if kind == "CycleOfGrowth":
+        z, factor, _ = after_a_cycle(systems, w, x)
+        need(factor >= 1, "the cycle does not shrink x")
+    else:
+        lam, discrete = fractions(w["weights"]), systems[0].discrete
+        need(len(lam) == len(systems) and min(lam) >= 0, "there is a weight for every member")
+        need(sum(lam) == 1 if discrete else sum(lam) > 0, "the weights are those of a mixture")
+        z = total(*((a, image(s.A, x)) for a, s in zip(lam, systems, strict=True)), (-discrete, x))
+    need(bool(x), "x is not 0")
+    listed(e, "x", x, systems[0].X)
+    listed(e, "z", z, systems[0].X)
+
+
+def after_a_cycle(systems: list[System], w: Said, x: Vector) -> tuple[Vector, Fraction, int]:
+    """P x - factor x, the factor, and how many members follow each other in the cycle; in discrete time."""
+    modes, factor, out = [index(k) for k in sequence(w["modes"])], fraction(w["factor"]), x
+    expect(systems[0].discrete and len(modes) > 0 and factor > 0, "a cycle has members, and a factor above 0")
+    for k in modes:
+        out = image(systems[k].A, out)
+    return total((1, out), (-factor, x)), factor, len(modes)
+
+
+def growth_under_switching(e: Said, limit: int) -> None:
+    """x[k] grows at most like growth^k, whatever the order:  kept,  v_s'x > 0,  growth v_s'x - v_t'A_s x >= 0.
+
+    Some order grows like least^k:  least^length <= factor of a `CycleOfGrowth`, with weights ws and wb.
+    """
+    systems = members(e, "growth under switching", limit)
+    X, growth, least = systems[0].X, double(e["growth"]), double(e["least"])
+    expect(systems[0].discrete and growth >= 0 and least >= 0, "growth is that of discrete time")
+    vs = [entries(v, X.dim) for v in rows(e["vs"], X.dim)]
+    expect(len(vs) == len(systems), "there is one vector for every member")
+    kept(e, systems)
+    need(all(dot(v, x) > 0 for v in vs for x in X.rays), "v_s'x > 0")
+    for s, v in zip(systems, vs, strict=True):
+        need(all(above(total((growth, v), (-1, pullback(t, s.A))), X) for t in vs), "growth v_s'x >= v_t'A_s x")
+    if e["cycle"] is None:
+        expect(least == 0, "nothing shows the least growth")
+        return
+    _, w = record(e, "cycle", "CycleOfGrowth")
+    x = entries(exactly(w, "x")[0], X.dim)
+    z, factor, length = after_a_cycle(systems, w, x)
+    need(bool(x) and least**length <= factor, "the cycle shows the least growth")
+    listed(e, "s", x, X)
+    listed(e, "b", z, X)
+
+
 # -- files
 
 PROOFS: dict[str, Callable[[System, Said], str | None]] = {
@@ -1836,6 +1924,9 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
     ("finite-horizon cost", "PROVED"): finite_cost,
+    ("common vector", "REFUTED"): no_common_vector,
+    ("stable under switching", "REFUTED"): not_stable_under_switching,
+    ("growth under switching", "PROVED"): growth_under_switching,
 }
 
 

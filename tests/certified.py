@@ -3,6 +3,7 @@
 import control as ct
 import numpy as np
 import scipy as sp
+from certified_families import SWITCHED
 from strategies import without_facets
 
 import control_kpos as kp
@@ -165,7 +166,7 @@ def on_a_square(grows=0, *, discrete, **more):
     return kp.optimal_feedback(plant, [0.25, 0, 1], ["-1/7"], [[0, 0.25, 0.5]], **more)
 
 
-CERTIFICATES = {
+CERTIFICATES = SWITCHED | {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
     "positive, decimals": lambda: kp.state_positivity([[0, 1], ["-21.3", "-12.9"]], PAPER),
     "positive, fractions": lambda: kp.state_positivity([["-1/3", "1/7"], ["2/9", "-1/3"]], kp.orthant(2)),

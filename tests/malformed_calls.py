@@ -197,6 +197,12 @@ CALLS |= {  # design
         {"sys": PLANT, "rates": [1], "X": PAPER, "certify": False, "time_limit": 2.0, "progress": None},
     ),
 }
+CALLS |= {  # families
+    "switched": (
+        kp.switched,
+        {"family": [A, [[-3.0, 1.0], [1.0, -2.0]]], "X": X2, "discrete": False, "time_limit": 2.0},
+    ),
+}
 CALLS |= {  # cone finding, nonlinear systems
     "find_cone": (
         kp.find_cone,

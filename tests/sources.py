@@ -29,6 +29,7 @@ FLOORS = {
     "theorems about matrices": {"theorems"},
     "systems": {"systems"},
     "theorems about many systems": {"networks", "nonlinear"},
+    "families of systems": {"families"},
     "design": {"design"},
     "search for cones": {"find"},
     "examples": {"examples"},

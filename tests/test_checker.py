@@ -14,6 +14,7 @@ import certified
 import checker_claims
 import checker_cones
 import checker_costs
+import checker_families
 import checker_intervals
 import checker_pieces
 import numpy as np
@@ -31,7 +32,7 @@ SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
-HAND |= checker_cones.CASES
+HAND |= checker_cones.CASES | checker_families.CASES
 
 
 @pytest.fixture(scope="module")

@@ -95,12 +95,15 @@ def rows(page: str) -> dict[tuple[str, str], str]:
     return {(file, name): value.strip("` ") for file, name, value in found}
 
 
+FOLDERS = ("exact", "cones", "proof", "theorems", "networks", "families", "design", "find", "nonlinear")
+
+
 def constants() -> dict[tuple[str, str], str]:
     """Constants with numbers in the folders that decide something, as they stand in the source."""
     out = {}
     for path, tree in TREES.items():
         file = path.relative_to(PACKAGE).as_posix()
-        if file.split("/")[0] not in ("exact", "cones", "proof", "theorems", "networks", "design", "find", "nonlinear"):
+        if file.split("/")[0] not in FOLDERS:
             continue
         source = path.read_text(encoding="utf-8")
         for node in tree.body:

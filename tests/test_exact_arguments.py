@@ -248,6 +248,10 @@ EXACT = {
         "constraints": lambda: (kept(constraints=(SIDE, ["1/7"])).rows, SIDES),
         "X": lambda: (kept(sys=plant(MINUS), w_max=[1, 1], X=CONE).X, SAME),
     },
+    "switched": {
+        "family": lambda: (kp.switched([[["-1/3"]]]).certificate.loops[0].A, [[-THIRD]]),
+        "X": lambda: (kp.switched([MINUS], X=CONE).certificate.loops[0].X, SAME.dual),
+    },
     "gain_rate_tradeoff": {
         "rates": lambda: (kp.gain_rate_tradeoff(THIRDS, ["1/3"], certify=True).designs[0].weakened_rate, THIRD)
     },

@@ -10,8 +10,8 @@ import tampering
 
 import control_kpos as kp
 from control_kpos import checker
-from control_kpos.design.certificates import CommonVectorCertificate
 from control_kpos.errors import CertificateFileError
+from control_kpos.families.common_vector import CommonVectorCertificate
 
 
 def content_of(certificate, path):

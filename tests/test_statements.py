@@ -15,6 +15,7 @@ import control_kpos as kp
 PAGE = (ROOT / "docs" / "statements.md").read_text(encoding="utf-8").replace("&#124;", "|")
 # Text of systems: what they are, no verdict.
 SYSTEMS = {"ConeStateSpace", "ConeNetwork"}
+SEARCHING = ("design", "families", "find")
 
 
 def alternatives(node):
@@ -55,7 +56,10 @@ def messages():
     """Every text of five words or more in the modules that search, outside errors and progress, with its module."""
     for module, tree in TREES.items():
         name = module.partition(".")[2]
-        if name.split(".")[0] in ("design", "find") or name in ("networks.certificate", "networks.any_size"):
+        if name.split(".")[0] in ("design", "families", "find") or name in (
+            "networks.certificate",
+            "networks.any_size",
+        ):
             silent = {id(n) for n in parts_of(tree, ("stage", "report", "Condition", "_report"))}
             silent |= {id(v) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for v in n.values}
             for n in ast.walk(tree):

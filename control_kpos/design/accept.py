@@ -16,11 +16,11 @@ import numpy as np
 
 from ..cones import orthant
 from ..errors import DataError
-from ..exact.budget import OutOfBudgetError, affords, budget, spend
+from ..exact.budget import OutOfBudgetError, budget, spend
 from ..exact.matrix import Matrix
-from ..exact.program import Block, Program
-from ..exact.programs import program_effort
 from ..exact.rounding import double_below
+from ..families.candidates import inside
+from ..families.common_vector import CommonVectorCertificate
 from ..proof.answer import first_proven
 from ..proof.certificate import Certificate, Status
 from ..systems.statespace import ConeStateSpace
@@ -29,7 +29,7 @@ from ..theorems.stability import LyapunovCertificate, linear_lyapunov
 from .actuator_loss import certified_fraction
 from .bounded.certificate import OrderIntervalCertificate
 from .bounded.covers import covered
-from .certificates import CommonVectorCertificate, DisturbanceCertificate, FeedbackCertificate, GainBoundCertificate
+from .certificates import DisturbanceCertificate, FeedbackCertificate, GainBoundCertificate
 from .controllability import controllability_notes
 from .plant import Floats, Plant, closed_loop, times
 from .result import DesignResult
@@ -45,8 +45,6 @@ _EFFORT_PER_ENTRY, _EFFORT_PER_PRODUCT = 6e3, 60.0
 _EFFORT_IN_INTEGERS, _CLEAR = 2.5e5, 1e-12
 # How far, relatively, a rate in doubles may be below one that is then decided exactly.
 _EQUAL = 1e-6
-# How far inside X a common vector is sought, relative to the generators.
-_INTERIOR = 1e-6
 
 
 @dataclass(frozen=True)
@@ -240,15 +238,16 @@ def _common(
 ) -> Iterator[tuple[tuple[Any, ...], Floats]]:
     """Candidates for a common vector, x inside X first: a v inside X* is one of the transposed loops on X*."""
     rays, facets = plant.rays, plant.facets
+    more: dict[str, Any] = {"discrete": plant.discrete, "rate": float(rate), "scale": plant.scale}
     if x is not None and plant.disturbance is None:  # that of a bound on a gain decays as slowly as it may
         yield positive, x
-    found = _inside(rays, facets, closed, rate, plant)
+    found = inside(rays, facets, closed, **more)
     if found is not None:
         yield positive, found
     if x is not None and plant.disturbance is not None:
         yield positive, x
     turned = tuple(M.T for M in closed)
-    found = _inside(facets, rays, turned, rate, plant)
+    found = inside(facets, rays, turned, **more)
     if found is not None:
         dual = plant.X.dual
         yield tuple(PositivityCertificate.settle(A=M, X=dual, discrete=plant.discrete) for M in turned), found
@@ -267,23 +266,6 @@ def _in_interval(plant: Plant, full: Matrix, loop: LyapunovCertificate) -> Order
             return None
         data |= {"rows": rows, "bounds": limits, "covers": Matrix.join(found, -2)}
     return OrderIntervalCertificate.settle(**data)
-
-
-def _inside(
-    rays: Floats, facets: Floats, matrices: tuple[Matrix, ...], rate: float | Fraction, plant: Plant
-) -> Floats | None:
-    """x inside a cone with M x + rate x in the negative cone for all M (M - I in discrete time), in floating point."""
-    if not affords(program_effort((len(matrices) + 1) * len(facets), len(rays))):
-        return None
-    columns, shift = rays.T, (float(rate) - plant.discrete) * np.eye(plant.n)
-    H = facets / (facets @ columns).max(axis=1)[:, None]
-    moved = np.concatenate([H @ (np.asarray(M.values) + shift) @ columns for M in matrices])
-    # a sum of generators with coefficients; the largest common margin
-    program = Program(coefficients=Block(len(rays), low=0.0, high=1.0), margin=Block(1, low=-1.0, cost=-1.0))
-    program.above(0.0, np.full(len(moved), plant.scale), coefficients=-moved)
-    program.below(-_INTERIOR, coefficients=-H @ columns)
-    answer = program.solve()
-    return columns @ answer["coefficients"] if answer else None
 
 
 def _all_proven(parts: Iterable[Certificate | None]) -> Any:

@@ -23,10 +23,11 @@ from numpy.typing import NDArray
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
+from ..families.common_vector import CommonVectorCertificate
 from ..proof.certificate import Certificate, exactly
 from ..theorems.stability import LyapunovCertificate
 from .bounded.certificate import OrderIntervalCertificate
-from .certificates import CommonVectorCertificate, DisturbanceCertificate
+from .certificates import DisturbanceCertificate
 from .exact_rows import exact_geometry
 from .plant import Floats, Plant, closed_loop, shifted
 

@@ -5,23 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
 
-from ..cards import floored, raised
+from ..cards import raised
 from ..cones import Cone, orthant
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.certificate import Certificate, ClaimWithRate
-from ..proof.encoding import require_kinds
+from ..families.common_vector import CommonVectorCertificate, is_alike, is_same, require_vector
+from ..proof.certificate import Certificate
 from ..proof.portable_cones import portable_rows
 from ..proof.weights import ProofOmittedError, Prover
-from ..theorems.decay_rates import proven_rate, transposed_drift
 from ..theorems.positivity import PositivityCertificate
 from ..theorems.stability import LyapunovCertificate
 from .plant import Floats, leading_sizes
@@ -139,11 +137,11 @@ class FeedbackCertificate(Demand):
         if isinstance(part, CommonVectorCertificate):
             return part.is_about(X, closed, discrete) or part.is_about(X.dual, [A.T for A in closed], discrete)
         if isinstance(part, LyapunovCertificate):  # the plant in a network, if it is none of the loops
-            return _is_alike(part, X, discrete)
+            return is_alike(part, X, discrete)
         own = getattr(part, "positivity", part)
         if not isinstance(own, PositivityCertificate):
             return False
-        return _is_alike(own, X, discrete) and any(_is_same(own.A, A) for A in closed)
+        return is_alike(own, X, discrete) and any(is_same(own.A, A) for A in closed)
 
     def evidence(self) -> dict[str, Any]:
         """Nothing: every part comes with a proof of its own."""
@@ -179,130 +177,7 @@ class FeedbackCertificate(Demand):
         """What a part proves, in words about X."""
         if not isinstance(part, CommonVectorCertificate) or not part.is_dual(self.loops):
             return part.explain()
-        rate = f", with a decay rate of at least {floored(part.decay_rate)}" if part.decay_rate else ""
-        return (
-            f"Proved: V(x) = v'x with one v inside X* falls on X at all {len(self.loops)} vertices, so every system in "
-            f"their convex hull, also switching, is exponentially stable{rate}."
-        )
-
-
-def _require_vector(cls: Any, v: Any) -> None:
-    """Raise an error unless v can be the x of a certificate."""
-    require_kinds(cls, {"x": v})
-    if v.ndim != 1:
-        raise DataError("v is a vector.")
-
-
-def _is_alike(part: LyapunovCertificate | PositivityCertificate, X: Cone, discrete: bool) -> bool:
-    return part.X == X and part.discrete == discrete
-
-
-def _is_same(M: Matrix, N: Matrix) -> bool:
-    return M is N or (M.shape == N.shape and not (M.dense().fractions() != N.dense().fractions()).any())
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class CommonVectorCertificate(Demand, ClaimWithRate):
-    """Proof that one x inside X is mapped inwards by every vertex: stability of the whole convex hull.
-
-    Attributes
-    ----------
-    loops : tuple of PositivityCertificate
-        Invariance under every vertex.
-    x : ndarray, shape (n,)
-        Interior to X, with A_s x interior to -X for every s (A_s x - x in discrete time).  Then x (t) stays in
-        the shrinking order interval between -c(t) x and c(t) x, for any switching among the vertices.
-    decay_rate : float
-        Proven for all of them: A_s x + decay_rate x in -X.
-    required_rate : Fraction or None
-        The same for the rate that was asked for, exactly as given.
-    """
-
-    claim: ClassVar[str] = "common vector"
-
-    loops: tuple[PositivityCertificate, ...]
-    x: Floats
-    decay_rate: float = 0.0
-
-    @classmethod
-    def of(cls, loops: tuple[PositivityCertificate, ...], x: Floats, rate: Fraction) -> CommonVectorCertificate:
-        """The certificate with the rate that x proves, and with the one asked for if that is more."""
-        row, first = Matrix(x[None]), loops[0]
-        fastest = min(proven_rate(row, loop.A.T, first.X.exact_facets, first.discrete) for loop in loops)
-        return cls.settle(loops=loops, x=x, decay_rate=fastest, required_rate=rate if rate > fastest else None)
-
-    def is_about(self, X: Cone, matrices: Sequence[Matrix], discrete: bool) -> bool:
-        """True if these are the matrices, the cone and the time that it is about."""
-        same = len(self.loops) == len(matrices)
-        pairs = zip(self.loops, matrices, strict=False)
-        return same and all(_is_alike(p, X, discrete) and _is_same(p.A, A) for p, A in pairs)
-
-    def is_dual(self, loops: Sequence[LyapunovCertificate]) -> bool:
-        """True if x is a v of these closed loops: it is about the transposed ones on X*."""
-        return not self.is_about(loops[0].X, [loop.A for loop in loops], loops[0].discrete)
-
-    def parts(self) -> tuple[Certificate, ...]:
-        """Proofs that this one rests on."""
-        return self.loops
-
-    def conditions(self) -> list[Condition]:
-        """The inequalities that prove the claim."""
-        x = exact_matrix(self.x, "x")
-        X = self.loops[0].X
-        if any(loop.X != X or loop.discrete != self.loops[0].discrete for loop in self.loops):
-            raise DataError("the vertices must be about one cone, and all in continuous or all in discrete time.")
-        if self.decay_rate < 0:
-            raise DataError("decay_rate must not be negative.")
-        out = [Condition("h'x > 0", BilinearForms(X.exact_facets, None, x), ">")]
-        for s, loop in enumerate(self.loops):
-            forms = partial(transposed_drift, x[None], loop.A, X, loop.discrete)
-            out.append(Condition(f"h'A_{s} x < 0", forms(), "<"))
-            rates = (rate for rate in (self.decay_rate, self.required_rate) if rate)
-            out += [Condition(f"h'A_{s} x + rate h'x <= 0", forms(rate), "<=") for rate in rates]
-        return out
-
-    def contents(self) -> dict[str, Any]:
-        """The dual statement: x is a common Lyapunov vector of the A_s' on X*."""
-        first = self.loops[0]
-        rates = {"decay_rate": self.decay_rate, "required_rate": self.required_rate}
-        return {
-            "A": tuple(loop.A.T for loop in self.loops),
-            "X": first.X.dual,
-            "discrete": first.discrete,
-            "v": self.x,
-            **{name: rate for name, rate in rates.items() if rate is not None},
-        }
-
-    @classmethod
-    def restore(cls, contents: dict[str, Any]) -> CommonVectorCertificate:
-        """The inverse of `contents`.
-
-        Parameters
-        ----------
-        contents : dict
-            By the names in files.
-        """
-        _require_vector(cls, contents["v"])
-        X, discrete = contents["X"].dual, contents["discrete"]
-        loops = tuple(PositivityCertificate.settle(A=A.T, X=X, discrete=discrete) for A in contents["A"])
-        rates = {name: contents[name] for name in ("decay_rate", "required_rate") if name in contents}
-        return cls.settle(loops=loops, x=contents["v"], **rates)
-
-    def evidence(self) -> dict[str, Any]:
-        """Weights of A_s'h for the generators h of X*."""
-        prover, X = Prover(), self.loops[0].X.dual
-        invariance = not self.loops[0].discrete
-        return {"P": [prover.inclusion(X, loop.A.T, X, invariance=invariance) for loop in self.loops]}
-
-    def explain(self) -> str:
-        """What is proven, in words."""
-        if self:
-            rate = f", with a decay rate of at least {floored(self.decay_rate)}" if self.decay_rate else ""
-            return (
-                f"Proved: one vector x inside X is mapped into the interior of -X by all {len(self.loops)} vertices, "
-                f"so every system in their convex hull, also switching, is exponentially stable{rate}."
-            )
-        return "The common vector is not proven for every vertex."
+        return part.told_of_v()
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -373,7 +248,7 @@ class DisturbanceCertificate(Demand):
         contents : dict
             By the names in files.
         """
-        _require_vector(cls, contents["v"])
+        require_vector(cls, contents["v"])
         shapes = (contents["Y"].dim,), (contents["U"].dim,)
         alike = (contents["q"].shape, contents["r"].shape) == shapes
         if not alike or np.any(contents["q"] != -1) or np.ptp(contents["r"]):

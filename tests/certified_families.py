@@ -1,0 +1,28 @@
+"""Certificates about families, for the tests of files and of the checker."""
+
+import numpy as np
+
+import control_kpos as kp
+
+SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, -1, 1], [-1, 1, 1]])
+DIAGONALS = [[[-1, 0, 0], [0, -1, 0], [0, 0, "1/3"]], [[-2, 0, 0], [0, -1, 0], [0, 0, "-1/7"]]]
+CYCLE = [[[0, 2], [0, 0]], [[0, 0], ["1/2", 0]]]
+TURNS = [[["1/2", "1/2"], [0, "1/2"]], [["1/2", 0], ["1/2", "1/2"]]]
+SWITCHED = {
+    "common vector, not any": lambda: kp.switched([[[-1, 0], [3, -3]], [[-5, 4], [4, -5]]]).others[0],
+    "common vector, not any, discrete": lambda: kp.switched(TURNS, discrete=True).others[0],
+    "common vector, not any, four generators": lambda: next(
+        p for p in kp.switched(DIAGONALS, X=SQUARE).others if not p
+    ),
+    "family, not stable, a mixture": lambda: kp.switched([[[-1, "10/3"], [0, -1]], [[-1, 0], [10, -1]]]).certificate,
+    "family, not stable, a member": lambda: kp.switched([[["1/3", 0], [0, -1]], [[-1, 0], [0, -1]]]).certificate,
+    "family, not stable, a mixture, discrete": lambda: (
+        kp.switched([[[0, "10/3"], [0, 0]], [[0, 0], [10, 0]]], discrete=True).certificate
+    ),
+    "family, not stable, a cycle": lambda: kp.switched(CYCLE, discrete=True).certificate,
+    "family, not stable, four generators": lambda: kp.switched(DIAGONALS, X=SQUARE).certificate,
+    "growth under switching": lambda: kp.switched(TURNS, discrete=True).certificate,
+    "growth under switching, four generators": lambda: next(
+        p for p in kp.switched([np.diag([0.25, 0.5, 1]), np.eye(3) / 4], X=SQUARE, discrete=True).others if p
+    ),
+}
