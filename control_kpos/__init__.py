@@ -51,6 +51,8 @@ if TYPE_CHECKING:
     from .families import (
         CommonVectorCertificate,
         CycleOfGrowth,
+        DwellCertificate,
+        DwellCycle,
         NextModeCertificate,
         NoCommonVector,
         Switching,
@@ -98,6 +100,8 @@ __all__ = [
     "DesignResult",
     "DifferentialCertificate",
     "DissipativityCertificate",
+    "DwellCertificate",
+    "DwellCycle",
     "FalseClaimError",
     "FiniteCostCertificate",
     "FoundCone",
@@ -179,8 +183,8 @@ _ON_DEMAND = {
             "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
         ),
         ".families": (
-            "CommonVectorCertificate CycleOfGrowth NextModeCertificate NoCommonVector Switching SwitchingCertificate "
-            "UnstableMixture switched"
+            "CommonVectorCertificate CycleOfGrowth DwellCertificate DwellCycle NextModeCertificate NoCommonVector "
+            "Switching SwitchingCertificate UnstableMixture switched"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

@@ -1870,6 +1870,76 @@ def growth_under_switching(e: Said, limit: int) -> None:
     listed(e, "b", z, X)
 
 
+def dwells_long_enough(e: Said, limit: int) -> None:
+    """Stable for every order in which each member stays active for T = dwell_time > 0 or longer.
+
+    M_s = A_s + a_s I maps X into X (weights P),  v_s'x > 0 > v_s'A_s x,  and v_t'e^{A_s T} x < v_s'x for t != s, as
+    sum_{k<=N} v_t'(M_s T)^k x / k! + c rest v_s'x < e_N v_s'x,  where v_t <= c v_s, e_N + rest >= e^{a_s T} >= e_N.
+    """
+    systems, shifts = shifted_members(e, limit, e["shifts"])
+    X, T, terms = systems[0].X, fraction(e["dwell_time"]), [index(n) for n in sequence(e["terms"])]
+    vs = [entries(v, X.dim) for v in rows(e["vs"], X.dim)]
+    expect(len(vs) == len(terms) == len(systems) and T > 0, "every member has a vector and a number of terms")
+    need(all(dot(v, x) > 0 for v in vs for x in X.rays), "v_s'x > 0")
+    need(all(dot(v, image(s.A, x)) < 0 for s, v in zip(systems, vs, strict=True) for x in X.rays), "v_s'A_s x < 0")
+    for s, a, v, count in zip(systems, shifts, vs, terms, strict=True):
+        done, rest = exponential(a * T, count)
+        for f in (f for f in vs if f is not v):
+            most = max(dot(f, x) / dot(v, x) for x in X.rays)
+            for x in X.rays:
+                low = dot(f, series(s, a, T, count, x))
+                need(low + most * rest * dot(v, x) < done * dot(v, x), "v_t'e^{A_s T} x < v_s'x")
+
+
+def too_short(e: Said, limit: int) -> None:
+    """Some order in which each member stays active for dwell_time or longer does not let x go to 0.
+
+    M_s = A_s + a_s I maps X into X (weights P),  x != 0 and z are in X:  z = P x - x from below, where e^{A_s t} x is
+    at least  sum_{k<=N} (M_s t)^k x / k! / (e_N + rest)  in the order of X.
+    """
+    _, w = record(e, "witness", "DwellCycle")
+    systems, shifts = shifted_members(e, limit, w["shifts"])
+    modes, times, count = [index(k) for k in sequence(w["modes"])], fractions(w["times"]), index(w["terms"])
+    expect(len(modes) == len(times) and count > 0, "every member of a cycle has a time")
+    expect(fraction(e["dwell_time"]) > 0, "a dwell time is positive")
+    need(min(times) >= fraction(e["dwell_time"]), "the times are long enough")
+    x = z = entries(exactly(w, "x")[0], systems[0].X.dim)
+    for k, t in zip(modes, times, strict=True):
+        size = sum(exponential(shifts[k] * t, count), Fraction(0))
+        z = total((1 / size, series(systems[k], shifts[k], t, count, z)))
+    need(bool(x), "x is not 0")
+    listed(e, "x", x, systems[0].X)
+    listed(e, "z", total((1, z), (-1, x)), systems[0].X)
+
+
+def shifted_members(e: Said, limit: int, o: Json) -> tuple[list[System], list[Fraction]]:
+    """The members, in continuous time, and shifts a_s >= 0 for which A_s + a_s I maps X into X."""
+    systems, shifts = members(e, "dwell time", limit), fractions(o)
+    expect(len(shifts) == len(systems) and min(shifts) >= 0, "every member has a shift that is not negative")
+    expect(not systems[0].discrete, "exponentials are those of continuous time")
+    for s, a, P in zip(systems, shifts, e.get("P") or [None] * len(systems), strict=True):
+        maps(s.X, [total((1, column), (a, {j: Fraction(1)})) for j, column in enumerate(s.A)], s.X, P, "X is kept")
+    return systems, shifts
+
+
+def exponential(z: Fraction, terms: int) -> tuple[Fraction, Fraction]:
+    """sum_{k<=N} z^k / k!, and a bound of what is left of e^z,  2 z^(N+1) / (N+1)!,  for 0 <= 2 z <= N + 2."""
+    expect(terms <= 1000 and 0 <= 2 * z <= terms + 2, "so many terms do not show an exponential")
+    parts = [Fraction(1)]
+    for k in range(1, terms + 2):
+        parts.append(parts[-1] * z / k)
+    return sum(parts[:-1], Fraction(0)), 2 * parts[-1]
+
+
+def series(s: System, a: Fraction, t: Fraction, terms: int, x: Vector) -> Vector:
+    """sum_{k<=N} (M t)^k x / k!  for M = A + a I."""
+    out = term = x
+    for k in range(1, terms + 1):
+        term = total((t / k, image(s.A, term)), (a * t / k, term))
+        out = total((1, out), (1, term))
+    return out
+
+
 # -- files
 
 PROOFS: dict[str, Callable[[System, Said], str | None]] = {
@@ -1927,6 +1997,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("common vector", "REFUTED"): no_common_vector,
     ("stable under switching", "REFUTED"): not_stable_under_switching,
     ("growth under switching", "PROVED"): growth_under_switching,
+    ("dwell time", "PROVED"): dwells_long_enough,
+    ("dwell time", "REFUTED"): too_short,
 }
 
 

@@ -8,6 +8,16 @@ SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, -1, 1], [-1, 1, 1]])
 DIAGONALS = [[[-1, 0, 0], [0, -1, 0], [0, 0, "1/3"]], [[-2, 0, 0], [0, -1, 0], [0, 0, "-1/7"]]]
 CYCLE = [[[0, 2], [0, 0]], [[0, 0], ["1/2", 0]]]
 TURNS = [[["1/2", "1/2"], [0, "1/2"]], [["1/2", 0], ["1/2", "1/2"]]]
+DWELLING = [[[-1, 0, 0], [10, -1, 0], [0, 0, -10]], [[-10, 0, 10], [0, -10, 0], [0, 10, -1]]]
+
+
+def dwelling(family, status, X=None):
+    """A certificate about a dwell time."""
+    s = kp.switched(family, X=X)
+    found = [p for p in (s.certificate, *s.others) if isinstance(p, kp.DwellCertificate) and p.status.name == status]
+    return found[0]
+
+
 SWITCHED = {
     "common vector, not any": lambda: kp.switched([[[-1, 0], [3, -3]], [[-5, 4], [4, -5]]]).others[0],
     "common vector, not any, discrete": lambda: kp.switched(TURNS, discrete=True).others[0],
@@ -21,6 +31,8 @@ SWITCHED = {
     ),
     "family, not stable, a cycle": lambda: kp.switched(CYCLE, discrete=True).certificate,
     "family, not stable, four generators": lambda: kp.switched(DIAGONALS, X=SQUARE).certificate,
+    "dwell time": lambda: dwelling([[[-1, "10/3"], [0, -1]], [[-1, 0], [3, -1]]], "PROVED"),
+    "dwell time, not enough": lambda: dwelling([[[-1, "10/3"], [0, -1]], [[-1, 0], [3, -1]]], "REFUTED"),
     "growth under switching": lambda: kp.switched(TURNS, discrete=True).certificate,
     "growth under switching, four generators": lambda: next(
         p for p in kp.switched([np.diag([0.25, 0.5, 1]), np.eye(3) / 4], X=SQUARE, discrete=True).others if p

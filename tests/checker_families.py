@@ -78,6 +78,23 @@ def pyramid_growth(ws=(1, 0, 0, 0), wb=(0, 0, 0, 0), factor=1, cycle=True):
     return pyramid(1, "growth under switching", "PROVED", P=diagonal(1), discrete=True, proof=proof, **data)
 
 
+def dwells(matrices, T, vs=(1, 1), shifts=(1, 2), terms=(6, 6), discrete=False):
+    data = {"dwell_time": {"fraction": T}, "vs": {"matrix": [[v] for v in vs]}, "shifts": {"fractions": list(shifts)}}
+    data["terms"] = {"tuple": list(terms)}
+    return several(matrices, "dwell time", "PROVED", discrete=discrete, **data)
+
+
+def too_short(matrices, T, modes, times, shifts, *, x=1, terms=6, discrete=False, **more):
+    fields = {"x": {"array": [x]}, "modes": {"tuple": list(modes)}, "times": {"fractions": list(times)}}
+    fields |= {"shifts": {"fractions": list(shifts)}, "terms": terms}
+    data = {"dwell_time": {"fraction": T}, "witness": {"record": "DwellCycle", "fields": fields}}
+    return several(matrices, "dwell time", discrete=discrete, **data | more)
+
+
+def without_weights(content):
+    return content | {"proof": {}}
+
+
 ALONE = {"A": {"matrix": [[0]]}}
 CASES = {
     "no common vector": (no_vector([-2, 2], 1, 1), "REFUTED"),
@@ -145,4 +162,50 @@ CASES = {
     "growth, four generators, no cycle": (pyramid_growth(cycle=False), "PROVED"),
     "growth, four generators, cycle not shown": (pyramid_growth((0, 1, 0, 0)), "WRONG"),
     "growth, four generators, cycle too large": (pyramid_growth(wb=(1, 0, 0, 0)), "WRONG"),
+}
+CASES |= {
+    "dwell time": (dwells([-1, -2], "3/4", (1, 2)), "PROVED"),
+    "dwell time, no weights": (without_weights(dwells([-1, -2], "3/4", (1, 2))), "PROVED"),
+    "dwell time, too short": (dwells([-1, -2], "2/3", (1, 2)), "WRONG"),
+    "dwell time, too few terms": (dwells([-1, -2], "3/4", (1, 2), terms=(1, 6)), "WRONG"),
+    "dwell time, so few terms that it cannot be": (dwells([-1, -2], 1, terms=(6, 1)), "UNREADABLE"),
+    "dwell time, just enough terms": (dwells([-1, -4], 2, shifts=(1, 4), terms=(2, 14)), "PROVED"),
+    "dwell time, one term too few": (dwells([-1, -4], 2, shifts=(1, 4), terms=(2, 13)), "UNREADABLE"),
+    "dwell time, larger shift": (dwells([-1, -2], "3/4", (1, 2), (3, 2), (16, 6)), "PROVED"),
+    "dwell time, larger shift, too short": (dwells([-1, -2], "11/16", (1, 2), (3, 2), (16, 6)), "WRONG"),
+    "dwell time, smaller shift": (dwells([-1, -2], "3/4", (1, 1), ("1/2", 2)), "WRONG"),
+    "dwell time, negative shift": (dwells([2, -2], "3/4", (1, 1), (-1, 2)), "UNREADABLE"),
+    "dwell time, no shift": (dwells([0, -2], "3/4", (1, 1), (0, 2)), "WRONG"),
+    "dwell time, marginal": (dwells([0, -2], "3/4", (4, 1)), "WRONG"),
+    "dwell time of 0": (dwells([-1, -2], 0), "UNREADABLE"),
+    "dwell time, v is 0": (dwells([-1, -2], 9, (0, 0), terms=(40, 40)), "WRONG"),
+    "dwell time, just equal": (dwells([-1, -2], 1, (1, 1), (1, 2), (1, 6)), "WRONG"),
+    "dwell time, just equal, larger shift": (dwells([-1, -2], "1/2", (1, 1), (3, 2), (2, 6)), "WRONG"),
+    "dwell time, a shift too few": (dwells([-1, -2], "3/4", shifts=(1,)), "UNREADABLE"),
+    "dwell time, a vector too few": (dwells([-1, -2], "3/4", (1,)), "UNREADABLE"),
+    "dwell time, terms too few": (dwells([-1, -2], "3/4", terms=(6,)), "UNREADABLE"),
+    "dwell time, a thousand terms": (dwells([-1, -2], 1, terms=(6, 1000)), "PROVED"),
+    "dwell time, more than a thousand terms": (dwells([-1, -2], 1, terms=(6, 1001)), "UNREADABLE"),
+    "dwell time, discrete": (dwells(["1/2", "1/4"], 1, shifts=(0, 0), discrete=True), "UNREADABLE"),
+    "dwell time, one member": (dwells([-1], 1, (1,), (1,), (6,)), "PROVED"),
+    "not with this dwell time": (too_short([-1, 2], 1, [0, 1], [1, 1], [1, 0]), "REFUTED"),
+    "not with this dwell time, with a shift": (too_short([-1, 2], 1, [0, 1], [1, 1], [2, 1]), "REFUTED"),
+    "not with this dwell time, but with a longer one": (too_short([-1, 2], 2, [0, 1], [1, 1], [1, 0]), "WRONG"),
+    "not with this dwell time, no weights": (
+        without_weights(too_short([-1, 2], 1, [0, 1], [1, 1], [1, 0])),
+        "REFUTED",
+    ),
+    "not with a dwell time, marginal": (too_short([0], 1, [0], [1], [0]), "REFUTED"),
+    "not with a dwell time, longer": (too_short([0], 1, [0], [2], [0], terms=1), "REFUTED"),
+    "not with a dwell time, just not shown": (too_short([0], 1, [0], [1], [1]), "WRONG"),
+    "not with a dwell time, nearly": (too_short([-1, 1], 1, [0, 1], [1, 1], [1, 0]), "WRONG"),
+    "not with a dwell time, the other way round": (too_short([-1, 2], 1, [0, 1], [3, 1], [1, 0]), "WRONG"),
+    "not with a dwell time of 0": (too_short([0], 0, [0], [1], [0]), "UNREADABLE"),
+    "not with a dwell time, x is 0": (too_short([0], 1, [0], [1], [0], x=0), "WRONG"),
+    "not with a dwell time, x outside": (too_short([-1], 1, [0], [1], [1], x=-1), "WRONG"),
+    "not with a dwell time, no terms": (too_short([1], 1, [0], [1], [0], terms=0), "UNREADABLE"),
+    "not with a dwell time, no members": (too_short([1], 1, [], [], [0]), "UNREADABLE"),
+    "not with a dwell time, a time too few": (too_short([1, 1], 1, [0, 1], [1], [0, 0]), "UNREADABLE"),
+    "not with a dwell time, not kept": (too_short([-3, 2], 1, [1], [1], [1, 0]), "WRONG"),
+    "not with a dwell time, discrete": (too_short([1], 1, [0], [1], [0], discrete=True), "UNREADABLE"),
 }

@@ -256,6 +256,7 @@ EQUIVALENT = {
     "touching_response: 0 < low < high <= 1 -> 0 < low <= high <= 1": "no root is between a number and itself",
     "any_size: ratio >= 0 -> ratio > 0": "p'D u <= t'u, and D is not 0",
     "applied: x + a * y -> x - a * y": "p(M) V and its opposite",
+    "dwells_long_enough: dot(v, x) > 0 -> dot(v, x) >= 0": "v'M x >= 0, so that v'A x < 0 needs v'x > 0",
     "slope.get((i, j), Fraction(0)) + a * b -> slope.get((i, j), Fraction(0)) - a * b": "the sum has to be 0",
 }
 

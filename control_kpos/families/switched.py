@@ -21,6 +21,7 @@ from ..theorems.positivity import PositivityCertificate, state_positivity
 from .arguments import Family, read_family
 from .candidates import common_candidates, no_common
 from .common_vector import CommonVectorCertificate, Floats
+from .dwelling import dwell_bounds, dwell_times
 from .growth import cycles, directions, factor_of, growing, mixtures, next_mode_vectors
 from .switching import CycleOfGrowth, NextModeCertificate, SwitchingCertificate, UnstableMixture
 
@@ -57,8 +58,13 @@ class Switching(Answer):
         Discrete time: proven upper bound on the growth per step for every order; NaN without one.
     growth_bounds : (float, float)
         Discrete time: some order grows at least like lower^k, none faster than upper^k; (0, inf) without proof.
+    dwell_time : float
+        Continuous time: proven upper bound on the least T for which every order that stays in each member for T or
+        longer is stable; 0 if every order is, inf if a member alone is not stable, NaN if nothing was found.
+    dwell_bounds : (float, float)
+        Before it a T for which some such order is not stable, proven; 0 where none was found.
     others : tuple of Certificate
-        What else is proven: the other one of v and e, or that it does not exist; the growth.
+        What else is proven: the other one of v and e, or that it does not exist; the growth; the dwell times.
     """
 
     v: Floats | None = None
@@ -67,6 +73,8 @@ class Switching(Answer):
     vs: Floats | None = None
     growth: float = float("nan")
     growth_bounds: tuple[float, float] = (0.0, float("inf"))
+    dwell_time: float = float("nan")
+    dwell_bounds: tuple[float, float] = (0.0, float("nan"))
     others: tuple[Any, ...] = ()
 
     def explain(self) -> str:
@@ -88,8 +96,9 @@ class Switching(Answer):
         -------
         list of (str, str)
         """
-        low, high = self.growth_bounds
-        return [("growth per step", f"{low:.9g} to {high:.9g}")] if np.isfinite(high) else []
+        (low, high), (least, enough) = self.growth_bounds, self.dwell_bounds
+        out = [("growth per step", f"{low:.9g} to {high:.9g}")] if np.isfinite(high) else []
+        return out + ([("least dwell time", f"{least:.6g} to {enough:.6g}")] if 0 < enough < np.inf else [])
 
 
 def switched(
@@ -99,7 +108,7 @@ def switched(
     discrete: bool | None = None,
     time_limit: float | None = None,
 ) -> Switching:
-    """Decide whether x' = A_s(t) x is exponentially stable for every s(t): arbitrary switching.
+    """Decide whether x' = A_s(t) x is exponentially stable for every s(t), or for every s(t) that dwells long enough.
 
     Parameters
     ----------
@@ -126,8 +135,8 @@ def switched(
     Notes
     -----
     v and e take a few sparse solves on simplicial cones (worst mixtures), a linear program on others.  Cycles, mixtures
-    and proofs that there is no v or e are sought up to 60 states; growth on simplicial cones other than orthants, and
-    on cones that are not simplicial, up to 400.
+    and proofs that there is no v or e are sought up to 60 states; dwell times up to 20 states and 6 members; growth on
+    simplicial cones other than orthants, and on cones that are not simplicial, up to 400.
 
     Examples
     --------
@@ -165,10 +174,15 @@ def _found(family: Family) -> Switching:
     if growth is not None and growth.growth < 1:
         proven.append(growth)
     refuted = None if proven else _refuted(family, loops)
-    certificate = proven[0] if proven else refuted
-    others = tuple(p for p in (v, e, growth) if p is not None and p is not certificate)
+    enough, short = (None, None) if proven or family.discrete else dwell_times(family, loops)
+    certificate = proven[0] if proven else refuted if refuted is not None else short
+    others = tuple(p for p in (v, e, growth, enough, short) if p is not None and p is not certificate)
     status = Status.UNDECIDED if certificate is None else certificate.status
-    return _answer(status, certificate, v, e, growth, others)
+    found = _answer(status, certificate, v, e, growth, others)
+    if family.discrete:
+        return found
+    times = dwell_bounds(bool(proven), refuted, enough, short)
+    return replace(found, dwell_time=times[1], dwell_bounds=times)
 
 
 def _answer(status: Status, certificate: Any, v: Any, e: Any, growth: Any, others: tuple[Any, ...]) -> Switching:

@@ -126,7 +126,8 @@ class ClaimOnFamily(Certificate):
 
     def contents(self) -> dict[str, Any]:
         """The members, their cone and time, and the fields."""
-        own = {name: x for name, x in self.data().items() if name != "loops" and x is not None}
+        absent = [name for name, x in self.data().items() if x is None or (isinstance(x, tuple) and not x)]
+        own = {name: x for name, x in self.data().items() if name not in ("loops", *absent)}
         return {"A": tuple(loop.A for loop in self.loops), "X": self.X, "discrete": self.discrete, **own}
 
     @classmethod
