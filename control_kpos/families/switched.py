@@ -145,8 +145,8 @@ def switched(
     >>> s.status.name, s.v is None, s.e is None
     ('PROVED', True, False)
     >>> s = kp.switched([[[1, 1], [0, 1]], [[1, 0], [1, 1]]], discrete=True)
-    >>> s.status.name, round(s.growth, 6), s.witness.modes
-    ('REFUTED', 1.618034, (0,))
+    >>> s.status.name, round(s.growth, 6), s.witness.weights
+    ('REFUTED', 1.618034, (Fraction(1, 1), Fraction(0, 1)))
     """
     read = read_family(family, X, discrete)
     time_limit = seconds(time_limit)
