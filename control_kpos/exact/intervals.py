@@ -321,8 +321,8 @@ _KINKED: dict[str, Callable[..., Any]] = {"maximum": larger, "minimum": smaller,
 
 def is_finite_number(item: Any) -> bool:
     """Whether this is one real number that a double comes near to."""
-    if type(item) is IntervalDual or not isinstance(item, (int, float, np.integer, np.floating)):
-        return False
+    if type(item) not in (int, float, bool) and not isinstance(item, (np.integer, np.floating)):
+        return False  # also subclasses of float, which may compute in their own way
     return bool(abs(item) <= np.finfo(float).max)
 
 

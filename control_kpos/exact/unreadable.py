@@ -2,7 +2,8 @@
 
 A statement about a function on a whole set rests on one call only if the function takes the same path for all of it.
 Whatever could make it branch (comparisons, hashes, text, conversions, `isinstance`) is refused here.  A refusal is
-remembered, whatever the function does with the exception.
+remembered, whatever the function does with the exception, and wherever it is made.  What Python does not let an object
+refuse (`type(x)`, `is`, errors of others that are caught) is found in the code that ran, by `own_code`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+
+from .own_code import followed
 
 
 @dataclass
@@ -25,6 +28,8 @@ class Watch:
 
 
 _WATCH: ContextVar[Watch] = ContextVar("_WATCH")
+# All that are open: a refusal in another thread or context belongs to one of them, whichever that is.
+_OPEN: list[Watch] = []
 
 
 class RefusedError(Exception):
@@ -32,8 +37,9 @@ class RefusedError(Exception):
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
-        if (watch := _WATCH.get(None)) is not None:
-            watch.refusals.append(self)
+        watch = _WATCH.get(None)
+        for each in _OPEN if watch is None else [watch]:
+            each.refusals.append(self)
 
 
 class UnboundedError(RefusedError, ArithmeticError):
@@ -62,18 +68,24 @@ def watched(function: Callable[[Any], Any], argument: Any) -> tuple[list[Any], W
     Raises
     ------
     UnboundedError, UnsupportedError
-        The refusal that ended the function; UnsupportedError also if the function went on after one, or failed.
+        The refusal that ended the function; UnsupportedError also if the function went on after one, or failed, or
+        ran code that can tell types apart.
     """
     watch = Watch()
     values: list[Any] = []
     failure: Exception | None = None
     before = _WATCH.set(watch)
+    _OPEN.append(watch)
     try:
-        values = list(np.asarray(function(argument), dtype=object).ravel())
+        result, telling = followed(lambda: function(argument))
+        if telling:
+            raise UnsupportedError(f"the function, or one that it calls, can tell types apart: {', '.join(telling)}")
+        values = list(np.asarray(result, dtype=object).ravel())
     except Exception as error:  # noqa: BLE001 -- the function is the user's
         failure = error
     finally:
         _WATCH.reset(before)
+        _OPEN.remove(watch)
     if failure is None and not watch.refusals:
         return values, watch
     if failure is not None and watch.refusals == [failure]:

@@ -216,7 +216,8 @@ class DifferentialCertificate(Certificate):
             return (
                 f"Not proven: {good} of {self.centres.shape[0]} sampled Jacobians are K-positive on X, up to the error "
                 "of finite differences, and nothing is known between them. The system's function was not enclosed, "
-                "because it looks at its arguments (comparisons, float(), isinstance, functions of math and the like) "
+                "because it looks at its arguments (comparisons, float(), isinstance, functions of math and the like), "
+                "its code could tell numbers from intervals (type, is, try, getattr, dtype and the like) "
                 "or does something with them that intervals do not know. Write it with numpy functions and arithmetic "
                 "only, np.minimum, np.maximum, np.clip and abs included."
             )
