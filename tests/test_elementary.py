@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from control_kpos.exact.elementary import enclosed, integer_power, quarter_turns, real_power, sine_and_cosine
-from control_kpos.exact.interval_arithmetic import added, product, scaled, sum_of
-from control_kpos.exact.intervals import IntervalDual
+from control_kpos.exact.interval_arithmetic import integer_power as whole_power
+from control_kpos.exact.interval_arithmetic import inverse, product, root, sum_of
 from control_kpos.exact.unreadable import UnboundedError
 
 # Magnitudes of all sizes, subnormal numbers and neighbours of places where functions turn.
@@ -91,67 +91,6 @@ def test_a_wide_precision_set_by_others_changes_nothing():
         assert enclosed(arb.exp, 1.0) == expected
 
 
-# -- on intervals, with slopes
-
-NAMES = ["sin", "cos", "tan", "exp", "log", "sqrt", "tanh", "arctan", "sinh", "cosh", "square"]
-BALLS = {
-    "tan": (arb.tan, lambda x: 1 / x.cos() ** 2),
-    "sin": (arb.sin, arb.cos),
-    "cos": (arb.cos, lambda x: -x.sin()),
-    "exp": (arb.exp, arb.exp),
-    "log": (arb.log, lambda x: 1 / x),
-    "sqrt": (arb.sqrt, lambda x: 1 / (2 * x.sqrt())),
-    "tanh": (arb.tanh, lambda x: x.sech() ** 2),
-    "arctan": (arb.atan, lambda x: 1 / (1 + x**2)),
-    "sinh": (arb.sinh, arb.cosh),
-    "cosh": (arb.cosh, arb.sinh),
-    "square": (lambda x: x**2, lambda x: 2 * x),
-    "cube": (lambda x: x**3, lambda x: 3 * x**2),
-    "inverse": (lambda x: 1 / x, lambda x: -1 / x**2),
-    "root": (lambda x: x ** (arb(1) / 2), lambda x: 1 / (2 * x.sqrt())),
-}
-CALLS = {
-    **{name: (lambda x, name=name: getattr(x, name)()) for name in NAMES},
-    "cube": lambda x: x**3,
-    "inverse": lambda x: 1 / x,
-    "root": lambda x: x**0.5,
-}
-
-
-@pytest.mark.parametrize("name", CALLS)
-@given(low=ALL, width=st.sampled_from([0.0, 1e-9, 0.3, 2.0]), share=st.floats(0, 1))
-def test_values_and_slopes_on_intervals(name, low, width, share):
-    if name in ("log", "sqrt", "root"):
-        low = abs(low)
-    high = low + width
-    one = np.ones(1)
-    try:
-        with np.errstate(all="ignore"):
-            y = CALLS[name](IntervalDual((low, high), (one, one)))
-    except UnboundedError:
-        hard = name in ("tan", "inverse", "log", "sqrt", "root") or max(abs(low), abs(high)) > 100
-        assert hard
-        return
-    x = min(max(low + share * width, low), high)
-    value, slope = BALLS[name]
-    assert holds(y.value, precisely(value, x))
-    assert holds((float(y.gradient[0][0]), float(y.gradient[1][0])), precisely(slope, x))
-
-
-def test_domains_end():
-    one = np.ones(1)
-    for name in ("log", "sqrt"):
-        for low in (0.0, -1e-320, -1.0):
-            with pytest.raises(UnboundedError, match="may be"):
-                CALLS[name](IntervalDual((low, 1.0), (one, one)))
-        assert CALLS[name](IntervalDual((5e-300, 1.0), (one, one))).value[1] >= 0
-    with pytest.raises(UnboundedError):
-        CALLS["exp"](IntervalDual((0.0, 710.0), (one, one)))
-    assert CALLS["exp"](IntervalDual((-1e300, 0.0), (one, one))).value == (0.0, 1.0)
-    assert CALLS["tanh"](IntervalDual((-1e300, 1e300), (one, one))).value == (-1.0, 1.0)
-    assert CALLS["sin"](IntervalDual((0.0, 0.0), (one, one))).value == (0.0, 0.0)
-
-
 # -- sums and products, against fractions
 
 ENDS = st.one_of(
@@ -169,23 +108,59 @@ def hull(numbers):
 def test_sums_and_products_are_enclosed_and_tight(a, b):
     exact_sum = tuple(Fraction(x) + Fraction(y) for x, y in zip(a, b, strict=True))
     exact_product = hull([Fraction(x) * Fraction(y) for x in a for y in b])
-    for operation, entrywise, exact in ((sum_of, added, exact_sum), (product, scaled, exact_product)):
-        second = b if operation is product else tuple(np.array([x, x]) for x in b)
+    for operation, exact in ((sum_of, exact_sum), (product, exact_product)):
+        many = [(np.array([low, low]), np.array([high, high])) for low, high in (a, b)]
         try:
             low, high = operation(a, b)
         except UnboundedError:
             assert max(abs(x) for x in exact) > 2.0**1022
             with pytest.raises(UnboundedError):
-                entrywise(tuple(np.array([x, x]) for x in a), second)
+                operation(*many)
             continue
         assert low <= exact[0] <= exact[1] <= high
         assert math.nextafter(math.nextafter(low, math.inf), math.inf) >= exact[0]
         assert math.nextafter(math.nextafter(high, -math.inf), -math.inf) <= exact[1]
-        bounds = entrywise(tuple(np.array([x, x]) for x in a), second)
+        bounds = operation(*many)
         assert (bounds[0] == low).all() and (bounds[1] == high).all()
 
 
 @given(INTERVALS)
 def test_products_with_zero_are_exact(a):
     assert product(a, (0.0, 0.0)) == (0.0, 0.0)
-    assert [x.tolist() for x in scaled((np.array([a[0]]), np.array([a[1]])), (0.0, 0.0))] == [[0.0], [0.0]]
+    assert [x.tolist() for x in product((np.array([a[0]]), np.array([a[1]])), (0.0, 0.0))] == [[0.0], [0.0]]
+
+
+@given(INTERVALS, st.sampled_from([1.0, -1.0, 2.0, -0.25, 2.0**60]))
+def test_products_with_powers_of_two_are_exact(a, power):
+    exact = hull([x * power for x in a])
+    if max(map(abs, exact)) <= np.finfo(float).max and all(x == 0 or abs(x * power) >= 2.0**-1022 for x in a):
+        assert product(a, (power, power)) == exact
+
+
+@pytest.mark.parametrize(
+    "x", [1 - 2.0**-53, 1 + 2.0**-52, 3.0, 2.0**1023, 1.7976931348623153e308, 2.0**-1021, -0.5, -0.75]
+)
+def test_inverses_that_round_to_a_power_of_two(x):
+    least, most = inverse((x, x))
+    assert Fraction(float(least)) <= 1 / Fraction(x) <= Fraction(float(most))
+    assert (least == most) == (abs(x) in (0.5, 2.0**-1021))
+
+
+@given(INTERVALS)
+def test_quotients_roots_and_powers(a):
+    low, high = (Fraction(x) for x in a)
+    if a[0] <= 0 <= a[1]:
+        with pytest.raises(UnboundedError, match="may be zero"):
+            inverse(a)
+    elif min(map(abs, a)) > 1e-300:
+        least, most = inverse(a)
+        assert Fraction(float(least)) <= 1 / high <= 1 / low <= Fraction(float(most))
+    if a[0] >= 0:
+        least, most = root(a)
+        assert Fraction(float(least)) ** 2 <= low and high <= Fraction(float(most)) ** 2
+    for power in (0, 1, 2, 3, 6, 7):
+        if max(map(abs, a)) ** power < 1e300 if max(map(abs, a)) < 1e40 else power < 2:
+            least, most = whole_power(a, power)
+            exact = hull([low**power, high**power, *([Fraction(0)] if low < 0 < high and power > 0 else [])])
+            assert Fraction(float(least)) <= exact[0] and exact[1] <= Fraction(float(most))
+            assert power % 2 or least >= 0

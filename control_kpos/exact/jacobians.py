@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, ShapeError
-from .intervals import IntervalDual, Quantities, is_finite_number
+from .intervals import IntervalDual, Quantities, Rows, is_finite_number, known_of
+from .quantities import Known, constant
 from .unreadable import UnboundedError, UnsupportedError, Watch, watched
 
 Array = NDArray[np.float64]
@@ -18,21 +19,71 @@ Array = NDArray[np.float64]
 _DEEPEST = 10
 
 
-def values_on_box(function: Callable[[Any], Any], lower: Any, upper: Any, n: int) -> tuple[list[IntervalDual], Watch]:
+def values_on_box(function: Callable[[Any], Any], lower: Any, upper: Any, n: int) -> tuple[list[Known], Watch]:
     """The function's values, their derivatives by the first n quantities, and what was noted."""
     x = np.empty(len(lower), dtype=object).view(Quantities)
+    for i, item in enumerate(_arguments(lower, upper, n)):
+        x[i] = item
+    values, watch = watched(function, x)
+    return [_known(y, n) for y in values], watch
+
+
+def _arguments(lower: Any, upper: Any, n: int) -> list[IntervalDual]:
+    """Quantities between bounds, one or many of each, with the derivatives by the first n of them."""
+    out = []
     for i, (a, b) in enumerate(zip(lower, upper, strict=True)):
         unit = np.zeros(n)
         unit[i:][:1] = 1.0
-        x[i] = IntervalDual((float(a), float(b)), (unit, unit))
-    values, watch = watched(function, x)
-    zero = np.zeros(n)
-    for i, y in enumerate(values):
-        if type(y) is not IntervalDual:
-            if not is_finite_number(y):
-                raise UnsupportedError("the function returns something that is not a finite number")
-            values[i] = IntervalDual((float(y), float(y)), (zero, zero))
-    return values, watch
+        out.append(
+            IntervalDual(Known((np.asarray(a, dtype=float), np.asarray(b, dtype=float)), (unit, unit), object()))
+        )
+    return out
+
+
+def _known(y: Any, n: int) -> Known:
+    if type(y) is IntervalDual:
+        return known_of(y)
+    if is_finite_number(y):
+        return constant(y, n)
+    raise UnsupportedError("the function returns something that is not a finite number")
+
+
+def jacobian_blocks(function: Callable[[Any], Any], lower: Array, upper: Array, n: int) -> tuple[Array, Array]:
+    """Bounds of the Jacobians of one function at many nodes, each on a box of its own.
+
+    Costs one call of the function, and for each of its operations a few passes over arrays of N (1 + n) numbers.
+
+    Parameters
+    ----------
+    function : callable
+        Takes m quantities, of which it may take rows only (`x[0]`, `for row in x`), each for all nodes; returns a
+        quantity, or several, a list or an array of rows.  Made of arithmetic, of functions that numpy applies entry by
+        entry, and of numbers or arrays of shape (N,), one for each node.
+    lower, upper : ndarray, shape (m, N)
+        Bounds of the m quantities at each of N nodes.
+    n : int
+        Derivatives are by the first n quantities.
+
+    Returns
+    -------
+    low, high : ndarray, shape (N, k, n)
+        Proven: every Jacobian of the k values at a node, for quantities between its bounds, lies between them.
+
+    Raises
+    ------
+    UnboundedError, UnsupportedError
+
+    Examples
+    --------
+    >>> low, high = jacobian_blocks(lambda x: [x[1] / (1 + x[1]) - x[0]], np.zeros((2, 3)), np.ones((2, 3)), 2)
+    >>> low.shape, low[0].tolist(), high[0].tolist()
+    ((3, 1, 2), [[-1.0, 0.25]], [[-1.0, 1.0]])
+    """
+    lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
+    values = [_known(y, n) for y in watched(function, Rows(_arguments(lower, upper, n)))[0]]
+    shape = lower.shape[1], n
+    low, high = ([np.broadcast_to(y.gradient[side], shape) for y in values] for side in (0, 1))
+    return np.stack(low, axis=1), np.stack(high, axis=1)
 
 
 def jacobian_enclosure(
@@ -65,7 +116,7 @@ def jacobian_enclosure(
     return _ends(values_on_box(function, lower, upper, len(lower))[0])
 
 
-def _ends(values: list[IntervalDual]) -> tuple[Array, Array]:
+def _ends(values: list[Known]) -> tuple[Array, Array]:
     return np.array([y.gradient[0] for y in values]), np.array([y.gradient[1] for y in values])
 
 

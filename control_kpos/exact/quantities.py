@@ -1,0 +1,328 @@
+"""Quantities with derivatives: bounds of a value and of its partial derivatives on a box, or on many boxes at once.
+
+A value is an interval, or an array of them with one for each box; a derivative has one axis more, the last one, for
+the variables.  Besides, a quantity knows by which steps it came about, and whether it is a line  scale * a + shift  in
+another one, a.  The quotient of two lines in the same a is monotone in a: x / (1 + x) is enclosed at the ends of its
+range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from . import functions
+from . import interval_arithmetic as ia
+from .interval_arithmetic import ONE, ZERO, Interval
+from .unreadable import UnboundedError, UnsupportedError, note_kink, same_object
+
+Array = NDArray[np.float64]
+Gradient = tuple[Any, Any]
+
+# Larger whole powers are not enclosed.
+_HIGHEST = 1000
+
+
+class Line(NamedTuple):
+    """scale * a + shift, for one number scale and one number shift on each box; a constant has no a, and scale 0."""
+
+    base: Known | None
+    scale: Interval = ONE
+    shift: Interval = ZERO
+
+    def moved(self, scale: Interval, shift: Interval) -> Line | None:
+        """scale * this + shift; None where the numbers grow too large."""
+        scale, moved = ia.loose_product(scale, self.scale), ia.loose_product(scale, self.shift)
+        shift = ia.loose_sum(moved, shift)
+        return Line(self.base, scale, shift) if ia.is_bounded(scale) and ia.is_bounded(shift) else None
+
+    def plus(self, other: Line) -> Line | None:
+        """The sum, if it is a line again."""
+        if other.base is None:
+            return self.moved(ONE, other.shift)
+        if self.base is None:
+            return other.moved(ONE, self.shift)
+        if self.base.name is not other.base.name:
+            return None
+        return Line(self.base, ia.loose_sum(self.scale, other.scale), self.shift).moved(ONE, other.shift)
+
+    def times(self, other: Line) -> Line | None:
+        """The product, if it is a line again."""
+        if other.base is None:
+            return self.moved(other.shift, ZERO)
+        return other.moved(self.shift, ZERO) if self.base is None else None
+
+
+class Known(NamedTuple):
+    """What is known of a quantity on a box.
+
+    Attributes
+    ----------
+    value : pair of arrays, shape ()  or (N,)
+        Lower and upper bound, for each box.
+    gradient : pair of arrays, shape (..., k)
+        Bounds of the partial derivatives.
+    name : object
+        The same for quantities that came about by the same steps.
+    straight : Line, optional
+        This as a line in another quantity.
+    """
+
+    value: Interval
+    gradient: Gradient
+    name: object
+    straight: Line | None = None
+
+    @property
+    def line(self) -> Line:
+        """The quantity as a line, in itself if in nothing else."""
+        return Line(self) if self.straight is None else self.straight
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is a number that the box does not change."""
+        return self.line.base is None
+
+
+def constant(number: Any, variables: int) -> Known:
+    """A number, or one for each box."""
+    exact = np.asarray(number, dtype=float)
+    value = (exact, exact) if _is_double(exact, number) else ia.outwards(exact, exact)
+    zero = np.zeros(variables)
+    name = same_object("constant", exact.shape, value[0].tobytes(), value[1].tobytes())
+    return Known(value, (zero, zero), name, Line(None, ZERO, value))
+
+
+def _is_double(exact: Any, number: Any) -> bool:
+    """Whether nothing was rounded; large integers are compared as such."""
+    if np.ndim(number) == 0:
+        return bool(exact == (int(number) if isinstance(number, (int, np.integer)) else number))
+    return bool((exact == number).all() and (np.abs(exact) < 2.0**53).all()) or np.asarray(number).dtype == float
+
+
+def spread(a: Interval) -> Interval:
+    """An interval for all derivatives."""
+    if a[0] is a[1]:
+        return (same := np.asarray(a[0])[..., None], same)
+    return np.asarray(a[0])[..., None], np.asarray(a[1])[..., None]
+
+
+def plus(a: Known, b: Known) -> Known:
+    """a + b."""
+    value, gradient = ia.sum_of(a.value, b.value), ia.sum_of(a.gradient, b.gradient)
+    return _refined(value, gradient, same_object("+", *_in_order(a, b)), a.line.plus(b.line))
+
+
+def _refined(value: Interval, gradient: Gradient, name: object, line: Line | None) -> Known:
+    """A quantity that may be a line: then it is enclosed as such, too."""
+    if line is not None and line.base is not None:
+        straight = ia.loose_sum(ia.loose_product(line.scale, line.base.value), line.shift)
+        slopes = ia.loose_product(line.base.gradient, spread(line.scale))
+        if ia.is_bounded(straight) and ia.is_bounded(slopes):
+            value, gradient = ia.common(value, straight), ia.common(gradient, slopes)
+    return Known(value, gradient, name, line)
+
+
+def _in_order(a: Known, b: Known) -> list[object]:
+    """Names of what may be exchanged."""
+    return sorted((a.name, b.name), key=id)
+
+
+def minus(a: Known, b: Known) -> Known:
+    """a - b."""
+    return plus(a, negative(b))
+
+
+def negative(a: Known) -> Known:
+    """-a."""
+    line = a.line.moved((-1.0, -1.0), ZERO)
+    return Known(ia.negative(a.value), ia.negative(a.gradient), same_object("-", a.name), line)
+
+
+def times(a: Known, b: Known) -> Known:
+    """a * b."""
+    if a.name is b.name and not a.is_constant:
+        return integer_power(a, 2)
+    first, second = ia.product(a.gradient, spread(b.value)), ia.product(b.gradient, spread(a.value))
+    value, gradient = ia.product(a.value, b.value), ia.sum_of(first, second)
+    return Known(value, gradient, same_object("*", *_in_order(a, b)), a.line.times(b.line))
+
+
+def over(a: Known, b: Known) -> Known:
+    """a / b, with (a' - (a / b) b') / b for its slope, where b occurs less often than in that of a (1 / b)."""
+    name, above, below = same_object("/", a.name, b.name), a.line, b.line
+    if below.base is not None and (above.base is None or above.base.name is below.base.name):
+        return _fractional_linear(above, below, below.base, name)
+    inverse = ia.inverse(b.value)
+    value = ia.product(a.value, inverse)
+    by_b = ia.product(b.gradient, spread(value))
+    slope = ia.product(ia.difference(a.gradient, by_b), spread(inverse))
+    return Known(value, slope, name, above.moved(inverse, ZERO) if b.is_constant else None)
+
+
+def _fractional_linear(a: Line, b: Line, base: Known, name: object) -> Known:
+    """The quotient of two lines in one quantity: monotone in it, with a slope of one sign."""
+    ends = [(end, end) for end in base.value]
+    below = [ia.sum_of(ia.product(b.scale, x), b.shift) for x in ends]
+    if ia.may_be_zero(ia.hull(*below)):
+        raise UnboundedError(ia.MAY_BE_ZERO)
+    turn = ia.difference(ia.product(a.scale, b.shift), ia.product(a.shift, b.scale))
+    above = [ia.sum_of(ia.product(a.scale, x), a.shift) for x in ends]
+    value = ia.hull(*(ia.quotient(x, y) for x, y in zip(above, below, strict=True)))
+    slope = ia.hull(*(ia.quotient(ia.quotient(turn, y), y) for y in below))
+    return Known(value, ia.product(base.gradient, spread(slope)), name)
+
+
+def chained(name: str, a: Known, ranges: functions.Ranges) -> Known:
+    """A function of a with a range of values and of slopes."""
+    value, slope = ia.bounded(ranges[0]), ia.bounded(ranges[1])
+    return Known(value, ia.product(a.gradient, spread(slope)), same_object(name, a.name))
+
+
+def integer_power(a: Known, power: int) -> Known:
+    """a^k, k >= 1."""
+    slope = ia.product((float(power), float(power)), ia.integer_power(a.value, power - 1))
+    if power == 1:
+        return a
+    return chained(f"power {power}", a, (ia.integer_power(a.value, power), slope))
+
+
+def power(a: Known, b: Known) -> Known:
+    """a^b, for a constant b or a positive a."""
+    if not b.is_constant or (b.value[0] != b.value[1]).any():
+        return applied("exp", times(b, applied("log", a)))
+    first = float(np.ravel(b.value[0])[0])
+    if (b.value[0] != first).any():
+        return chained(f"power {id(b.name)}", a, functions.real_power(a.value, b.value[0]))
+    exponent = first
+    if not exponent.is_integer():
+        return chained(f"power {exponent!r}", a, functions.real_power(a.value, exponent))
+    if exponent == 0:
+        return constant(np.ones(np.shape(a.value[0])), a.gradient[0].shape[-1])
+    if abs(exponent) > _HIGHEST:
+        raise UnsupportedError(f"power {exponent:g}")
+    raised = integer_power(a, int(abs(exponent)))
+    return raised if exponent > 0 else reciprocal(raised)
+
+
+def applied(name: str, a: Known) -> Known:
+    """A function of `functions` by its name."""
+    return chained(name, a, functions.NAMED[name](a.value))
+
+
+def larger(a: Known, b: Known) -> Known:
+    """The larger of two quantities.
+
+    Where they are equal all over a box, the derivative is one of the two or does not exist.
+    """
+    value = np.maximum(a.value[0], b.value[0]), np.maximum(a.value[1], b.value[1])
+    first = np.asarray((a.value[0] >= b.value[1]) & (a.value[1] > b.value[0]))[..., None]
+    second = np.asarray((b.value[0] >= a.value[1]) & (b.value[1] > a.value[0]))[..., None]
+    either = ia.hull(a.gradient, b.gradient)
+    if (~first & ~second & _differ(a.gradient, b.gradient)).any():
+        note_kink()
+    low, high = (
+        np.where(first, x, np.where(second, y, z)) for x, y, z in zip(a.gradient, b.gradient, either, strict=True)
+    )
+    for chosen, taken in ((first, a), (second, b)):
+        if chosen.all():
+            return taken._replace(value=value)
+    return Known(value, (low, high), same_object("larger", *_in_order(a, b)))
+
+
+def _differ(a: Gradient, b: Gradient) -> Any:
+    """Where two slopes need not be the same number."""
+    return (a[0] != b[0]) | (a[1] != b[1]) | (a[0] != a[1])
+
+
+def smaller(a: Known, b: Known) -> Known:
+    """The smaller of two quantities."""
+    return negative(larger(negative(a), negative(b)))
+
+
+def size(a: Known) -> Known:
+    """|a|."""
+    return larger(a, negative(a))
+
+
+def hypot(a: Known, b: Known) -> Known:
+    """sqrt(a^2 + b^2), with slopes a / hypot and b / hypot; at zero it has a kink."""
+    squares = ia.sum_of(ia.integer_power(a.value, 2), ia.integer_power(b.value, 2))
+    value = ia.root(squares)
+    if (value[0] == 0).any():
+        note_kink()
+    parts = [ia.product(x.gradient, spread(_share(x.value, y.value))) for x, y in ((a, b), (b, a))]
+    return Known(value, ia.sum_of(*parts), same_object("hypot", *_in_order(a, b)))
+
+
+def _share(a: Interval, b: Interval) -> Interval:
+    """Range of a / sqrt(a^2 + b^2), which rises with a and falls with |b| where a > 0."""
+    least, most = ia.sizes(b)
+    low = np.where(a[0] < 0, _leg(a[0], least)[0], _leg(a[0], most)[0])
+    return low, np.where(a[1] > 0, _leg(a[1], least)[1], _leg(a[1], most)[1])
+
+
+@np.errstate(all="ignore")
+def _leg(a: Any, b: Any) -> Interval:
+    """a / sqrt(a^2 + b^2) at numbers, between -1 and 1."""
+    squares = ia.loose_sum(ia.loose_product((a, a), (a, a)), ia.loose_product((b, b), (b, b)))
+    low, high = ia.root(ia.bounded(squares))
+    ok = low > 0
+    down, up = np.where(ok, low, 1.0), np.where(ok, high, 1.0)
+    ratio = ia.quotient((a, a), (down, up))
+    return np.where(ok, np.maximum(ratio[0], -1.0), -1.0), np.where(ok, np.minimum(ratio[1], 1.0), 1.0)
+
+
+def logaddexp(a: Known, b: Known) -> Known:
+    """ln(e^a + e^b)."""
+    value, slope = functions.logaddexp(a.value, b.value)
+    first = ia.product(a.gradient, spread(slope))
+    second = ia.product(b.gradient, spread(functions.logistic(ia.difference(b.value, a.value))[0]))
+    return Known(ia.bounded(value), ia.sum_of(first, second), same_object("logaddexp", *_in_order(a, b)))
+
+
+def arctan2(a: Known, b: Known) -> Known:
+    """The angle of (b, a), for b > 0."""
+    if not (b.value[0] > 0).all():
+        raise UnboundedError("arctan2 with a second argument that may not be positive")
+    return applied("arctan", over(a, b))
+
+
+def square(a: Known) -> Known:
+    """a^2."""
+    return integer_power(a, 2)
+
+
+def reciprocal(a: Known) -> Known:
+    """1 / a."""
+    return over(constant(1.0, a.gradient[0].shape[-1]), a)
+
+
+UNARY: dict[str, Callable[[Known], Known]] = {
+    **{name: (lambda a, name=name: applied(name, a)) for name in functions.NAMED},
+    "negative": negative,
+    "positive": lambda a: a,
+    "conjugate": lambda a: a,
+    "absolute": size,
+    "fabs": size,
+    "square": square,
+    "reciprocal": reciprocal,
+}
+BINARY: dict[str, Callable[[Known, Known], Known]] = {
+    "add": plus,
+    "subtract": minus,
+    "multiply": times,
+    "divide": over,
+    "power": power,
+    "float_power": power,
+    "maximum": larger,
+    "minimum": smaller,
+    "fmax": larger,
+    "fmin": smaller,
+    "hypot": hypot,
+    "logaddexp": logaddexp,
+    "arctan2": arctan2,
+}
