@@ -66,12 +66,15 @@ if TYPE_CHECKING:
         AlgebraicLoop,
         ConeNetwork,
         CouplingViolation,
+        FailingMember,
         NetworkCertificate,
         NetworkInstability,
         NodeNotDissipative,
         NodeViolation,
         NoWeights,
         OutWeightCertificate,
+        UncertainNetworkCertificate,
+        UnstableMixture,
         feedback_interconnect,
         scale_free_certificate,
         stack,
@@ -102,6 +105,7 @@ __all__ = [
     "DissipativityCertificate",
     "DwellCertificate",
     "DwellCycle",
+    "FailingMember",
     "FalseClaimError",
     "FiniteCostCertificate",
     "FoundCone",
@@ -136,6 +140,7 @@ __all__ = [
     "TimebaseError",
     "TooLargeError",
     "Tradeoff",
+    "UncertainNetworkCertificate",
     "UndecidedError",
     "UnstableMixture",
     "__version__",
@@ -188,9 +193,9 @@ _ON_DEMAND = {
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (
-            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation NetworkCertificate "
+            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation FailingMember NetworkCertificate "
             "NetworkInstability NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
-            "feedback_interconnect scale_free_certificate stack"
+            "UncertainNetworkCertificate UnstableMixture feedback_interconnect scale_free_certificate stack"
         ),
         ".nonlinear": "DifferentialCertificate differential_positivity",
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_poles plot_tradeoff",

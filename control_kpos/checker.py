@@ -1615,6 +1615,116 @@ def beside(e: Said, name: str) -> list[Fraction]:
     return exactly(alone, name)[0]
 
 
+# -- networks known within sets
+
+
+def vertex_systems(e: Said, limit: int) -> list[tuple[System, Said]]:
+    """The networks of all vertices, each with the entries that are about it; they share cones and links."""
+    (first,) = family("uncertain network", e, limit)
+    cones, own = [first.X, first.U, first.Y], {name: e.get(name) for name in "PNLK"}
+    others = [sequence(vertex) for vertex in sequence(e["vertices"])]
+    expect(all(len(vertex) == 4 for vertex in others), "a vertex has A, B, C and D")
+    each = [dict(zip("ABCD", vertex, strict=True)) for vertex in others]
+    systems = [first, *(system(Said(e | vertex), vertex["A"], None, cones, "") for vertex in each)]
+    proofs = [{name: x and x[k] for name, x in own.items()} for k in range(len(systems))]
+    return [(s, Said(e | proof)) for s, proof in zip(systems, proofs, strict=True)]
+
+
+def uncertain_network(e: Said, limit: int) -> None:
+    """A network is positive and exponentially stable whatever mixture of its vertices each node is, at any time.
+
+    As for `network`, at every vertex, with one V, R, Q and one p, t:  all of it is linear in (A, B, C, D) of a node.
+    """
+    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
+    for s, own in vertex_systems(e, limit):
+        positive(s, own)
+        loop(s, own)
+        V, Q = balanced(s, own, [Fraction(1)] * len(s.nodes))
+        decreases(s, V, Q, rate)
+        e.seen |= own.seen
+
+
+def no_uncertain_network(e: Said, limit: int) -> None:
+    """A link leaves the cones; or the network of a choice of vertices is not positive, or grows, see `grows`.
+
+    Or no V, R, Q satisfy Theorem 4 at all vertices:  all are positive, loops contract,  x^s in X,  u^s in U,
+    sum x^s != 0,  sum (A^s x^s + B^s u^s) in X,  sum (C^s x^s + D^s u^s) - y in Y,  W y - sum u^s in U.
+    Or no p, t show that loops contract:  the same with x = 0 and y in Y, y != 0.
+    """
+    kind, w = record(e, "witness", "FailingMember", "CouplingViolation", "UnstableMixture")
+    absent(e, "decay_rate", "nan")
+    if kind == "UnstableMixture":
+        mixed(e, w, limit)
+        return
+    single = {name: e.get(name) for name in "PNLK"}
+    bare = Said({name: x for name, x in e.items() if name not in single})
+    systems = [s for s, _ in vertex_systems(bare, limit)]
+    e.seen |= bare.seen
+    s = systems[0]
+    if kind == "FailingMember":
+        s = chosen(systems, array(w["choice"]))
+        kind, w = record(w, "witness", "NodeViolation", "NetworkInstability", "AlgebraicLoop")
+    shows = REFUTATIONS["network"][kind]
+    if shows is crossed:
+        crossed(s, e, kind, w)
+        return
+    positive(s, e)
+    m = motion(s, kind, w)
+    need(m.rate >= s.discrete, "the motion decays too fast")
+    shows(s, e, m)
+
+
+def chosen(systems: list[System], choice: list[Fraction]) -> System:
+    """The network with one vertex for every node."""
+    first = systems[0]
+    expect(len(choice) == len(first.nodes), "a vertex for every node")
+    expect(all(k in range(len(systems)) for k in choice), "the vertices are there")
+    owners = first.owners()
+    columns = {
+        name: [getattr(systems[int(choice[j])], name)[k] for k, j in enumerate(owners[of])]
+        for name, (_, of) in SIGNALS.items()
+        if name != "W"
+    }
+    return replace(first, **columns)
+
+
+def mixed(e: Said, w: Said, limit: int) -> None:
+    """The motion of a mixture."""
+    systems = vertex_systems(e, limit)
+    for s, own in systems:
+        positive(s, own)
+        e.seen |= own.seen
+    s = systems[0][0]
+    xs, us, (y,) = (
+        [entries(part, C.dim) for part in split(array(w[name]), count)]
+        for name, C, count in (("x", s.X, len(systems)), ("u", s.U, len(systems)), ("y", s.Y, 1))
+    )
+    if any(xs):
+        for k, own in systems:
+            loop(k, own)
+    else:
+        need(bool(y), "x or y is not zero")
+        listed(e, "y", y, s.Y)
+    for x, u in zip(xs, us, strict=True):
+        listed(e, "x", x, s.X)
+        listed(e, "u", u, s.U)
+    parts = [(k, x, u) for (k, _), x, u in zip(systems, xs, us, strict=True)]
+    ahead = total(
+        *((1, z) for k, x, u in parts for z in (image(k.A, x), image(k.B, u))), *((-s.discrete, x) for x in xs)
+    )
+    sent = total(*((1, z) for k, x, u in parts for z in (image(k.C, x), image(k.D, u))), (-1, y))
+    listed(e, "z", ahead, s.X)
+    listed(e, "C", sent, s.Y)
+    listed(e, "W", total((1, image(s.W, y)), *((-1, u) for u in us)), s.U)
+
+
+def split(numbers: list[Fraction], count: int) -> list[list[Fraction]]:
+    """Parts of one length, after each other."""
+    size, rest = divmod(len(numbers), count)
+    expect(rest == 0, "the vertices have vectors of one length")
+    return [numbers[k * size : (k + 1) * size] for k in range(count)]
+
+
 # -- linear cost
 
 CONTROL, GROUP, SHARED, DISTURBANCE = range(4)
@@ -1991,6 +2101,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("order interval", "REFUTED"): no_order_interval,
     ("network interval", "PROVED"): network_interval,
     ("network interval", "REFUTED"): no_network_interval,
+    ("uncertain network", "PROVED"): uncertain_network,
+    ("uncertain network", "REFUTED"): no_uncertain_network,
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
     ("finite-horizon cost", "PROVED"): finite_cost,
@@ -2002,11 +2114,12 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
 }
 
 
-NETWORKS = ("network", "network abscissa", "network interval")
+NETWORKS = ("network", "network abscissa", "network interval", "uncertain network")
 # Matrices that may be missing although the cones have sizes.
 FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 # Entries that mean something in some claims only.
 BELONGS: dict[str, tuple[str, ...]] = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
+BELONGS["own_links_closed"] = NETWORKS[:3]
 BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
 BELONGS["generator_proof"] = ("positive", "stable", "dissipative", "order interval")
 PROOF = {*"PNLKM", *("normal", "z"), *(f"w{name}" for name in "xuyzsbWCmc")}

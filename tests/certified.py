@@ -1,5 +1,6 @@
 """Certificates of every kind for the tests of files and of the checker, small and with data of many sorts."""
 
+import certified_vertices
 import control as ct
 import numpy as np
 import scipy as sp
@@ -385,6 +386,7 @@ CERTIFICATES = SWITCHED | {
     "not any network interval within a bound": lambda: network_interval(
         [pyramid(), LAG], [[0, 0.25], [0.5, 0]], [0, 0, 1, 1], ([[0, 0, 0, 1], [0, 0, 1, 0]], [9, "1/3"])
     ),
+    **certified_vertices.CERTIFICATES,
     "feedback in an interval": lambda: designed(state_bounds=[1, -1], input_bounds=10, disturbance_bounds=[0, "1/10"]),
     "not any feedback within bounds": lambda: designed(state_bounds=[1, "-1/3"], input_bounds="1/7"),
     "not any feedback within bounds, four generators, two vertices": lambda: (

@@ -2,10 +2,13 @@
 
 from .any_size import OutWeightCertificate, scale_free_certificate
 from .certificate import NetworkCertificate
+from .interconnect import feedback_interconnect
 from .model import NetworkModel
-from .network import ConeNetwork, feedback_interconnect
-from .nodes import NodeStack, stack
+from .network import ConeNetwork
+from .nodes import NodeStack, UncertainStack, stack
 from .spectrum.bracket import AbscissaCertificate
+from .uncertain.certificate import FailingMember, UncertainNetworkCertificate, UnstableMixture
+from .uncertain.network import UncertainNetwork
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -20,6 +23,7 @@ __all__ = [
     "AlgebraicLoop",
     "ConeNetwork",
     "CouplingViolation",
+    "FailingMember",
     "NetworkCertificate",
     "NetworkInstability",
     "NetworkModel",
@@ -28,6 +32,10 @@ __all__ = [
     "NodeStack",
     "NodeViolation",
     "OutWeightCertificate",
+    "UncertainNetwork",
+    "UncertainNetworkCertificate",
+    "UncertainStack",
+    "UnstableMixture",
     "feedback_interconnect",
     "scale_free_certificate",
     "stack",

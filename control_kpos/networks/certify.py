@@ -201,17 +201,18 @@ def supply_rates(model: NetworkModel, v: Floats) -> Data:
     """v, r >= B'v - D'q and q <= -W'r in the orders of U* and Y*, by a few units in the last place."""
     r = moved(model, "U", [("B", v)], dual=True)
     if not model.has_feedthrough:
-        return v, r, _lower_outputs(model, r)
+        return v, r, lower_outputs(model, r)
     r, q = direct_loop(model).solve(r, True, 1e-15), np.zeros(0)
     for _ in range(60):
-        before, q = r, _lower_outputs(model, r)
+        before, q = r, lower_outputs(model, r)
         r = moved(model, "U", [("B", v), ("D", -q)], dual=True)
         if (np.abs(r - before) <= 4 * HALF_ULP * np.abs(r)).all():
             break
     return v, r, q
 
 
-def _lower_outputs(model: NetworkModel, r: Floats) -> Floats:
+def lower_outputs(model: NetworkModel, r: Floats) -> Floats:
+    """-W'r, less a few units in the last place in the order of Y*."""
     longest = int(np.diff(model.WT.indptr).max(initial=0)) + max(s.sizes[2] for s in model.stacks)
     return -inwards(model, "Y", model.WT @ r, abs(model.WT) @ np.abs(r), longest, dual=True)
 

@@ -21,14 +21,14 @@ import scipy.sparse as sp
 from control import StateSpace
 from numpy.typing import NDArray
 
-from ..errors import KposError, ShapeError, TimebaseError
+from ..errors import DataError, KposError, ShapeError, TimebaseError
 from ..exact.intake import items
 from ..exact.matrix import Matrix
 from ..exact.rows import frozen
 from ..proof.encoding import register_record
 from ..systems.statespace import ConeStateSpace
 from .blocks import Floats, Index, apply, block_diagonal, read_only
-from .nodes import NodeStack, Timebase
+from .nodes import NodeStack, Timebase, UncertainStack
 
 # Doubles, or fractions.
 Number = TypeVar("Number", bound=np.generic)
@@ -263,6 +263,8 @@ class NetworkModel:
 def gather(
     systems: NodeStack | StateSpace | Iterable[NodeStack | StateSpace],
     name: str = "systems",
+    *,
+    uncertain: bool = False,
 ) -> tuple[tuple[NodeStack, ...], tuple[Index, ...], Timebase]:
     """Sort nodes into stacks of one size and equal cones; return stacks, node numbers and timebase.
 
@@ -272,6 +274,8 @@ def gather(
     ------
     ShapeError
         An empty network, or something that is not a node.
+    DataError
+        Nodes with vertices, unless `uncertain`.
     TimebaseError
         Nodes with different timebases.
     """
@@ -285,6 +289,12 @@ def gather(
     members: list[Index] = []
     count = 0
     for position, item in enumerate(given):
+        if isinstance(item, UncertainStack) and not uncertain:
+            place = name if item is systems else f"{name}[{position}]"
+            raise DataError(
+                f"{place} has vertices, but nodes have to be known exactly here. Give one of its vertices; "
+                "feedback_interconnect takes all of them."
+            )
         if isinstance(item, NodeStack):
             stacks.append(item)
             members.append(np.arange(count, count + len(item)))

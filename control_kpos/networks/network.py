@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from control import StateSpace
-from numpy.typing import ArrayLike
 
 from ..cards import card
 from ..errors import ShapeError, UndecidedError
-from ..exact.intake import flag, places, real_number, words
-from ..exact.matrix import Matrix
+from ..exact.intake import flag, real_number, words
 from ..progress import Reporter
 from ..systems.statespace import ConeStateSpace
 from .blocks import Index
 from .closed_loop_system import ClosedLoopSystem
-from .coupling import named_by_graph, read_coupling
+from .coupling import read_coupling
 from .edits import inherited, node_number, permissible_weight, placed, single_node, weights_by_node
-from .given_rates import SupplyRates, certify_rates, read_rates
-from .model import NetworkModel, gather
+from .model import NetworkModel
 from .nodes import NodeStack
 from .spectrum.bracket import AbscissaCertificate, bracket
 
@@ -80,6 +75,9 @@ class ConeNetwork(ClosedLoopSystem):
     >>> net.without_node(0).certificate.status.name
     'PROVED'
     """
+
+    def require_certain(self) -> None:
+        """Nothing here; networks that are known within sets raise DataError where one system is needed."""
 
     # -- the spectrum
 
@@ -271,7 +269,7 @@ class ConeNetwork(ClosedLoopSystem):
             As in python-control.
         """
         name, use_prefix_suffix = words(name, "name"), flag(use_prefix_suffix, "use_prefix_suffix")
-        out = ConeNetwork(self.model, external=self._external, find=self._find, progress=self._progress)
+        out = self._twin()
         if "certificate" in self.__dict__:
             out.__dict__["certificate"] = self.certificate
         out.name = self._name_or_default(
@@ -279,6 +277,10 @@ class ConeNetwork(ClosedLoopSystem):
             prefix_suffix_name="duplicate" if name is None and use_prefix_suffix else None,
         )
         return out
+
+    def _twin(self) -> ConeNetwork:
+        """A network of the same data."""
+        return ConeNetwork(self.model, external=self._external, find=self._find, progress=self._progress)
 
     def __repr__(self) -> str:
         return (
@@ -302,115 +304,3 @@ class ConeNetwork(ClosedLoopSystem):
         if certificate is None:
             return card(f"Network {self.name}", rows, text="Ask for its certificate: .certificate")
         return card(f"Network {self.name}", rows, status=certificate.status.name, text=certificate.explain())
-
-
-@np.errstate(all="ignore")
-def feedback_interconnect(
-    systems: NodeStack | StateSpace | Iterable[NodeStack | StateSpace],
-    coupling: ArrayLike | Any,
-    *,
-    supply_rates: SupplyRates | None = None,
-    inputs: Sequence[int | str] | None = None,
-    outputs: Sequence[int | str] | None = None,
-    name: str | None = None,
-    progress: Callable[[str], None] | bool | None = None,
-) -> ConeNetwork:
-    """Close the loop u = coupling @ y + w around many nodes, and decide Theorem 4.
-
-    ::
-
-        w --->(+)---> [ nodes ] ---+---> y
-               ^                   |
-               +---- coupling <----+
-
-    Parameters
-    ----------
-    systems : sequence of ConeStateSpace, or NodeStack
-        Nodes of any sizes and cones; `control_kpos.stack` for many alike.  They may be mixed.  A plain
-        `control.StateSpace` gets the nonnegative orthants as its cones.
-    coupling : array_like, sparse matrix, list of lists of blocks, or networkx graph
-        W, shape (sum m_j, sum q_k).  Blocks W[j][k] are m_j x q_k; None stands for zeros.  In a graph,
-        for nodes with one input and one output, an edge j -> k of weight w feeds y_j into u_k, an undirected
-        edge both ways; edges without a weight have weight 1.  Its nodes are 0, ..., N - 1 or the names of the
-        systems.  Any other labels stand for the systems in the order of ``list(graph.nodes)`` and become
-        the names of the nodes, if these have none.  Sparse matrices hold doubles: give weights
-        such as "1/3" in a dense matrix, in blocks or in a graph, and they stay what they are.
-    supply_rates : sequence of (q_j, r_j), optional
-        Test these local supply rates r_j'u_j + q_j'y_j and find weights sigma, instead of finding rates.
-    inputs, outputs : sequence of int or str, optional
-        External signals to keep, by place among all of them or by name; all if not given.
-    name : str, optional
-        Name of the closed loop.
-    progress : callable or bool, optional
-        Receives lines about long work; True writes to standard error, False is silent.  Default: standard
-        error if it is a terminal.
-
-    Returns
-    -------
-    ConeNetwork
-        The closed loop as a StateSpace, also if it is unstable or not positive.  Its `certificate` is
-        found when first asked for.
-
-    Raises
-    ------
-    ShapeError, ConeMismatchError, DataError
-        An empty network; a coupling or supply rates of the wrong size; NaN or inf; an algebraic loop that
-        makes the closed loop ill-posed.
-    TimebaseError
-        Nodes with different sampling times.
-
-    Notes
-    -----
-    Theorem 4 (Kawano and Forni, `cone_ic_s`), with its condition (III) for every node and generator.
-    Costs one sparse solve in the sum m_j inputs; see `control_kpos.networks.certify`.
-
-    Examples
-    --------
-    >>> import control_kpos as kp, numpy as np
-    >>> node = kp.ConeStateSpace([[0, 1], [-22, -13]], [[0], [1]], [[1, 0]], 0, X=[[0, 1], [1, -2]])
-    >>> ring = kp.feedback_interconnect([node] * 3, [[0, 1, 0], [0, 0, 1], [1, 0, 0]])
-    >>> ring.certificate.status.name
-    'PROVED'
-    >>> lower, upper = ring.spectral_abscissa()
-    >>> round(upper, 4)
-    -1.8902
-    """
-    stacks, members, dt = gather(systems)
-    empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
-    model = named_by_graph(empty, coupling).with_coupling(read_coupling(coupling, empty))
-    external = None
-    if inputs is not None or outputs is not None:
-        external = (_select(model, inputs, 1, "inputs"), _select(model, outputs, 2, "outputs"))
-    find = None
-    if supply_rates is not None:
-        q, r = read_rates(model, supply_rates)
-        find = partial(certify_rates, q=q, r=r)
-
-    return ConeNetwork(model, external=external, name=name, find=find, progress=progress)
-
-
-def _select(model: NetworkModel, chosen: Sequence[int | str] | int | str | None, kind: int, what: str) -> Index:
-    """Places of signals given by place or name, names being those of the network or of a node."""
-    count = model.totals[kind]
-    if chosen is None:
-        return np.arange(count)
-    picked = places(chosen, what)
-    known: dict[str, list[int]] = {}
-    if any(isinstance(item, str) for item in picked):
-        for place, label in enumerate(model.signal_names(kind)):
-            known[label] = [place]
-        for j, node in enumerate(model.names):
-            known.setdefault(node, list(range(int(model.offsets[kind][j]), int(model.offsets[kind][j + 1]))))
-    out: list[int] = []
-    for item in picked:
-        if isinstance(item, str):
-            if item not in known:
-                raise ShapeError(f"{what} names {item!r}, which is neither one of the {count} {what} nor a node.")
-            out += known[item]
-        elif -count <= item < count:
-            out.append(item % count)
-        else:
-            raise ShapeError(f"{what} holds {item}; there are {count} {what}.")
-    if len(set(out)) != len(out):
-        raise ShapeError(f"{what} names a signal twice.")
-    return np.array(out, dtype=np.intp)

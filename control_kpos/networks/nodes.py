@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from ..cones import Cone, as_cone, orthant
 from ..errors import ConeMismatchError, ShapeError
-from ..exact.intake import exact_matrix, places
+from ..exact.intake import dimensions, exact_matrix, places
 from ..exact.matrix import Matrix
 from ..proof.encoding import register_record
 from ..systems.reading import require_timebase
@@ -76,11 +76,38 @@ class NodeStack:
         return f"<NodeStack of {len(self)} nodes: {n} states, {m} inputs, {q} outputs each>"
 
 
+@dataclass(frozen=True, eq=False)
+class UncertainStack(NodeStack):
+    """Nodes that are each known to be one of several, or a mixture of them; A, B, C, D are those of the first.
+
+    Attributes
+    ----------
+    vertices : tuple of NodeStack
+        Node j is (A, B, C, D)_j of one of these, or any convex combination of them.
+    """
+
+    vertices: tuple[NodeStack, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"{NodeStack.__repr__(self)[:-1]}, {len(self.vertices)} vertices>"
+
+
+def vertices_of(stack: NodeStack) -> tuple[NodeStack, ...]:
+    """The vertices of a stack: itself, if its nodes are known exactly."""
+    return stack.vertices if isinstance(stack, UncertainStack) else (stack,)
+
+
+def with_vertices(vertices: tuple[NodeStack, ...]) -> UncertainStack:
+    """Nodes with these vertices, in stacks of the same cones."""
+    first = {field.name: getattr(vertices[0], field.name) for field in fields(NodeStack)}
+    return UncertainStack(**first, vertices=vertices)
+
+
 def stack(
-    A: ArrayLike,
-    B: ArrayLike,
-    C: ArrayLike,
-    D: ArrayLike | None = None,
+    A: ArrayLike | Sequence[ArrayLike],
+    B: ArrayLike | Sequence[ArrayLike],
+    C: ArrayLike | Sequence[ArrayLike],
+    D: ArrayLike | Sequence[ArrayLike] | None = None,
     dt: Timebase = None,
     *,
     X: Cone | ArrayLike | None = None,
@@ -92,11 +119,12 @@ def stack(
 
     Parameters
     ----------
-    A : array_like, shape (N, n, n)
-    B : array_like, shape (N, n, m) or (n, m)
-        Two-dimensional B, C or D is the same for all nodes.
-    C : array_like, shape (N, q, n) or (q, n)
-    D : array_like, shape (N, q, m) or (q, m), optional
+    A : array_like, shape (N, n, n), or a list of S of them
+        A list [A1, A2, ...], or an array (S, N, n, n), gives every node S vertices: see Returns.
+    B : array_like, shape (N, n, m) or (n, m), or a list of S stacks (N, n, m)
+        Two-dimensional B, C or D is the same for all nodes; what is given once is the same at all vertices.
+    C : array_like, shape (N, q, n) or (q, n), or a list of S stacks (N, q, n)
+    D : array_like, shape (N, q, m) or (q, m), or a list of S stacks (N, q, m), optional
         Zero if not given.
     dt : float, bool or None
         0 for continuous time, a positive number or True for discrete time; the default is
@@ -109,12 +137,15 @@ def stack(
     Returns
     -------
     NodeStack
-        To be passed to `feedback_interconnect`.
+        To be passed to `feedback_interconnect`.  With vertices an `UncertainStack`: node j is any
+        (A, B, C, D)_j^s, s = 1..S, taken jointly, or a mixture of them, another one at any time and at every node.
+        Only `feedback_interconnect` takes it.
 
     Raises
     ------
     ShapeError, DataError
-        Sizes that do not fit, an empty stack, numbers that are not finite and real.
+        Sizes that do not fit, an empty stack, numbers that are not finite and real; vertices that differ in size or
+        in number.
     NotProperConeError, ConeMismatchError
         Cones that are not proper, or of another dimension.
 
@@ -130,10 +161,57 @@ def stack(
     >>> len(nodes), nodes.sizes
     (2, (2, 1, 1))
     """
-    matrices = {"A": exact_matrix(A, "A", ndim=3), "B": exact_matrix(B, "B", ndim=3), "C": exact_matrix(C, "C", ndim=3)}
+    given: dict[str, Any] = {"A": A, "B": B, "C": C, "D": D}
+    cones: dict[str, Any] = {"X": X, "U": U, "Y": Y}
+    lists = {name: found for name, data in given.items() if (found := _vertices(data, name)) is not None}
+    if not lists:
+        return _certain(given, dt, cones, names)
+    _require_alike(lists)
+    first = _certain(given | {name: found[0] for name, found in lists.items()}, dt, cones, names)
+    known = {"X": first.X, "U": first.U, "Y": first.Y}
+    others = [_certain(given | dict(zip(lists, k, strict=True)), dt, known) for k in zip(*lists.values(), strict=True)]
+    return with_vertices((first, *others[1:]))
+
+
+def _vertices(data: Any, name: str) -> list[Any] | None:
+    """The stacks in a list of them or in an array of four dimensions, as matrices; None for a single one."""
+    if isinstance(data, (list, tuple)):
+        several = bool(data) and dimensions(data[0]) == 3
+    else:
+        several = dimensions(data) == 4
+    if not several:
+        return None
+    found = [exact_matrix(part, f"{name}[{s}]", ndim=3) for s, part in enumerate(data)]
+    if not found:
+        raise ShapeError(f"{name} is an empty list of vertices; give at least one stack of matrices.")
+    return found
+
+
+def _require_alike(lists: dict[str, list[Any]]) -> None:
+    """Raise if the matrices of a list differ in shape, or two lists in length."""
+    name, found = next(iter(lists.items()))
+    for other, those in lists.items():
+        if len(those) != len(found):
+            raise ShapeError(
+                f"{name} has {len(found)} vertices, but {other} has {len(those)}; a vertex is one A, B, C and D "
+                "together. Give lists of one length, or a matrix once for all vertices."
+            )
+        apart = next((s for s, part in enumerate(those) if part.shape != those[0].shape), None)
+        if apart is not None:
+            raise ShapeError(
+                f"{other}[{apart}] has shape {those[apart].shape}, but {other}[0] has {those[0].shape}; the vertices "
+                "of a node have one size."
+            )
+
+
+def _certain(
+    given: dict[str, Any], dt: Timebase, cones_given: dict[str, Any], names: Sequence[str] | None = None
+) -> NodeStack:
+    """Nodes from one stack of every matrix; D may be None."""
+    matrices = {name: exact_matrix(given[name], name, ndim=3) for name in "ABC"}
     count, n = matrices["A"].shape[0], matrices["A"].shape[2]
     m, q = matrices["B"].shape[2], matrices["C"].shape[1]
-    matrices["D"] = Matrix.zeros(1, q, m) if D is None else exact_matrix(D, "D", ndim=3)
+    matrices["D"] = Matrix.zeros(1, q, m) if given["D"] is None else exact_matrix(given["D"], "D", ndim=3)
     if count == 0 or n == 0:
         raise ShapeError(f"A has shape {matrices['A'].shape}: a stack needs at least one node with at least one state.")
     for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (q, n)), ("D", (q, m))):
@@ -145,7 +223,7 @@ def stack(
         if have[0] == 1 < count:
             matrices[name] = matrices[name][np.zeros(count, dtype=np.intp)]
     cones = {}
-    for name, cone, size in (("X", X, n), ("U", U, m), ("Y", Y, q)):
+    for (name, cone), size in zip(cones_given.items(), (n, m, q), strict=True):
         cones[name] = orthant(size) if cone is None else as_cone(cone, name)
         if cones[name].dim != size:
             raise ConeMismatchError(

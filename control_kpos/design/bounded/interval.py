@@ -142,6 +142,7 @@ def order_interval(
 
 def _of_network(net: ConeNetwork, w_max: Any, constraints: Any, X: Any, time_limit: float | None) -> OrderInterval:
     """The same for a network of any size."""
+    net.require_certain()
     refuse_cone(X)
     w = _vector(w_max, "w_max", net.nstates, "state of sys")
     rows, bounds = read_constraints(constraints, net.nstates)

@@ -112,6 +112,7 @@ def goes_sparse(sys: Any, limits: Any, X: Any) -> bool:
     """True for networks of more than 300 states, and for smaller ones with sparse limits unless they hold fractions."""
     if not isinstance(sys, ConeNetwork):
         return False
+    sys.require_certain()
     if sys.nstates > EXACT_STATES or X is not None or not sp.issparse(limits):
         return sys.nstates > EXACT_STATES
     return _holds_doubles(sys.model) and not sys.model.has_feedthrough and NodeCones(sys.X).are_doubles

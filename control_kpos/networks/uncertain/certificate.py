@@ -1,0 +1,370 @@
+"""Theorem 4 for every choice at once: nodes known within sets, as a certificate, or why there is none.
+
+Let node j be some mixture of its vertices (A, B, C, D)_j^s at every time.  If all vertices are positive, W maps Y into
+U (I), algebraic loops contract by common p, t, and v_j in int X_j*, r_j, q_j satisfy at every vertex
+
+    (v'A - q'C) x < 0,    (v'B - r' - q'D) u <= 0,    and once    q'y + r'W y <= 0,
+
+then sum v_j'x_j decreases whatever the nodes are, for these inequalities are linear in (A, B, C, D)_j: the network is
+positive and exponentially stable for every choice, also if it changes at any time.
+
+No common v, r, q exist if some x^s in X, u^s in U and y have, with x = sum x^s not 0,
+
+    sum (A^s x^s + B^s u^s) in X,    sum (C^s x^s + D^s u^s) - y in Y,    W y - sum u^s in U    (discrete: A - I):
+
+q = -W'r without loss, since (C x, D u) is in Y; then r'(I - W D) >= v'B >= 0 on U, so that r is in U* for loops that
+contract, and 0 <= v'sum (A^s x^s + B^s u^s) < q'sum (C^s x^s + D^s u^s) + r'sum u^s <= -r'W y + r'W y = 0.
+
+With x = 0 and y in Y, y not 0, they exclude common p, t: p'y <= p'sum D^s u^s <= t'sum u^s <= t'W y < p'y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...cards import floored
+from ...errors import DataError
+from ...exact.condition import Condition
+from ...exact.matrix import Matrix
+from ...exact.rows import frozen
+from ...exact.signs import BilinearForms
+from ...proof.certificate import Status, Vector, exactly
+from ...proof.encoding import register_record
+from ...proof.weights import ProofOmittedError
+from .. import conditions as on
+from .. import files
+from ..blocks import Index
+from ..certificate import ClaimOnNetwork, NetworkCertificate, dissipation, node_vectors
+from ..model import BLOCKS, NetworkModel
+from ..witnesses import CouplingViolation, NetworkInstability, NodeViolation, refute, restated
+from .members import Vertices, member
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class FailingMember:
+    """A choice of vertices for which the network fails: one vertex of every node, as it is.
+
+    Attributes
+    ----------
+    choice : ndarray, shape (N,)
+        The vertex of every node, counted from 0.
+    witness : NodeViolation, NetworkInstability or AlgebraicLoop
+        What breaks this member.
+    """
+
+    choice: NDArray[np.float64]
+    witness: Any
+
+    @property
+    def vertices(self) -> Index:
+        """The choice as whole numbers."""
+        return np.asarray(self.choice).astype(np.intp)
+
+    def __str__(self) -> str:
+        if isinstance(self.witness, NodeViolation):
+            return f"at its vertex {self.vertices[self.witness.node]} {self.witness}"
+        return f"with one vertex for every node, {self.witness}"
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class UnstableMixture:
+    """Generators of one node that take different vertices, and do not decay: no common v, r, q of Theorem 4 exist.
+
+    Or, with x = 0, outputs that an algebraic loop of such a mixture sustains: no common p, t exist.
+
+    Attributes
+    ----------
+    x, u : ndarray, shapes (S sum n_j,), (S sum m_j,)
+        x^s in X and u^s in U, one vertex after the other.
+    y : ndarray, shape (sum q_k,)
+        Bounds of the outputs.
+    """
+
+    x: Vector = Vector(required=True)
+    u: Vector = Vector(required=True)
+    y: Vector = Vector(required=True)
+
+    def __str__(self) -> str:
+        if not np.any(self.x):
+            return "no vectors p, t show that algebraic loops contract at all vertices: those of a mixture do not"
+        return "no vectors v, r, q satisfy Theorem 4 at all vertices: a mixture of their columns does not decay"
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class UncertainNetworkCertificate(ClaimOnNetwork):
+    """Proof that a network is positive and exponentially stable for every choice of its nodes, or why not.
+
+    Attributes
+    ----------
+    model : NetworkModel
+        The network of the first vertices.
+    vertices : tuple of NetworkModel
+        Those of the other vertices, with the same cones and links.
+    v, r, q, loop_weights, exact
+        As in `NetworkCertificate`, with sigma = 1: one for all vertices.
+    decay_rate : float
+        Proven for every choice, also one that changes: V(x(t)) <= exp(-decay_rate t) V(x(0)); in discrete time
+        V(x[k]) <= (1 - decay_rate)^k V(x[0]).
+    witness : FailingMember, CouplingViolation or UnstableMixture
+        For REFUTED.  Only `UnstableMixture` says nothing of the network itself.
+    """
+
+    claim: ClassVar[str] = "uncertain network"
+
+    vertices: tuple[NetworkModel, ...] = ()
+    decay_rate: float = 0.0
+
+    @property
+    def models(self) -> Vertices:
+        """The networks of all vertices."""
+        return (self.model, *self.vertices)
+
+    def conditions(self) -> Sequence[Condition]:
+        """Theorem 4 at every vertex, with (I) and (III') once."""
+        if not 0 <= self.decay_rate < np.inf:
+            raise DataError("decay_rate must not be negative.")
+        v, r, q = node_vectors(self)
+        out = [*self._positive(), *self._contracting(), on.balance(self.model, q, r, None)]
+        for s, model in self._distinct():
+            parts = dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
+            out += [_at(c, s) for c in parts if s == 0 or not c.name.startswith(on.STORAGE)]
+        return out
+
+    def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
+        if self.witness is None and self.v is None:
+            return Status.UNDECIDED, ()  # nothing was found that could be proven
+        return super()._evaluate()
+
+    def _distinct(self) -> Iterator[tuple[int, NetworkModel]]:
+        """The vertices, each with its number."""
+        return enumerate(self.models)
+
+    def _positive(self) -> list[Condition]:
+        """All vertices positive, and (I)."""
+        out = on.coupling(self.model)
+        for s, model in self._distinct():
+            out += [_at(c, s) for g in range(len(model.stacks)) for c in on.positivity(model, g)]
+        return out
+
+    def _contracting(self) -> list[Condition]:
+        """The algebraic loops of all choices contract."""
+        if not any(model.has_feedthrough for model in self.models):
+            return []
+        if self.loop is None:
+            raise DataError("loop_weights are missing although some D is not zero.")
+        p, t = self.loop
+        out = list(on.loop_gain(self.model, p, t))
+        for s, model in self._distinct():
+            parts = enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True))
+            out += [_at(on.loop_direct(model, g, *part), s) for g, part in parts if s]
+        return out
+
+    def refutation(self) -> Sequence[Condition] | None:
+        """The inequalities on the witness."""
+        w = self.witness
+        if isinstance(w, FailingMember):
+            return self._failing(w)
+        if isinstance(w, CouplingViolation):
+            return refute(self.model, w, None)
+        if not isinstance(w, UnstableMixture) or not (np.any(w.x) or np.any(w.y)):
+            return None
+        loops = self._contracting() if np.any(w.x) else on.emitted(self.model, exactly(w, "y"))
+        return [*self._positive(), *loops, *self._mixed(w)]
+
+    def _failing(self, w: FailingMember) -> Sequence[Condition] | None:
+        chosen, count = np.asarray(w.choice), len(self.models)
+        whole = chosen.shape == (self.model.n_nodes,) and np.isin(chosen, np.arange(count)).all()
+        return refute(member(self.models, w.vertices), w.witness, self.loop) if whole else None
+
+    def _mixed(self, w: UnstableMixture) -> Iterator[Condition]:
+        """The motion of a mixture; see the head of this module."""
+        model, y = self.model, exactly(w, "y")
+        xs, us = (_parts(exactly(w, name), len(self.models)) for name in "xu")
+        if any(part.shape != (n,) for part, n in zip((xs[0], us[0], y), model.totals, strict=True)):
+            raise DataError("the vectors of the mixture have not the entries of all nodes.")
+        split = [[model.split(part, kind) for part in whole] for kind, whole in ((0, xs), (1, us), (2, [y]))]
+        for g, s in enumerate(model.stacks):
+            x_g, u_g, (y_g,) = ([part[g] for part in parts] for parts in split)
+            for k, (x, u) in enumerate(zip(x_g, u_g, strict=True)):
+                yield _at(Condition(on.titled("h'x >= 0", model, g), _seen(s.X, x), ">="), k)
+                yield _at(Condition(on.titled("h'u >= 0", model, g), _seen(s.U, u), ">="), k)
+            A, B, C, D = ([getattr(m.stacks[g], name) for m in self.models] for name in BLOCKS)
+            eye = [Matrix(-np.eye(s.sizes[0])[None])] * (len(x_g) * model.discrete)
+            row = on.beside(*x_g, *u_g, *(x_g if model.discrete else ()))
+            forms = on.stacked(on.facets(s.X), Matrix.join([*A, *B, *eye], -1), row)
+            yield Condition(on.titled("h'sum (A x + B u) >= 0", model, g), forms, ">=")
+            if s.sizes[2]:
+                middle = Matrix.join([*C, *D, Matrix(-np.eye(s.sizes[2])[None])], -1)
+                forms = on.stacked(on.facets(s.Y), middle, on.beside(*x_g, *u_g, y_g))
+                yield Condition(on.titled("h'(sum (C x + D u) - y) >= 0", model, g), forms, ">=")
+        back = [-Matrix.identity(model.totals[1], sparse=True)] * len(us)
+        middle = Matrix.join([model.coupling, *back], -1)
+        yield Condition("h'(W y - sum u) >= 0", BilinearForms(on.after(y, *us), middle.T, on.input_facets(model)), ">=")
+
+    # -- margins
+
+    @cached_property
+    @np.errstate(all="ignore")
+    def vertex_margins(self) -> NDArray[np.float64]:
+        """How fast each node's storage decays at each vertex, relative to the fastest rate of all; shape (S, N).
+
+        Computed in floating point as `NetworkCertificate.node_margins`; NaN without a proof.
+        """
+        out, gross = np.full((len(self.models), self.model.n_nodes), np.nan), 0.0
+        if not self:
+            return frozen(out)
+        vs, qs = (self.model.split(exactly(self, name), kind) for name, kind in (("v", 0), ("q", 2)))
+        for rate, model in zip(out, self.models, strict=True):
+            for g, index in enumerate(model.members):
+                forms = on.decrease_forms(model.stacks[g], vs[g], qs[g], 0.0, model.discrete)
+                value = np.einsum("jn,kn->jk", vs[g].values, model.stacks[g].X.rays)
+                rate[index] = (-forms.values[:, 0] / value).min(axis=1, initial=np.inf)
+                gross = max(gross, float((forms.magnitudes[:, 0] / value).max(initial=0.0)))
+        return frozen(out / gross if gross > 0 else out)
+
+    @property
+    def node_margins(self) -> NDArray[np.float64]:
+        """The smallest of `vertex_margins` of every node; shape (N,)."""
+        return frozen(self.vertex_margins.min(axis=0))
+
+    @property
+    def margin(self) -> float:  # type: ignore[override]
+        """The smallest of the node margins, computed; for REFUTED minus the smallest margin of the witness."""
+        if self.witness is not None:
+            return 0.0 - abs(min((c.margin for c in self._own_conditions), default=0.0))
+        return float(np.fmin.reduce(self.node_margins, initial=1.0)) if self else 0.0
+
+    # -- files
+
+    def contents(self) -> dict[str, Any]:
+        """The network of the first vertices as one large system, the matrices of the others, and the fields."""
+        own = {key: value for key, value in self.data().items() if key != "model"}
+        if not isinstance(self._refuted_part, NetworkInstability | None):
+            own["loop_weights"] = None
+        others = tuple(tuple(files.describe(m)[name] for name in BLOCKS) for m in self.vertices)
+        return {**files.describe(self.model), **own, "vertices": others}
+
+    @property
+    def _refuted_part(self) -> Any:
+        """What breaks a member, or a link."""
+        w = self.witness
+        return w.witness if isinstance(w, FailingMember) else w if isinstance(w, CouplingViolation) else None
+
+    @classmethod
+    def restore(cls, contents: dict[str, Any]) -> Any:
+        """The inverse of `contents`.
+
+        Parameters
+        ----------
+        contents : dict
+            By the names in files.
+        """
+        if "own_links_closed" in contents:
+            raise DataError("links of nodes with vertices to themselves are not closed.")
+        model = files.rebuild(contents)
+        own = {f.name: contents[f.name] for f in fields(cls) if f.name in contents}
+        if any(len(vertex) != len(BLOCKS) for vertex in contents["vertices"]):
+            raise DataError("a vertex has A, B, C and D.")
+        others = tuple(
+            files.rebuild({**contents, **dict(zip(BLOCKS, vertex, strict=True))}) for vertex in contents["vertices"]
+        )
+        draft = cls(**{**own, "model": model, "vertices": others})
+        return cls.settle(**{**own, "model": model, "vertices": others, "witness": draft.restated()})
+
+    def restated(self) -> Any:
+        """The witness, with what files leave out."""
+        w = self.witness
+        if isinstance(w, FailingMember):
+            chosen = member(self.models, w.vertices)
+            return replace(w, witness=restated(NetworkCertificate(model=chosen, witness=w.witness)))
+        return restated(NetworkCertificate(model=self.model, witness=w)) if isinstance(w, CouplingViolation) else w
+
+    def evidence(self) -> dict[str, Any]:
+        """Weights for positivity of every vertex and the coupling, and those of a witness."""
+        w = self.witness
+        if isinstance(w, FailingMember):
+            return files.evidence(member(self.models, w.vertices), w.witness)
+        if isinstance(w, CouplingViolation):
+            return files.evidence(self.model, w)
+        each = [files.evidence(model, None) for model in self.models]
+        out = {name: [part[name] for part in each] for name in each[0] if name != "M"}
+        if w is not None and not all(files.product_cone(self.model, kind).is_simplicial for kind in range(3)):
+            raise ProofOmittedError("mixtures on cones that are not simplicial are for control_kpos alone")
+        return {**out, "M": each[0].get("M")}
+
+    # -- words
+
+    def explain(self) -> str:
+        model, w = self.model, self.witness
+        what = f"the network of {model.n_nodes} nodes ({model.totals[0]} states) with up to {len(self.models)} vertices"
+        if self:
+            s, j = np.unravel_index(int(np.argmin(self.vertex_margins)), self.vertex_margins.shape)
+            unit = "step" if model.discrete else "unit of time"
+            without = " whose sources have no feedthrough" if any(m.has_feedthrough for m in self.models) else ""
+            return (
+                f"Proved: {what} is positive and exponentially stable with decay rate at least "
+                f"{floored(self.decay_rate, 4)} per {unit} for every choice: every node is any mixture of its vertices "
+                "and may change at any time, independently of the others. By scale-free margins, computed and not "
+                f"proven, the most costly is vertex {s} of {model.name_of(int(j))} with about "
+                f"{self.vertex_margins[s, j]:.3g}. The network stays stable under any constant delays of the "
+                f"links{without}, "
+                "and when links are weakened, lost or switched over time, as long as what is left and what is taken "
+                "away both map Y into U."
+            )
+        if not self.refuted_by:
+            return (
+                f"Undecided: for {what} neither common vectors v, r, q of Theorem 4 nor a witness against them was "
+                "found; it may be too close to the edge of stability. Change the gains or links a little."
+            )
+        if isinstance(w, UnstableMixture):
+            return (
+                f"Not certified: for {what} {w}. This is about one set of vectors for all vertices: it does not "
+                "show that any choice of vertices is unstable. Make the vertices less different, or split them."
+            )
+        if isinstance(w, CouplingViolation):
+            return f"Not certified: {what} fails, {w}. {_CONES}"
+        return f"Not certified: {what} fails, {self._reason(w)}"
+
+    def _reason(self, w: FailingMember) -> str:
+        inner = w.witness
+        if isinstance(inner, NodeViolation):
+            return f"{w}. {_CONES}"
+        scope = "This choice is a member: the network itself is refuted."
+        if isinstance(inner, NetworkInstability):
+            alive = np.unique(self.model.owners(0)[np.asarray(inner.x) != 0])
+            if len(alive) == 1 and not np.any(inner.u):
+                j = int(alive[0])
+                return (
+                    f"{self.model.name_of(j)} at its vertex {w.vertices[j]} does not decay even without the others. "
+                    f"{scope} Remove this vertex, or raise the local gain there."
+                )
+        text = f"{w}".replace("growth rate", "growth factor per step") if self.model.discrete else f"{w}"
+        return f"{text}. {scope} Weaken links, or raise the local gains at the nodes where x or y is largest."
+
+
+_CONES = (
+    "This is about these cones, and no sign of instability. Choose other cones, or a local feedback that makes the "
+    "vertex positive."
+)
+
+
+def _at(condition: Condition, vertex: int) -> Condition:
+    """The condition, with the vertex that it is about."""
+    return replace(condition, name=f"{condition.name} [vertex {vertex}]")
+
+
+def _parts(vector: Matrix, count: int) -> list[Matrix]:
+    size = vector.shape[0] // count
+    return [vector[np.arange(s * size, (s + 1) * size)] for s in range(count)]
+
+
+def _seen(cone: Any, x: Matrix) -> BilinearForms:
+    return on.stacked(on.facets(cone), None, on.beside(x))

@@ -1,0 +1,160 @@
+"""Finding common vectors of Theorem 4 for all vertices, or what excludes them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from ...cones import Cone, Orthant
+from ...exact.condition import all_hold
+from ...exact.matrix import Matrix
+from ...proof.certificate import Status
+from .. import conditions as on
+from ..blocks import Floats, Index
+from ..certificate import NetworkCertificate
+from ..certify import algebraic_witness, candidates, certify_as_given, provable_rate, violation
+from ..model import NetworkModel
+from ..witnesses import AlgebraicLoop, CouplingViolation, LoopWeights, NetworkInstability, NodeViolation
+from .certificate import FailingMember, UncertainNetworkCertificate, UnstableMixture
+from .members import Mixture, Vertices, member
+from .mixtures import Worst, has_mixtures, loop_weights_of_all, rates_of_all, worst_mixture
+
+# In cones other than orthants: what inputs and outputs of a mixture are shortened by, and what lifts vectors into them.
+_SHORTER, _LIFT = 1e-7, 1e-9
+
+
+@np.errstate(all="ignore")
+def certify_all(models: Vertices) -> UncertainNetworkCertificate:
+    """Decide Theorem 4 with one v, r, q for all vertices.
+
+    A handful of sparse solves and the proof at every vertex; linear in the data.  REFUTED with the first of: a vertex
+    that is not positive, a link that leaves the cones, a choice of vertices that is unstable, a mixture.
+    """
+    loop = _loop(models)
+    common: dict[str, Any] = {"model": models[0], "vertices": models[1:], "loop_weights": loop}
+    contracts = loop is not None or not any(m.has_feedthrough for m in models)
+    worst = worst_mixture(models) if has_mixtures(models) and contracts else None
+    for v, r in _vectors(worst):
+        data = rates_of_all(models, v, r)
+        rate = min(provable_rate(m, Matrix(data[0]), Matrix(data[2]), discrete=m.discrete) for m in models)
+        parts = dict(zip("vrq", map(Matrix, data), strict=True))
+        found = UncertainNetworkCertificate.settle(**common, **parts, decay_rate=max(rate, 0.0))
+        if found:
+            return found
+        if (early := _not_positive(models)) is not None:
+            return early
+    for found in _refuted(models, worst, common):
+        if found.status is Status.REFUTED:
+            return found
+    return UncertainNetworkCertificate.settle(**common)
+
+
+def _vectors(worst: Worst | None) -> Iterator[tuple[Floats, Floats]]:
+    """Vectors v and r of the worst mixture, then more exact ones."""
+    if worst is not None and worst.vectors is not None:
+        yield worst.vectors
+        for v, r, _ in candidates(worst.network, float(worst.network.discrete)):
+            yield v, r
+
+
+def _loop(models: Vertices) -> LoopWeights:
+    """p and t that prove that the algebraic loops of all choices contract, or None."""
+    if not any(m.has_feedthrough for m in models):
+        return None
+    p, t, _ = loop_weights_of_all(models)
+    if not (np.isfinite(p).all() and np.isfinite(t).all()):
+        return None
+    weights = Matrix(p), Matrix(t)
+    return weights if all(all_hold(list(on.loop_gain(m, *weights))) for m in models) else None
+
+
+def _refuted(models: Vertices, worst: Worst | None, common: Any) -> Iterator[UncertainNetworkCertificate]:
+    """Witnesses, those against the network itself first."""
+    early = _not_positive(models)
+    if early is not None:
+        yield early
+    for choice in _choices(models, worst):
+        found = certify_as_given(member(models, choice))
+        if isinstance(found.witness, NetworkInstability | AlgebraicLoop):
+            yield _member(models, choice, found)
+    if common["loop_weights"] is None and any(m.has_feedthrough for m in models) and has_mixtures(models):
+        mixture = loop_weights_of_all(models)[2]
+        network = mixture.network(models)
+        w = algebraic_witness(network)
+        if w is not None:
+            still = NetworkInstability(np.zeros(network.totals[0]), w.u, w.y)
+            mixed = _parted(Worst(mixture, network, None), still, len(models))
+            yield UncertainNetworkCertificate.settle(**common, witness=mixed)
+    if worst is not None:
+        found = certify_as_given(worst.network)
+        if isinstance(found.witness, NetworkInstability):
+            w = _parted(worst, found.witness, len(models))
+            yield UncertainNetworkCertificate.settle(**common, witness=w)
+
+
+def _choices(models: Vertices, worst: Worst | None) -> Iterator[Index]:
+    """Members that may be unstable: what most generators of each node take, then every vertex alone."""
+    if worst is not None:
+        yield worst.mixture.majority(models[0], len(models))
+    for s in range(len(models)):
+        yield np.full(models[0].n_nodes, s)
+
+
+def _not_positive(models: Vertices) -> UncertainNetworkCertificate | None:
+    """The certificate refuted by a vertex that is not positive or a link that leaves the cones, if there is one."""
+    for s, model in enumerate(models):
+        found = violation(model)
+        if found is not None and isinstance(found.witness, CouplingViolation):
+            w: Any = found.witness
+            return UncertainNetworkCertificate.settle(model=models[0], vertices=models[1:], witness=w)
+        if found is not None and isinstance(found.witness, NodeViolation):
+            choice = np.zeros(model.n_nodes, dtype=np.intp)
+            choice[found.witness.node] = s
+            return _member(models, choice, found)
+    return None
+
+
+def _member(models: Vertices, choice: Index, found: NetworkCertificate) -> UncertainNetworkCertificate:
+    return UncertainNetworkCertificate.settle(
+        model=models[0],
+        vertices=models[1:],
+        loop_weights=found.loop,
+        witness=FailingMember(choice.astype(float), found.witness),
+    )
+
+
+def _parted(worst: Worst, w: NetworkInstability, count: int) -> UnstableMixture:
+    """The motion of a mixture, by vertices."""
+    model, mixture = worst.network, worst.mixture
+    x = _by_vertex(model, "X", np.asarray(w.x), mixture, count)
+    u = _by_vertex(model, "U", np.asarray(w.u), mixture, count)
+    y = np.asarray(w.y)
+    if all(isinstance(cone, Orthant) for s in model.stacks for cone in (s.X, s.U, s.Y)):
+        return UnstableMixture(x, u, np.maximum(y, 0.0))
+    return UnstableMixture(x, u, y * (1 - _SHORTER))
+
+
+def _by_vertex(model: NetworkModel, name: str, vector: Floats, mixture: Mixture, count: int) -> Floats:
+    """A vector in X or U as a sum of one for each vertex, after each other; shortened, and lifted into the cones."""
+    kind, out = "XU".index(name), []
+    plain = all(isinstance(cone, Orthant) for s in model.stacks for cone in (s.X, s.U, s.Y))
+    kept = 1 - 2 * _SHORTER * (name == "U" and not plain)
+    for s in range(count):
+        parts = zip(model.stacks, model.split(vector, kind), (mixture.states, mixture.inputs)[kind], strict=True)
+        out.append(model.join([_share(getattr(k, name), part, chosen == s, kept) for k, part, chosen in parts], kind))
+    return np.concatenate(out)
+
+
+def _share(cone: Cone, part: Floats, own: Any, kept: float) -> Floats:
+    """What generators have of vectors, times a number; in the cone."""
+    if isinstance(cone, Orthant):
+        return np.where(own, np.maximum(part, 0.0), 0.0) * kept
+    if not cone.is_simplicial:  # one vertex only
+        return np.where(own[:, :1], part, 0.0) * kept
+    rays = np.asarray(cone.rays)
+    weights = np.maximum(part @ np.linalg.inv(rays), 0.0)
+    inner = np.asarray(cone.interior_point)
+    small = _LIFT * np.abs(part).max(axis=1, keepdims=True, initial=0.0) * inner / np.abs(inner).max()
+    return np.where(own, weights * kept, 0.0) @ rays + small

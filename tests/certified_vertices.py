@@ -1,0 +1,42 @@
+"""A certificate of every kind about networks with vertices; part of `certified`."""
+
+import numpy as np
+
+import control_kpos as kp
+
+# ROWS map the nonnegative orthant into SQUARE.
+SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])
+ROWS = [[1, -1, 0], [1, 1, 0], [1, 1, 1]]
+
+
+def lag(rate, gain=1, D=0):
+    return kp.ConeStateSpace([[rate]], [[gain]], [[1]], [[D]])
+
+
+def in_a_loop(*vertices):
+    """A node with these vertices in a loop with a lag."""
+    return kp.feedback_interconnect([list(vertices), lag(-1)], [[0, 0.5], [0.5, 0]]).certificate
+
+
+def with_four_outputs(*rates):
+    """Nodes whose output cone has four generators, with links among their own ports."""
+    made = [kp.ConeStateSpace(np.diag([r] * 3), [["1/3"]] * 3, ROWS, 0, Y=SQUARE) for r in rates]
+    return kp.feedback_interconnect([made], [[0, 0, 0.25]]).certificate
+
+
+def crossed(D=None):
+    """Both vertices are stable and the mixture of their columns is not."""
+    B = [[[[1.5, 0], [0, 0]]], [[[0, 0], [0, 1.5]]]]
+    nodes = kp.stack([[[-1, 0], [0, -1]]], B, np.eye(2)) if D is None else kp.stack([np.diag([-9, -9])], TWO, TWO, D)
+    return kp.feedback_interconnect(nodes, [[0, 1], [1, 0]]).certificate
+
+
+TWO = np.eye(2)
+CERTIFICATES = {
+    "vertices": lambda: in_a_loop(lag("-7/3"), lag(-0.75), lag(-3, D=0.25)),
+    "vertices, four generators of outputs": lambda: with_four_outputs(-2, -2.25),
+    "not for any vertices": lambda: in_a_loop(lag(-1), lag("1/3")),
+    "not for any vertices, positive": lambda: in_a_loop(lag(-1), lag(-1, "-1/3")),
+    "not for any vertices, mixed": crossed,
+    "not for any vertices, mixed directly": lambda: crossed([[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]),
+}
