@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         AlgebraicLoop,
         ConeNetwork,
         CouplingViolation,
+        FailingEnd,
         FailingMember,
         NetworkCertificate,
         NetworkInstability,
@@ -76,6 +77,7 @@ if TYPE_CHECKING:
         UncertainNetworkCertificate,
         UnstableMixture,
         feedback_interconnect,
+        interval,
         scale_free_certificate,
         stack,
     )
@@ -105,6 +107,7 @@ __all__ = [
     "DissipativityCertificate",
     "DwellCertificate",
     "DwellCycle",
+    "FailingEnd",
     "FailingMember",
     "FalseClaimError",
     "FiniteCostCertificate",
@@ -153,6 +156,7 @@ __all__ = [
     "find_cone",
     "gain_rate_tradeoff",
     "induced_gain",
+    "interval",
     "linear_lyapunov",
     "load_certificate",
     "lorentz",
@@ -193,9 +197,10 @@ _ON_DEMAND = {
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (
-            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation FailingMember NetworkCertificate "
-            "NetworkInstability NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
-            "UncertainNetworkCertificate UnstableMixture feedback_interconnect scale_free_certificate stack"
+            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation FailingEnd FailingMember "
+            "NetworkCertificate NetworkInstability NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
+            "UncertainNetworkCertificate UnstableMixture feedback_interconnect interval "
+            "scale_free_certificate stack"
         ),
         ".nonlinear": "DifferentialCertificate differential_positivity",
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_poles plot_tradeoff",

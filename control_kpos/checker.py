@@ -1630,28 +1630,52 @@ def vertex_systems(e: Said, limit: int) -> list[tuple[System, Said]]:
     return [(s, Said(e | proof)) for s, proof in zip(systems, proofs, strict=True)]
 
 
+def lower_system(e: Said, s: System) -> System | None:
+    """The network at the lower ends of its ranges; s is the one at the upper ends."""
+    if e["lower"] is None:
+        return None
+    ends = dict(zip("ABCDW", sequence(e["lower"]), strict=True))
+    return system(Said(e | ends), ends["A"], None, [s.X, s.U, s.Y], "")
+
+
+def within(s: System, low: System, q: Vector) -> None:
+    """Positive at the lower ends, which are below the upper ones, and q'y <= 0:  so the upper ends are the worst."""
+    positive(low, Said({}))
+    cones = s.cones()
+    for name, (to, of) in SIGNALS.items():
+        apart = [total((1, x), (-1, y)) for x, y in zip(getattr(s, name), getattr(low, name), strict=True)]
+        maps(cones[of], apart, cones[to], None, "lower ends are below upper ends")
+    need(all(dot(q, y) <= 0 for y in s.Y.rays), "q'y <= 0")
+
+
 def uncertain_network(e: Said, limit: int) -> None:
     """A network is positive and exponentially stable whatever mixture of its vertices each node is, at any time.
 
     As for `network`, at every vertex, with one V, R, Q and one p, t:  all of it is linear in (A, B, C, D) of a node.
+    With the `lower` ends of ranges, also for what is between them and the first vertices, see `within`.
     """
     rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
-    for s, own in vertex_systems(e, limit):
+    systems, Q = vertex_systems(e, limit), Vector()
+    for s, own in systems:
         positive(s, own)
         loop(s, own)
         V, Q = balanced(s, own, [Fraction(1)] * len(s.nodes))
         decreases(s, V, Q, rate)
         e.seen |= own.seen
+    low = lower_system(e, systems[0][0])
+    if low is not None:
+        within(systems[0][0], low, Q)
 
 
 def no_uncertain_network(e: Said, limit: int) -> None:
     """A link leaves the cones; or the network of a choice of vertices is not positive, or grows, see `grows`.
 
+    Or a node or link at the lower ends of ranges leaves the cones.
     Or no V, R, Q satisfy Theorem 4 at all vertices:  all are positive, loops contract,  x^s in X,  u^s in U,
     sum x^s != 0,  sum (A^s x^s + B^s u^s) in X,  sum (C^s x^s + D^s u^s) - y in Y,  W y - sum u^s in U.
     Or no p, t show that loops contract:  the same with x = 0 and y in Y, y != 0.
     """
-    kind, w = record(e, "witness", "FailingMember", "CouplingViolation", "UnstableMixture")
+    kind, w = record(e, "witness", "FailingMember", "FailingEnd", "CouplingViolation", "UnstableMixture")
     absent(e, "decay_rate", "nan")
     if kind == "UnstableMixture":
         mixed(e, w, limit)
@@ -1659,8 +1683,12 @@ def no_uncertain_network(e: Said, limit: int) -> None:
     single = {name: e.get(name) for name in "PNLK"}
     bare = Said({name: x for name, x in e.items() if name not in single})
     systems = [s for s, _ in vertex_systems(bare, limit)]
+    s, low = systems[0], lower_system(bare, systems[0])
     e.seen |= bare.seen
-    s = systems[0]
+    if kind == "FailingEnd":
+        expect(low is not None, "there are no lower ends")
+        kind, w = record(w, "witness", "NodeViolation", "CouplingViolation")
+        s = low or s
     if kind == "FailingMember":
         s = chosen(systems, array(w["choice"]))
         kind, w = record(w, "witness", "NodeViolation", "NetworkInstability", "AlgebraicLoop")
@@ -1695,6 +1723,7 @@ def mixed(e: Said, w: Said, limit: int) -> None:
         positive(s, own)
         e.seen |= own.seen
     s = systems[0][0]
+    lower_system(e, s)
     xs, us, (y,) = (
         [entries(part, C.dim) for part in split(array(w[name]), count)]
         for name, C, count in (("x", s.X, len(systems)), ("u", s.U, len(systems)), ("y", s.Y, 1))

@@ -35,6 +35,13 @@ TWO = np.eye(2)
 CERTIFICATES = {
     "vertices": lambda: in_a_loop(lag("-7/3"), lag(-0.75), lag(-3, D=0.25)),
     "vertices, four generators of outputs": lambda: with_four_outputs(-2, -2.25),
+    "vertices and ranges": lambda: (
+        kp.feedback_interconnect(
+            [kp.stack(kp.interval([["-7/3"]], [[-2]]), [[1]], kp.interval([[0]], [[0.5]])), [lag(-2), lag(-3)]],
+            [[0, kp.interval("1/3", 1)], [0.5, 0]],
+        ).certificate
+    ),
+    "not for any range": lambda: kp.feedback_interconnect([lag(-1)], [[kp.interval("-1/3", 0.5)]]).certificate,
     "not for any vertices": lambda: in_a_loop(lag(-1), lag("1/3")),
     "not for any vertices, positive": lambda: in_a_loop(lag(-1), lag(-1, "-1/3")),
     "not for any vertices, mixed": crossed,

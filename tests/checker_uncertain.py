@@ -15,6 +15,19 @@ def vertices(*others, decay=1, W=1, **more):
     return out
 
 
+def ranges(lower=(-3, 0, 0, 0, 0), *others, **more):
+    """The same with lower ends of A, B, C, D and W."""
+    out = vertices(*others, **more)
+    out["data"]["lower"] = {"tuple": [{"matrix": [[x]]} for x in lower]}
+    return out
+
+
+def beneath(inner, lower, *others):
+    out = against({"record": "FailingEnd", "fields": {"witness": inner}}, *others)
+    out["data"]["lower"] = {"tuple": [{"matrix": [[x]]} for x in lower]} if lower else None
+    return out
+
+
 def against(witness, *others, **more):
     """A witness in the place of v, q, r."""
     return vertices(*others, decay=0, status="REFUTED", **{"witness": witness} | more)
@@ -60,7 +73,26 @@ NEGATIVE = {
         },
     },
 }
+LEAVING = {"record": "CouplingViolation", "fields": {"source": 0, "target": 0, "ray": 0}}
 CASES = {
+    "ranges": (ranges(), "PROVED"),
+    "ranges of nothing": (ranges((-2, 1, 1, 0, 1)), "PROVED"),
+    "ranges and vertices": (ranges((-3, 0, 0, 0, 0), vertex()), "PROVED"),
+    "ranges turned around": (ranges((-1, 0, 0, 0, 0)), "WRONG"),
+    "ranges of inputs turned around": (ranges((-3, 2, 0, 0, 0)), "WRONG"),
+    "ranges of outputs turned around": (ranges((-3, 0, 2, 0, 0)), "WRONG"),
+    "ranges of direct terms turned around": (ranges((-3, 0, 0, 1, 0)), "WRONG"),
+    "ranges of links turned around": (ranges((-3, 0, 0, 0, 2)), "WRONG"),
+    "ranges below 0": (ranges((-3, -1, 0, 0, 0)), "WRONG"),
+    "ranges of outputs below 0": (ranges((-3, 0, -1, 0, 0)), "WRONG"),
+    "ranges of links below 0": (ranges((-3, 0, 0, 0, -1)), "WRONG"),
+    "ranges with q above 0": (ranges((-3, 0, 0, 0, 0), A=-3, B=0, C=0, W=0, q=1, r=0, decay=0), "WRONG"),
+    "ranges with q of 0": (ranges((-3, 0, 0, 0, 0), A=-3, B=0, C=0, W=0, q=0, r=0, decay=0), "PROVED"),
+    "ranges without links": (ranges((-3, 0, 0, 0)), "UNREADABLE"),
+    "lower ends that leave the cones": (beneath(LEAVING, (-3, 0, 0, 0, -1)), "REFUTED"),
+    "lower ends that do not": (beneath(LEAVING, (-3, 0, 0, 0, 1)), "WRONG"),
+    "lower ends of inputs": (beneath(NEGATIVE, (-3, -1, 0, 0, 0)), "REFUTED"),
+    "lower ends that are not there": (beneath(LEAVING, None), "UNREADABLE"),
     "vertices": (vertices(vertex()), "PROVED"),
     "vertices, one": (vertices(), "PROVED"),
     "vertices, as slow as the first": (vertices(vertex(-2)), "PROVED"),

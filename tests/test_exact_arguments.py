@@ -50,6 +50,10 @@ def gain_of(**data):
     return kp.induced_gain(**data)
 
 
+def in_range(weight):
+    return kp.feedback_interconnect([LAG], [[weight]])
+
+
 def best(**changes):
     given = {"sys": plant([[-1]]), "s": [1], "r": [0], "limits": [[0.125]]} | changes
     return kp.optimal_feedback(**given).certificate.problem
@@ -162,6 +166,10 @@ EXACT = {
         "X": lambda: (kp.stack([MINUS], TWO, TWO, X=CONE).X, SAME),
         "U": lambda: (kp.stack([MINUS], TWO, TWO, U=CONE).U, SAME),
         "Y": lambda: (kp.stack([MINUS], TWO, TWO, Y=CONE).Y, SAME),
+    },
+    "interval": {
+        "lower": lambda: (in_range(kp.interval("1/3", 1)).lower.coupling, [[THIRD]]),
+        "upper": lambda: (in_range(kp.interval(0, "1/3")).model.coupling, [[THIRD]]),
     },
     "scale_free_certificate": {
         "nodes": lambda: (kp.scale_free_certificate(plant([["-1/3"]]), 0.25).local.model.stacks[0].A, [[[-THIRD]]]),

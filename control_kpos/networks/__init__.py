@@ -6,9 +6,11 @@ from .interconnect import feedback_interconnect
 from .model import NetworkModel
 from .network import ConeNetwork
 from .nodes import NodeStack, UncertainStack, stack
+from .ranges import interval
 from .spectrum.bracket import AbscissaCertificate
-from .uncertain.certificate import FailingMember, UncertainNetworkCertificate, UnstableMixture
+from .uncertain.certificate import UncertainNetworkCertificate
 from .uncertain.network import UncertainNetwork
+from .uncertain.witnesses import FailingEnd, FailingMember, UnstableMixture
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -23,6 +25,7 @@ __all__ = [
     "AlgebraicLoop",
     "ConeNetwork",
     "CouplingViolation",
+    "FailingEnd",
     "FailingMember",
     "NetworkCertificate",
     "NetworkInstability",
@@ -37,6 +40,7 @@ __all__ = [
     "UncertainStack",
     "UnstableMixture",
     "feedback_interconnect",
+    "interval",
     "scale_free_certificate",
     "stack",
 ]

@@ -22,7 +22,7 @@ from ..exact.signs import BilinearForms
 from ..proof.inclusion import MEANING, NAMES
 from ..theorems.decay_rates import Rate, at_rate
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
-from .model import NetworkModel
+from .model import BLOCKS, NetworkModel
 from .nodes import NodeStack
 
 STATE, INPUT, OUTPUT, DIRECT = (NAMES[name] for name in "ABCD")
@@ -30,6 +30,7 @@ INCLUSIONS = {NAMES[name]: meaning for name, meaning in MEANING.items()}
 STORAGE, RATE, SUPPLY = "v'x > 0", "(v'A + rate v' - q'C) x <= 0", "(v'B - r' - q'D) u <= 0"
 STRICT, REQUIRED = "(v'A - q'C) x < 0", "(v'A + required_rate v' - q'C) x <= 0"
 COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"
+LINKS_WITHIN = "h'(W_upper - W_lower) y >= 0"
 LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W - p') y < 0"
 
 
@@ -121,19 +122,71 @@ def coupling_by_pairs(model: NetworkModel) -> list[tuple[Condition, tuple[Index,
         forms = BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(model.coupling.values.data[:, None]))
         return [(Condition(COUPLING, forms, ">="), None)]
     out = []
-    target_nodes, source_nodes = nonzero_blocks(model.coupling.values, model.owners(1), model.owners(2))
+    for g, (j, k), (blocks,) in _blocks_by_stacks(model, [model.coupling]):
+        target, source = model.stacks[g[0]], model.stacks[g[1]]
+        forms = stacked(facets(target.U), blocks, source.rays[2])
+        out.append((Condition(_between(COUPLING, model, g), forms, ">="), (j, k)))
+    return out
+
+
+def coupling_within(low: NetworkModel, high: NetworkModel) -> list[Condition]:
+    """h'(W_upper - W_lower) y >= 0 for the links of two networks of the same nodes."""
+    ends = [high.coupling, low.coupling]
+    if all(isinstance(c, Orthant) for s in high.stacks for c in (s.U, s.Y)) and all(W.is_sparse for W in ends):
+        apart = Matrix(sp.csr_array(high.W - low.W).data[:, None])  # differences of doubles have the right sign
+        return [Condition(LINKS_WITHIN, BilinearForms(Matrix(np.ones((1, 1))), None, apart), ">=")]
+    out = []
+    for g, _, blocks in _blocks_by_stacks(high, ends):
+        y = high.stacks[g[1]].rays[2]
+        forms = stacked(facets(high.stacks[g[0]].U), Matrix.join(blocks, -1), Matrix.join([y, -y], -1))
+        out.append(Condition(_between(LINKS_WITHIN, high, g), forms, ">="))
+    return out
+
+
+def nodes_within(low: NetworkModel, high: NetworkModel, g: int) -> list[Condition]:
+    """h'(M_upper - M_lower) x >= 0 for A, B, C and D of a stack, where they differ."""
+    s, ends = high.stacks[g], (high.stacks[g], low.stacks[g])
+    cones = s.X, s.U, s.Y
+    out = []
+    for name, (rows, columns) in BLOCKS.items():
+        upper, lower = (getattr(end, name) for end in ends)
+        if not same_numbers(upper, lower):
+            x = s.rays[columns]
+            forms = stacked(facets(cones[rows]), Matrix.join([upper, lower], -1), Matrix.join([x, -x], -1))
+            out.append(Condition(titled(f"h'({name}_upper - {name}_lower) x >= 0", high, g), forms, ">="))
+    return out
+
+
+def same_numbers(a: Matrix, b: Matrix) -> bool:
+    """True if two matrices of one shape hold the same numbers."""
+    if a is b or (a.is_double and b.is_double):
+        apart = a.values != b.values
+        return a is b or not (apart.nnz if sp.issparse(apart) else np.any(apart))
+    return bool((a.dense().fractions() == b.dense().fractions()).all())
+
+
+def _between(name: str, model: NetworkModel, g: tuple[int, int]) -> str:
+    return name if len(model.stacks) == 1 else f"{name} [stack {g[1]} to {g[0]}]"
+
+
+def _blocks_by_stacks(
+    model: NetworkModel, couplings: list[Matrix]
+) -> Iterator[tuple[tuple[int, int], tuple[Index, Index], list[Matrix]]]:
+    """The blocks that are not zero in some coupling, for every two stacks: target and source, nodes j and k, blocks."""
+    pairs = [nonzero_blocks(W.values, model.owners(1), model.owners(2)) for W in couplings]
+    target_nodes, source_nodes = pairs[0]
+    if len(pairs) > 1:
+        width = model.n_nodes
+        places = np.unique(np.concatenate([j.astype(np.int64) * width + k for j, k in pairs]))
+        target_nodes, source_nodes = places // width, places % width
+    u0, y0 = model.offsets[1], model.offsets[2]
     key = model.home[0][target_nodes] * len(model.stacks) + model.home[0][source_nodes]
     for pair in np.unique(key).tolist():
         gj, gk = divmod(pair, len(model.stacks))
         j, k = target_nodes[key == pair], source_nodes[key == pair]
-        u0, y0 = model.offsets[1], model.offsets[2]
-        target, source = model.stacks[gj], model.stacks[gk]
-        blocks = take_blocks(
-            model.coupling, u0[j][:, None] + np.arange(target.sizes[1]), y0[k][:, None] + np.arange(source.sizes[2])
-        )
-        name = COUPLING if len(model.stacks) == 1 else f"{COUPLING} [stack {gk} to {gj}]"
-        out.append((Condition(name, stacked(facets(target.U), blocks, source.rays[2]), ">="), (j, k)))
-    return out
+        rows = u0[j][:, None] + np.arange(model.stacks[gj].sizes[1])
+        columns = y0[k][:, None] + np.arange(model.stacks[gk].sizes[2])
+        yield (gj, gk), (j, k), [take_blocks(W, rows, columns) for W in couplings]
 
 
 def storage(model: NetworkModel, g: int, v: Matrix) -> Condition:

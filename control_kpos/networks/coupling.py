@@ -14,6 +14,7 @@ from ..exact.intake import dimensions, exact_matrix, sparse_matrix
 from ..exact.matrix import Matrix
 from .blocks import Index
 from .model import NetworkModel
+from .ranges import end_of, has_ranges
 
 # Entries up to which couplings with fractions are kept, in dense form.
 _EXACT_ENTRIES = 10**7
@@ -48,6 +49,15 @@ def read_coupling(coupling: Any, model: NetworkModel) -> Matrix:
             f"all{_largest(model)}."
         )
     return out
+
+
+def read_ends(coupling: Any, model: NetworkModel) -> tuple[Matrix, Matrix]:
+    """The upper and lower ends of W, which are the same object if it has no ranges; see `read_coupling`."""
+    if not has_ranges(coupling):
+        W = read_coupling(coupling, model)
+        return W, W
+    upper, lower = (read_coupling(end_of(coupling, end), model) for end in ("upper", "lower"))
+    return upper, lower
 
 
 def _largest(model: NetworkModel) -> str:

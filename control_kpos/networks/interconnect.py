@@ -16,12 +16,12 @@ from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.intake import places
 from ..exact.matrix import Matrix
 from .blocks import Index
-from .coupling import named_by_graph, read_coupling
+from .coupling import named_by_graph, read_ends
 from .given_rates import SupplyRates, certify_rates, read_rates
 from .model import NetworkModel, gather
 from .network import ConeNetwork
 from .nodes import NodeStack, UncertainStack, with_vertices
-from .uncertain.members import spread
+from .uncertain.members import lower_ends, spread
 from .uncertain.network import UncertainNetwork
 
 
@@ -51,7 +51,8 @@ def feedback_interconnect(
         `control.StateSpace` gets the nonnegative orthants as its cones.  A list of systems in the place of one gives
         a node vertices, as `control_kpos.stack` does for many.
     coupling : array_like, sparse matrix, list of lists of blocks, or networkx graph
-        W, shape (sum m_j, sum q_k).  Blocks W[j][k] are m_j x q_k; None stands for zeros.  In a graph,
+        W, shape (sum m_j, sum q_k); or a range of it, or of entries or blocks of it (`control_kpos.interval`).
+        Blocks W[j][k] are m_j x q_k; None stands for zeros.  In a graph,
         for nodes with one input and one output, an edge j -> k of weight w feeds y_j into u_k, an undirected
         edge both ways; edges without a weight have weight 1.  Its nodes are 0, ..., N - 1 or the names of the
         systems.  Any other labels stand for the systems in the order of ``list(graph.nodes)`` and become
@@ -71,8 +72,8 @@ def feedback_interconnect(
     -------
     ConeNetwork
         The closed loop as a StateSpace, also if it is unstable or not positive.  Its `certificate` is
-        found when first asked for.  An `UncertainNetwork` if some node has vertices: then the certificate is about
-        every choice of vertices and their mixtures, also one that changes at any time.
+        found when first asked for.  An `UncertainNetwork` if some node has vertices, or something a range: then the
+        certificate is about every choice of them, also one that changes at any time.
 
     Raises
     ------
@@ -100,16 +101,17 @@ def feedback_interconnect(
     """
     stacks, members, dt = gather(with_lists(systems), uncertain=True)
     empty = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
-    model = named_by_graph(empty, coupling).with_coupling(read_coupling(coupling, empty))
+    W, least = read_ends(coupling, empty)
+    model = named_by_graph(empty, coupling).with_coupling(W)
     external = None
     if inputs is not None or outputs is not None:
         external = (_select(model, inputs, 1, "inputs"), _select(model, outputs, 2, "outputs"))
-    if any(isinstance(s, UncertainStack) for s in stacks):
+    if least is not W or any(isinstance(s, UncertainStack) for s in stacks):
         if supply_rates is not None:
-            raise DataError(
-                "supply_rates are for nodes that are known exactly; leave them out for nodes with vertices."
-            )
-        return UncertainNetwork(spread(model), external=external, name=name, progress=progress)
+            raise DataError("supply_rates are for networks that are known exactly; leave them out here.")
+        return UncertainNetwork(
+            spread(model), lower_ends(model, least), external=external, name=name, progress=progress
+        )
     find = None
     if supply_rates is not None:
         q, r = read_rates(model, supply_rates)
@@ -134,13 +136,13 @@ def _vertices(systems: Sequence[Any], name: str) -> UncertainStack:
         raise ShapeError(f"{name} is an empty list of vertices; give at least one system.")
     if not all(isinstance(item, StateSpace) for item in systems):
         raise ShapeError(f"{name} is a list; the vertices of a node are systems, such as ConeStateSpace objects.")
-    stacks, _, dt = gather(systems, name)
-    if len(stacks) > 1:
+    (first, *others), _, dt = gather(systems, name)
+    if others:
         raise ConeMismatchError(
             f"{name}: the vertices of a node have the same numbers of states, inputs and outputs, and the same cones; "
             "these systems differ in them."
         )
-    common = {"X": stacks[0].X, "U": stacks[0].U, "Y": stacks[0].Y, "dt": dt, "names": ()}
+    common = {"X": first.X, "U": first.U, "Y": first.Y, "dt": dt, "names": ()}
     return with_vertices(tuple(replace(gather(system)[0][0], **common) for system in systems))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -11,12 +11,13 @@ import numpy as np
 from control.config import defaults
 from numpy.typing import ArrayLike
 
-from ..cones import Cone, as_cone, orthant
-from ..errors import ConeMismatchError, ShapeError
+from ..cones import Cone, Orthant, as_cone, orthant
+from ..errors import ConeMismatchError, DataError, ShapeError
 from ..exact.intake import dimensions, exact_matrix, places
 from ..exact.matrix import Matrix
 from ..proof.encoding import register_record
 from ..systems.reading import require_timebase
+from .ranges import Interval, end_of
 
 Timebase: TypeAlias = "float | bool | None"
 
@@ -84,9 +85,12 @@ class UncertainStack(NodeStack):
     ----------
     vertices : tuple of NodeStack
         Node j is (A, B, C, D)_j of one of these, or any convex combination of them.
+    lower : NodeStack or None
+        Nodes in ranges, on orthants: the lower ends; the upper ends are the only vertex.
     """
 
     vertices: tuple[NodeStack, ...] = ()
+    lower: NodeStack | None = None
 
     def __repr__(self) -> str:
         return f"{NodeStack.__repr__(self)[:-1]}, {len(self.vertices)} vertices>"
@@ -104,10 +108,10 @@ def with_vertices(vertices: tuple[NodeStack, ...]) -> UncertainStack:
 
 
 def stack(
-    A: ArrayLike | Sequence[ArrayLike],
-    B: ArrayLike | Sequence[ArrayLike],
-    C: ArrayLike | Sequence[ArrayLike],
-    D: ArrayLike | Sequence[ArrayLike] | None = None,
+    A: ArrayLike | Sequence[ArrayLike] | Interval,
+    B: ArrayLike | Sequence[ArrayLike] | Interval,
+    C: ArrayLike | Sequence[ArrayLike] | Interval,
+    D: ArrayLike | Sequence[ArrayLike] | Interval | None = None,
     dt: Timebase = None,
     *,
     X: Cone | ArrayLike | None = None,
@@ -120,7 +124,8 @@ def stack(
     Parameters
     ----------
     A : array_like, shape (N, n, n), or a list of S of them
-        A list [A1, A2, ...], or an array (S, N, n, n), gives every node S vertices: see Returns.
+        A list [A1, A2, ...], or an array (S, N, n, n), gives every node S vertices: see Returns.  On nonnegative
+        orthants each matrix may be a range, `control_kpos.interval`.
     B : array_like, shape (N, n, m) or (n, m), or a list of S stacks (N, n, m)
         Two-dimensional B, C or D is the same for all nodes; what is given once is the same at all vertices.
     C : array_like, shape (N, q, n) or (q, n), or a list of S stacks (N, q, n)
@@ -138,16 +143,17 @@ def stack(
     -------
     NodeStack
         To be passed to `feedback_interconnect`.  With vertices an `UncertainStack`: node j is any
-        (A, B, C, D)_j^s, s = 1..S, taken jointly, or a mixture of them, another one at any time and at every node.
+        (A, B, C, D)_j^s, s = 1..S, taken jointly, or a mixture of them, another one at any time and at every node;
+        with ranges every entry is anywhere in its range.
         Only `feedback_interconnect` takes it.
 
     Raises
     ------
     ShapeError, DataError
         Sizes that do not fit, an empty stack, numbers that are not finite and real; vertices that differ in size or
-        in number.
+        in number, or stand beside ranges.
     NotProperConeError, ConeMismatchError
-        Cones that are not proper, or of another dimension.
+        Cones that are not proper, or of another dimension; ranges on other cones than orthants.
 
     Notes
     -----
@@ -163,6 +169,8 @@ def stack(
     """
     given: dict[str, Any] = {"A": A, "B": B, "C": C, "D": D}
     cones: dict[str, Any] = {"X": X, "U": U, "Y": Y}
+    if any(isinstance(data, Interval) for data in given.values()):
+        return _in_ranges(given, dt, cones, names)
     lists = {name: found for name, data in given.items() if (found := _vertices(data, name)) is not None}
     if not lists:
         return _certain(given, dt, cones, names)
@@ -171,6 +179,24 @@ def stack(
     known = {"X": first.X, "U": first.U, "Y": first.Y}
     others = [_certain(given | dict(zip(lists, k, strict=True)), dt, known) for k in zip(*lists.values(), strict=True)]
     return with_vertices((first, *others[1:]))
+
+
+def _in_ranges(given: dict[str, Any], dt: Timebase, cones: dict[str, Any], names: Sequence[str] | None) -> NodeStack:
+    """Nodes between two ends."""
+    lists = [name for name, data in given.items() if _vertices(end_of(data, "upper"), name) is not None]
+    if lists:
+        raise DataError(f"{lists[0]} is a list of vertices beside a range; give vertices or ranges for all matrices.")
+    ends = {end: {name: end_of(data, end) for name, data in given.items()} for end in ("upper", "lower")}
+    upper = _certain(ends["upper"], dt, cones, names)
+    for name in ("X", "U", "Y"):
+        if not isinstance(getattr(upper, name), Orthant):
+            raise ConeMismatchError(
+                f"{name} is no nonnegative orthant; ranges of entries are for orthants. Give the vertices as lists."
+            )
+    lower = _certain(ends["lower"], dt, {"X": upper.X, "U": upper.U, "Y": upper.Y})
+    if lower.sizes != upper.sizes or len(lower) != len(upper):
+        raise ShapeError("the ends of the ranges have not the shapes of one stack.")
+    return replace(with_vertices((upper,)), lower=lower)
 
 
 def _vertices(data: Any, name: str) -> list[Any] | None:

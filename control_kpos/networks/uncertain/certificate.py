@@ -34,68 +34,15 @@ from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...exact.rows import frozen
 from ...exact.signs import BilinearForms
-from ...proof.certificate import Status, Vector, exactly
-from ...proof.encoding import register_record
+from ...proof.certificate import Status, exactly
 from ...proof.weights import ProofOmittedError
 from .. import conditions as on
 from .. import files
-from ..blocks import Index
 from ..certificate import ClaimOnNetwork, NetworkCertificate, dissipation, node_vectors
 from ..model import BLOCKS, NetworkModel
 from ..witnesses import CouplingViolation, NetworkInstability, NodeViolation, refute, restated
 from .members import Vertices, member
-
-
-@register_record
-@dataclass(frozen=True, eq=False)
-class FailingMember:
-    """A choice of vertices for which the network fails: one vertex of every node, as it is.
-
-    Attributes
-    ----------
-    choice : ndarray, shape (N,)
-        The vertex of every node, counted from 0.
-    witness : NodeViolation, NetworkInstability or AlgebraicLoop
-        What breaks this member.
-    """
-
-    choice: NDArray[np.float64]
-    witness: Any
-
-    @property
-    def vertices(self) -> Index:
-        """The choice as whole numbers."""
-        return np.asarray(self.choice).astype(np.intp)
-
-    def __str__(self) -> str:
-        if isinstance(self.witness, NodeViolation):
-            return f"at its vertex {self.vertices[self.witness.node]} {self.witness}"
-        return f"with one vertex for every node, {self.witness}"
-
-
-@register_record
-@dataclass(frozen=True, eq=False)
-class UnstableMixture:
-    """Generators of one node that take different vertices, and do not decay: no common v, r, q of Theorem 4 exist.
-
-    Or, with x = 0, outputs that an algebraic loop of such a mixture sustains: no common p, t exist.
-
-    Attributes
-    ----------
-    x, u : ndarray, shapes (S sum n_j,), (S sum m_j,)
-        x^s in X and u^s in U, one vertex after the other.
-    y : ndarray, shape (sum q_k,)
-        Bounds of the outputs.
-    """
-
-    x: Vector = Vector(required=True)
-    u: Vector = Vector(required=True)
-    y: Vector = Vector(required=True)
-
-    def __str__(self) -> str:
-        if not np.any(self.x):
-            return "no vectors p, t show that algebraic loops contract at all vertices: those of a mixture do not"
-        return "no vectors v, r, q satisfy Theorem 4 at all vertices: a mixture of their columns does not decay"
+from .witnesses import FailingEnd, FailingMember, UnstableMixture
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -108,18 +55,21 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         The network of the first vertices.
     vertices : tuple of NetworkModel
         Those of the other vertices, with the same cones and links.
+    lower : NetworkModel or None
+        With ranges: the network of their lower ends; the upper ends are those of `model`, and of all vertices.
     v, r, q, loop_weights, exact
         As in `NetworkCertificate`, with sigma = 1: one for all vertices.
     decay_rate : float
         Proven for every choice, also one that changes: V(x(t)) <= exp(-decay_rate t) V(x(0)); in discrete time
         V(x[k]) <= (1 - decay_rate)^k V(x[0]).
-    witness : FailingMember, CouplingViolation or UnstableMixture
+    witness : FailingMember, FailingEnd, CouplingViolation or UnstableMixture
         For REFUTED.  Only `UnstableMixture` says nothing of the network itself.
     """
 
     claim: ClassVar[str] = "uncertain network"
 
     vertices: tuple[NetworkModel, ...] = ()
+    lower: NetworkModel | None = None
     decay_rate: float = 0.0
 
     @property
@@ -136,7 +86,17 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         for s, model in self._distinct():
             parts = dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete)
             out += [_at(c, s) for c in parts if s == 0 or not c.name.startswith(on.STORAGE)]
-        return out
+        return [*out, *self._within(self.lower, q)] if self.lower is not None else out
+
+    def _within(self, low: NetworkModel, q: Matrix) -> Iterator[Condition]:
+        """Positive at the lower ends, which are below the upper ones, and -q in Y*: then the upper ends are worst."""
+        stacks = range(len(low.stacks))
+        for condition in [*on.coupling(low), *(c for g in stacks for c in on.positivity(low, g))]:
+            yield replace(condition, name=f"{condition.name} [lower]")
+        yield from on.coupling_within(low, self.model)
+        for g, (s, q_g) in enumerate(zip(low.stacks, low.split(q, 2), strict=True)):
+            yield from on.nodes_within(low, self.model, g)
+            yield Condition(on.titled("-q'y >= 0", low, g), on.stacked(on.beside(-q_g), None, s.rays[2]), ">=")
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.v is None:
@@ -174,6 +134,9 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
             return self._failing(w)
         if isinstance(w, CouplingViolation):
             return refute(self.model, w, None)
+        if isinstance(w, FailingEnd):
+            known = self.lower is not None and isinstance(w.witness, NodeViolation | CouplingViolation)
+            return refute(self.lower, w.witness, None) if known and self.lower is not None else None
         if not isinstance(w, UnstableMixture) or not (np.any(w.x) or np.any(w.y)):
             return None
         loops = self._contracting() if np.any(w.x) else on.emitted(self.model, exactly(w, "y"))
@@ -250,13 +213,17 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         if not isinstance(self._refuted_part, NetworkInstability | None):
             own["loop_weights"] = None
         others = tuple(tuple(files.describe(m)[name] for name in BLOCKS) for m in self.vertices)
+        if self.lower is not None:
+            own["lower"] = tuple(files.describe(self.lower)[name] for name in (*BLOCKS, "W"))
         return {**files.describe(self.model), **own, "vertices": others}
 
     @property
     def _refuted_part(self) -> Any:
         """What breaks a member, or a link."""
         w = self.witness
-        return w.witness if isinstance(w, FailingMember) else w if isinstance(w, CouplingViolation) else None
+        return (
+            w.witness if isinstance(w, FailingMember | FailingEnd) else w if isinstance(w, CouplingViolation) else None
+        )
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> Any:
@@ -276,8 +243,12 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         others = tuple(
             files.rebuild({**contents, **dict(zip(BLOCKS, vertex, strict=True))}) for vertex in contents["vertices"]
         )
-        draft = cls(**{**own, "model": model, "vertices": others})
-        return cls.settle(**{**own, "model": model, "vertices": others, "witness": draft.restated()})
+        low = contents.get("lower")
+        if low is not None and len(low) != len(BLOCKS) + 1:
+            raise DataError("the lower ends have A, B, C, D and W.")
+        lower = None if low is None else files.rebuild({**contents, **dict(zip((*BLOCKS, "W"), low, strict=True))})
+        own |= {"model": model, "vertices": others, "lower": lower}
+        return cls.settle(**{**own, "witness": cls(**own).restated()})
 
     def restated(self) -> Any:
         """The witness, with what files leave out."""
@@ -285,6 +256,8 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         if isinstance(w, FailingMember):
             chosen = member(self.models, w.vertices)
             return replace(w, witness=restated(NetworkCertificate(model=chosen, witness=w.witness)))
+        if isinstance(w, FailingEnd) and self.lower is not None:
+            return FailingEnd(restated(NetworkCertificate(model=self.lower, witness=w.witness)))
         return restated(NetworkCertificate(model=self.model, witness=w)) if isinstance(w, CouplingViolation) else w
 
     def evidence(self) -> dict[str, Any]:
@@ -294,30 +267,32 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
             return files.evidence(member(self.models, w.vertices), w.witness)
         if isinstance(w, CouplingViolation):
             return files.evidence(self.model, w)
+        if isinstance(w, FailingEnd) and self.lower is not None:
+            return files.evidence(self.lower, w.witness)
         each = [files.evidence(model, None) for model in self.models]
         out = {name: [part[name] for part in each] for name in each[0] if name != "M"}
-        if w is not None and not all(files.product_cone(self.model, kind).is_simplicial for kind in range(3)):
-            raise ProofOmittedError("mixtures on cones that are not simplicial are for control_kpos alone")
+        plain = all(files.product_cone(self.model, kind).is_simplicial for kind in range(3))
+        if not plain and (w is not None or self.lower is not None):
+            raise ProofOmittedError("mixtures and ranges on cones that are not simplicial are for control_kpos alone")
         return {**out, "M": each[0].get("M")}
 
     # -- words
 
     def explain(self) -> str:
         model, w = self.model, self.witness
-        what = f"the network of {model.n_nodes} nodes ({model.totals[0]} states) with up to {len(self.models)} vertices"
+        what = f"the network of {model.n_nodes} nodes ({model.totals[0]} states) {self._known}"
         if self:
             s, j = np.unravel_index(int(np.argmin(self.vertex_margins)), self.vertex_margins.shape)
             unit = "step" if model.discrete else "unit of time"
             without = " whose sources have no feedthrough" if any(m.has_feedthrough for m in self.models) else ""
             return (
                 f"Proved: {what} is positive and exponentially stable with decay rate at least "
-                f"{floored(self.decay_rate, 4)} per {unit} for every choice: every node is any mixture of its vertices "
-                "and may change at any time, independently of the others. By scale-free margins, computed and not "
-                f"proven, the most costly is vertex {s} of {model.name_of(int(j))} with about "
+                f"{floored(self.decay_rate, 4)} per {unit} for every choice: {self._choices}, and all may change at "
+                "any time, independently of each other. By scale-free margins, computed and not proven, the most "
+                f"costly is {model.name_of(int(j))} at {self._place(int(s))}, with about "
                 f"{self.vertex_margins[s, j]:.3g}. The network stays stable under any constant delays of the "
-                f"links{without}, "
-                "and when links are weakened, lost or switched over time, as long as what is left and what is taken "
-                "away both map Y into U."
+                f"links{without}, and when links are weakened, lost or switched over time, as long as what is left "
+                "and what is taken away both map Y into U."
             )
         if not self.refuted_by:
             return (
@@ -329,30 +304,46 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
                 f"Not certified: for {what} {w}. This is about one set of vectors for all vertices: it does not "
                 "show that any choice of vertices is unstable. Make the vertices less different, or split them."
             )
-        if isinstance(w, CouplingViolation):
+        if isinstance(w, CouplingViolation | FailingEnd):
             return f"Not certified: {what} fails, {w}. {_CONES}"
         return f"Not certified: {what} fails, {self._reason(w)}"
+
+    @property
+    def _known(self) -> str:
+        """What the nodes and links are known by."""
+        vertices = f"with up to {len(self.models)} vertices" if self.vertices else ""
+        return " ".join(part for part in (vertices, "with ranges" if self.lower is not None else "") if part)
+
+    @property
+    def _choices(self) -> str:
+        nodes = "every node is any mixture of its vertices" if self.vertices else ""
+        ranges = "what has a range is anywhere in it" if self.lower is not None else ""
+        return ", ".join(part for part in (nodes, ranges) if part)
+
+    def _place(self, vertex: int) -> str:
+        return f"its vertex {vertex}" if self.vertices else "the upper ends of its ranges"
 
     def _reason(self, w: FailingMember) -> str:
         inner = w.witness
         if isinstance(inner, NodeViolation):
-            return f"{w}. {_CONES}"
+            return f"at {self._place(int(w.vertices[inner.node]))} {inner}. {_CONES}"
         scope = "This choice is a member: the network itself is refuted."
         if isinstance(inner, NetworkInstability):
             alive = np.unique(self.model.owners(0)[np.asarray(inner.x) != 0])
             if len(alive) == 1 and not np.any(inner.u):
                 j = int(alive[0])
                 return (
-                    f"{self.model.name_of(j)} at its vertex {w.vertices[j]} does not decay even without the others. "
-                    f"{scope} Remove this vertex, or raise the local gain there."
+                    f"{self.model.name_of(j)} at {self._place(int(w.vertices[j]))} does not decay even without the "
+                    f"others. {scope} Raise the local gain there."
                 )
-        text = f"{w}".replace("growth rate", "growth factor per step") if self.model.discrete else f"{w}"
+        text = f"{w}" if self.vertices else f"at the upper ends of the ranges, {inner}"
+        text = text.replace("growth rate", "growth factor per step") if self.model.discrete else text
         return f"{text}. {scope} Weaken links, or raise the local gains at the nodes where x or y is largest."
 
 
 _CONES = (
     "This is about these cones, and no sign of instability. Choose other cones, or a local feedback that makes the "
-    "vertex positive."
+    "node positive."
 )
 
 

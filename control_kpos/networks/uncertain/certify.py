@@ -17,23 +17,25 @@ from ..certificate import NetworkCertificate
 from ..certify import algebraic_witness, candidates, certify_as_given, provable_rate, violation
 from ..model import NetworkModel
 from ..witnesses import AlgebraicLoop, CouplingViolation, LoopWeights, NetworkInstability, NodeViolation
-from .certificate import FailingMember, UncertainNetworkCertificate, UnstableMixture
+from .certificate import UncertainNetworkCertificate
 from .members import Mixture, Vertices, member
 from .mixtures import Worst, has_mixtures, loop_weights_of_all, rates_of_all, worst_mixture
+from .witnesses import FailingEnd, FailingMember, UnstableMixture
 
 # In cones other than orthants: what inputs and outputs of a mixture are shortened by, and what lifts vectors into them.
 _SHORTER, _LIFT = 1e-7, 1e-9
 
 
 @np.errstate(all="ignore")
-def certify_all(models: Vertices) -> UncertainNetworkCertificate:
+def certify_all(models: Vertices, lower: NetworkModel | None = None) -> UncertainNetworkCertificate:
     """Decide Theorem 4 with one v, r, q for all vertices.
 
     A handful of sparse solves and the proof at every vertex; linear in the data.  REFUTED with the first of: a vertex
     that is not positive, a link that leaves the cones, a choice of vertices that is unstable, a mixture.
     """
     loop = _loop(models)
-    common: dict[str, Any] = {"model": models[0], "vertices": models[1:], "loop_weights": loop}
+    given: dict[str, Any] = {"model": models[0], "vertices": models[1:], "lower": lower}
+    common = {**given, "loop_weights": loop}
     contracts = loop is not None or not any(m.has_feedthrough for m in models)
     worst = worst_mixture(models) if has_mixtures(models) and contracts else None
     for v, r in _vectors(worst):
@@ -43,7 +45,7 @@ def certify_all(models: Vertices) -> UncertainNetworkCertificate:
         found = UncertainNetworkCertificate.settle(**common, **parts, decay_rate=max(rate, 0.0))
         if found:
             return found
-        if (early := _not_positive(models)) is not None:
+        if (early := _not_positive(models, given)) is not None:
             return early
     for found in _refuted(models, worst, common):
         if found.status is Status.REFUTED:
@@ -72,13 +74,14 @@ def _loop(models: Vertices) -> LoopWeights:
 
 def _refuted(models: Vertices, worst: Worst | None, common: Any) -> Iterator[UncertainNetworkCertificate]:
     """Witnesses, those against the network itself first."""
-    early = _not_positive(models)
+    given = {name: x for name, x in common.items() if name != "loop_weights"}
+    early = _not_positive(models, given)
     if early is not None:
         yield early
     for choice in _choices(models, worst):
         found = certify_as_given(member(models, choice))
         if isinstance(found.witness, NetworkInstability | AlgebraicLoop):
-            yield _member(models, choice, found)
+            yield _member(given, choice, found)
     if common["loop_weights"] is None and any(m.has_feedthrough for m in models) and has_mixtures(models):
         mixture = loop_weights_of_all(models)[2]
         network = mixture.network(models)
@@ -102,27 +105,25 @@ def _choices(models: Vertices, worst: Worst | None) -> Iterator[Index]:
         yield np.full(models[0].n_nodes, s)
 
 
-def _not_positive(models: Vertices) -> UncertainNetworkCertificate | None:
+def _not_positive(models: Vertices, given: Any) -> UncertainNetworkCertificate | None:
     """The certificate refuted by a vertex that is not positive or a link that leaves the cones, if there is one."""
     for s, model in enumerate(models):
         found = violation(model)
         if found is not None and isinstance(found.witness, CouplingViolation):
-            w: Any = found.witness
-            return UncertainNetworkCertificate.settle(model=models[0], vertices=models[1:], witness=w)
+            return UncertainNetworkCertificate.settle(**given, witness=found.witness)
         if found is not None and isinstance(found.witness, NodeViolation):
             choice = np.zeros(model.n_nodes, dtype=np.intp)
             choice[found.witness.node] = s
-            return _member(models, choice, found)
-    return None
+            return _member(given, choice, found)
+    found = None if given["lower"] is None else violation(given["lower"])
+    if found is None:
+        return None
+    return UncertainNetworkCertificate.settle(**given, witness=FailingEnd(found.witness))
 
 
-def _member(models: Vertices, choice: Index, found: NetworkCertificate) -> UncertainNetworkCertificate:
-    return UncertainNetworkCertificate.settle(
-        model=models[0],
-        vertices=models[1:],
-        loop_weights=found.loop,
-        witness=FailingMember(choice.astype(float), found.witness),
-    )
+def _member(given: Any, choice: Index, found: NetworkCertificate) -> UncertainNetworkCertificate:
+    w = FailingMember(choice.astype(float), found.witness)
+    return UncertainNetworkCertificate.settle(**given, loop_weights=found.loop, witness=w)
 
 
 def _parted(worst: Worst, w: NetworkInstability, count: int) -> UnstableMixture:

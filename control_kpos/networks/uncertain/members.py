@@ -17,7 +17,7 @@ from ...cones import Cone, Orthant
 from ...exact.matrix import Matrix
 from ..blocks import Floats, Index
 from ..model import BLOCKS, NetworkModel
-from ..nodes import NodeStack, vertices_of
+from ..nodes import NodeStack, UncertainStack, vertices_of
 
 Vertices: TypeAlias = "tuple[NetworkModel, ...]"
 
@@ -35,6 +35,15 @@ def _at(model: NetworkModel, vertex: int) -> NetworkModel:
         plain = own[min(vertex, len(own) - 1)]
         stacks.append(plain if plain is s or vertex else replace(plain, names=s.names, labels=s.labels))
     return NetworkModel(tuple(stacks), model.members, model.coupling, model.dt)
+
+
+def lower_ends(model: NetworkModel, coupling: Matrix) -> NetworkModel | None:
+    """The network of the lower ends of all ranges, with the first vertices elsewhere; None if there are none."""
+    own = [s.lower if isinstance(s, UncertainStack) else None for s in model.stacks]
+    if coupling is model.coupling and not any(own):
+        return None
+    stacks = (vertices_of(s)[0] if low is None else low for s, low in zip(model.stacks, own, strict=True))
+    return NetworkModel(tuple(stacks), model.members, coupling, model.dt)
 
 
 def counts(models: Sequence[NetworkModel]) -> list[int]:

@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from ...cards import card
 from ...errors import DataError, ShapeError
 from ..blocks import Index
-from ..coupling import read_coupling
+from ..coupling import read_ends
 from ..model import NetworkModel
 from ..network import ConeNetwork
+from ..ranges import has_ranges
 from .certificate import UncertainNetworkCertificate
 from .certify import certify_all
 from .members import Vertices, counts, member
@@ -22,7 +23,8 @@ from .members import Vertices, counts, member
 class UncertainNetwork(ConeNetwork):
     """A network whose nodes are known within sets; made by `feedback_interconnect` from nodes with vertices.
 
-    As a StateSpace (A, poles, responses) it is its nominal member, which has the first vertex of every node.
+    As a StateSpace (A, poles, responses) it is its nominal member, which has the first vertex of every node and the
+    upper ends of ranges.
     `certificate` is about every choice.  Theorems 1 to 3, designs and connections need one system and refuse it: give
     them `nominal` or another `member`.
 
@@ -30,16 +32,20 @@ class UncertainNetwork(ConeNetwork):
     ----------
     models : tuple of NetworkModel
         The networks of the vertices; they share cones and links.
+    lower : NetworkModel, optional
+        The network of the lower ends of ranges.
     external, name, progress
         As for `ConeNetwork`.
 
     Attributes
     ----------
     models : tuple of NetworkModel
-        The networks of the vertices.
+        The networks of the vertices, at the upper ends of ranges.
+    lower : NetworkModel or None
+        The network of the lower ends of ranges, if there are any.
     certificate : UncertainNetworkCertificate
-        Positivity and exponential stability for every choice of vertices and their mixtures, also if it changes at
-        any time; or what breaks them.  Found when first asked for.
+        Positivity and exponential stability for every choice of vertices, their mixtures and numbers in ranges, also if
+        it changes at any time; or what breaks them.  Found when first asked for.
 
     Examples
     --------
@@ -53,18 +59,19 @@ class UncertainNetwork(ConeNetwork):
     def __init__(
         self,
         models: Vertices,
+        lower: NetworkModel | None = None,
         *,
         external: tuple[Index, Index] | None = None,
         name: str | None = None,
         progress: Any = None,
     ) -> None:
         super().__init__(models[0], external=external, name=name, progress=progress)
-        self.models = models
+        self.models, self.lower = models, lower
 
     @cached_property
     def certificate(self) -> UncertainNetworkCertificate:  # type: ignore[override]
         """Theorem 4 with one v, r, q for all vertices: PROVED, or REFUTED with what breaks it."""
-        return certify_all(self.models)
+        return certify_all(self.models, self.lower)
 
     @cached_property
     def nominal(self) -> ConeNetwork:
@@ -144,12 +151,25 @@ class UncertainNetwork(ConeNetwork):
         -------
         UncertainNetwork
         """
-        W = read_coupling(coupling, self.model)
-        models = tuple(m.with_coupling(W) for m in self.models)
-        return UncertainNetwork(models, external=self._external, progress=self._progress)
+        W, least = read_ends(coupling, self.model)
+        models, low = tuple(m.with_coupling(W) for m in self.models), self.lower or self.models[0]
+        kept = has_ranges(coupling) or (self.lower is not None and self._ranges_in_nodes)
+        return UncertainNetwork(
+            models, low.with_coupling(least) if kept else None, external=self._external, progress=self._progress
+        )
+
+    @property
+    def _ranges_in_nodes(self) -> bool:
+        low = self.lower
+        return low is not None and any(a is not b for a, b in zip(low.stacks, self.model.stacks, strict=True))
+
+    @cached_property
+    def lower_ends(self) -> ConeNetwork:
+        """The network at the lower ends of all ranges, with the first vertices elsewhere."""
+        return ConeNetwork(self.lower or self.models[0], external=self._external, progress=self._progress)
 
     def _twin(self) -> UncertainNetwork:
-        return UncertainNetwork(self.models, external=self._external, progress=self._progress)
+        return UncertainNetwork(self.models, self.lower, external=self._external, progress=self._progress)
 
     def __repr__(self) -> str:
         return f"<UncertainNetwork{ConeNetwork.__repr__(self)[len('<ConeNetwork') : -1]}, {len(self.models)} vertices>"
