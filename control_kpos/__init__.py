@@ -27,7 +27,9 @@ from .theorems.dissipativity import DissipativityCertificate, SupplyViolation, d
 from .theorems.gains import induced_gain
 from .theorems.growing_direction import InstabilityCombination, InstabilityDirection
 from .theorems.positivity import PositivityCertificate, cone_positivity, state_positivity
+from .theorems.robust_margin import RobustMargin, robust_margin, structured_gain
 from .theorems.stability import LyapunovCertificate, linear_lyapunov
+from .theorems.structured_gain import StructuredGainCertificate
 
 if TYPE_CHECKING:
     from .design import (
@@ -134,9 +136,11 @@ __all__ = [
     "PolyhedralCone",
     "PositivityCertificate",
     "PositivityViolation",
+    "RobustMargin",
     "ShapeError",
     "SolverError",
     "Status",
+    "StructuredGainCertificate",
     "SupplyViolation",
     "Switching",
     "SwitchingCertificate",
@@ -173,12 +177,14 @@ __all__ = [
     "plot_poles",
     "plot_tradeoff",
     "product",
+    "robust_margin",
     "scale_free_certificate",
     "scale_free_feedback",
     "stack",
     "state_feedback",
     "state_positivity",
     "switched",
+    "structured_gain",
 ]
 
 # Folders that are imported when one of their names is first used: `import control_kpos` is to cost little

@@ -650,6 +650,61 @@ def disturbance_gain(s: System, e: Said) -> None:
     decreases(s, *storage(s, e))
 
 
+def structured_gain(s: System, e: Said) -> None:
+    """With blocks b of inputs and outputs, G(0) (discrete time: G(1)) has its structured gain in [lower, upper].
+
+    positive,  U and Y are orthants.  From above, by a Schur test:  w, u, d > 0,  d w >= r  and  z >= d u  by block,
+    -(A x + B w) in X,  C x + D w <= upper u,  p'x > 0,  (p'A + z'C) x < 0,  p'B + z'D <= upper r'.
+    From below, unless lower is 0:  a, y >= 0,  a != 0,  A s + B a in X,  y <= C s + D a,  c >= lower a,
+    |y_b| >= |c_b|  for every block.
+    """
+    positive(s, e)
+    expect(all(len(x) == 1 and min(x.values()) > 0 for C in (s.U, s.Y) for x in C.rays), "U and Y are orthants")
+    ins, outs = blocks(s, e)
+    n, m, q, count = s.X.dim, len(ins), len(outs), len(set(ins))
+    lower, upper = double(e["lower"]), double(e["upper"])
+    expect(lower >= 0 and upper > 0, "lower is not negative, and upper is positive")
+    lengths = dict(zip("wudrzxp", (m, q, count, m, q, n, n), strict=True))
+    w, u, d, r, z, x, p = (entries(array(e[name]), length) for name, length in lengths.items())
+    need(
+        all(all(y.get(i, 0) > 0 for i in range(lengths[name])) for name, y in zip("wud", (w, u, d), strict=True)), "> 0"
+    )
+    need(nonnegative(total((1, {i: d[b] * w[i] for i, b in enumerate(ins)}), (-1, r))), "d w >= r")
+    need(nonnegative(total((1, z), (-1, {j: d[b] * u[j] for j, b in enumerate(outs)}))), "z >= d u")
+    listed(e, "z", total((-1, drift(s, x)), (-1, image(s.B, w))), s.X)
+    need(nonnegative(total((upper, u), (-1, image(s.C, x)), (-1, image(s.D, w)))), "C x + D w <= upper u")
+    decreases(s, p, total((-1, z)))
+    need(nonnegative(total((upper, r), (-1, pullback(p, s.B)), (-1, pullback(z, s.D)))), "p'B + z'D <= upper r'")
+    if lower > 0:
+        reached(s, e, lower, ins, outs)
+
+
+def reached(s: System, e: Said, lower: Fraction, ins: list[int], outs: list[int]) -> None:
+    """The bound from below of `structured_gain`."""
+    sizes = zip("acys", (len(ins), len(ins), len(outs), s.X.dim), strict=True)
+    a, c, y, x = (entries(array(e[name]), length) for name, length in sizes)
+    need(nonnegative(a) and nonnegative(y) and bool(a), "a, y >= 0, and a is not zero")
+    listed(e, "y", total((1, drift(s, x)), (1, image(s.B, a))), s.X)
+    need(nonnegative(total((1, image(s.C, x)), (1, image(s.D, a)), (-1, y))), "y <= C s + D a")
+    need(nonnegative(total((1, c), (-lower, a))), "c >= lower a")
+    for b in set(ins):
+        squares = [sum(v[i] ** 2 for i in v if of[i] == b) for v, of in ((y, outs), (c, ins))]
+        need(squares[0] >= squares[1], "|y| >= |c| in every block")
+
+
+def blocks(s: System, e: Said) -> tuple[list[int], list[int]]:
+    """The block of every input and of every output; every block has both."""
+    ins, outs = ([index(k) for k in sequence(e[name])] for name in ("input_blocks", "output_blocks"))
+    expect((len(ins), len(outs)) == (s.U.dim, s.Y.dim), "a block for every input and every output")
+    expect(set(ins) == set(outs) == set(range(max(ins, default=-1) + 1)), "every block has inputs and outputs")
+    return ins, outs
+
+
+def nonnegative(x: Vector) -> bool:
+    """x >= 0, entry by entry."""
+    return all(a >= 0 for a in x.values())
+
+
 def common_vector(s: System, e: Said) -> None:
     """A family is stable under arbitrary switching: each A maps one point of int X into -int X.
 
@@ -2086,6 +2141,7 @@ PROOFS: dict[str, Callable[[System, Said], str | None]] = {
     "stable": stable,
     "dissipative": dissipative,
     "disturbance gain": disturbance_gain,
+    "structured gain": structured_gain,
     "common vector": common_vector,
     "invariant-cone": invariant,
     "differentially-positive": invariant,
@@ -2100,6 +2156,7 @@ REFUTATIONS: dict[str, Refutations] = {
     "differentially-positive": {"DifferentialViolation": crossed},
     "stable": PLANES | DIRECTIONS,
     "dissipative": PLANES | {"SupplyViolation": not_dissipative},
+    "structured gain": PLANES | DIRECTIONS,
     "network": {
         "CouplingViolation": crossed,
         "NodeViolation": crossed,
@@ -2150,7 +2207,7 @@ FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 BELONGS: dict[str, tuple[str, ...]] = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
 BELONGS["own_links_closed"] = NETWORKS[:3]
 BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
-BELONGS["generator_proof"] = ("positive", "stable", "dissipative", "order interval")
+BELONGS["generator_proof"] = ("positive", "stable", "dissipative", "structured gain", "order interval")
 PROOF = {*"PNLKM", *("normal", "z"), *(f"w{name}" for name in "xuyzsbWCmc")}
 KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
@@ -2202,6 +2259,10 @@ def refuted(claim: str, e: Said, limit: int) -> str:
     asked = required_rate(e) if claim in ("stable", "network") else 0
     if e["q"] is not None:
         supply(s, e)
+    if claim == "structured gain":
+        blocks(s, e)
+        absent(e, "lower", "nan")
+        absent(e, "upper", "nan")
     if kind == "DifferentialViolation":
         s, note = jacobian(systems, w, note)
     if REFUTATIONS[claim][kind] is crossed:

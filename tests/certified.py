@@ -5,6 +5,7 @@ import control as ct
 import numpy as np
 import scipy as sp
 from certified_families import SWITCHED
+from gain_systems import GAINS
 from strategies import without_facets
 
 import control_kpos as kp
@@ -248,6 +249,7 @@ CERTIFICATES = SWITCHED | {
     "dissipative, from generators": lambda: kp.dissipativity(
         INWARDS, *PYRAMID, without_facets(SQUARE.rays), LINE, LINE, q=[-1], r=[2]
     ),
+    **GAINS,
     "cone": lambda: kp.find_cone(SPIRAL).certificate,
     "cone, few weights": lambda: thin_cone(SPIRAL),
     "cone, by facets": lambda: kp.find_cone(SPIRAL, few="facets").certificate,

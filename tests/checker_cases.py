@@ -32,6 +32,7 @@ HAS = {
     "positive": "",
     "stable": "v",
     "lovely": "",
+    "structured gain": "",
     "network": "vqr",
     "network abscissa": "vqr",
     "network interval": "vqr",

@@ -40,6 +40,8 @@ CALLS = {  # cones and theorems
     "linear_lyapunov": (kp.linear_lyapunov, {"A": A, "X": X2, "discrete": False, "rate": "max"}),
     "dissipativity": (kp.dissipativity, {**MATRICES, "q": [-1], "r": [1], "discrete": False}),
     "induced_gain": (kp.induced_gain, {**MATRICES, "norm": "L1", "e": [1], "f": [1], "discrete": False}),
+    "structured_gain": (kp.structured_gain, {"sys": SYSTEM, "structure": "full"}),
+    "robust_margin": (kp.robust_margin, {"sys": SYSTEM, "structure": "diagonal"}),
     "PolyhedralCone": (kp.PolyhedralCone, {"rays": A}),
     "PolyhedralCone.from_facets": (kp.PolyhedralCone.from_facets, {"normals": A}),
     "orthant": (kp.orthant, {"n": 2}),

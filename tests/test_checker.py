@@ -15,6 +15,7 @@ import checker_claims
 import checker_cones
 import checker_costs
 import checker_families
+import checker_gains
 import checker_intervals
 import checker_pieces
 import checker_uncertain
@@ -33,7 +34,7 @@ SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
-HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES
+HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 
 
 @pytest.fixture(scope="module")

@@ -338,6 +338,9 @@ EXACT = {
     },
 }
 EXACT |= exact_systems.ROWS
+THIRD_GAIN = kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, 0)
+EXACT["structured_gain"] = {"sys": lambda: (kp.structured_gain(THIRD_GAIN).positivity.A, [[-THIRD]])}
+EXACT["robust_margin"] = {"sys": lambda: (kp.robust_margin(THIRD_GAIN).certificate.positivity.A, [[-THIRD]])}
 EXACT["state_feedback"] |= BOUNDS
 EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
 

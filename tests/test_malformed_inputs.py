@@ -140,7 +140,7 @@ OTHERS = {
     "D of the wrong size": lambda: kp.cone_positivity(GOOD, [[1], [0]], [[1, 0]], [[0, 0]], X2, LINE, LINE),
     "q of the wrong size": lambda: kp.dissipativity([[-1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, q=[1, 2]),
     "r with NaN": lambda: kp.dissipativity([[-1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, r=[nan]),
-    "unknown norm": lambda: kp.induced_gain([[-1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, norm="L2"),
+    "unknown norm": lambda: kp.induced_gain([[-1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, norm="H2"),
     "weight outside": lambda: kp.induced_gain([[-1]], [[1]], [[1]], [[0]], LINE, LINE, LINE, e=[-1]),
     "gain of what is not positive": lambda: kp.induced_gain([[-1]], [[-1]], [[1]], [[0]], LINE, LINE, LINE),
     "system with NaN": lambda: kp.ConeStateSpace([[nan]], [[1]], [[1]], [[0]]),

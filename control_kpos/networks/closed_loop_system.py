@@ -37,6 +37,7 @@ from ..systems.rounding import maps_into
 from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
 from ..theorems.dissipativity import DissipativityCertificate
+from ..theorems.gains import Norm
 from ..theorems.positivity import PositivityCertificate, state_positivity
 from ..theorems.stability import LyapunovCertificate, by_vector
 from .blocks import Index
@@ -200,12 +201,12 @@ class ClosedLoopSystem(NetworkResponses):
         self._require_moderate("dissipativity")
         return super().dissipativity(q, r)
 
-    def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
+    def gain(self, norm: Norm = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain of the closed loop from w in U to y in Y; inf if it is not stable.
 
         Parameters
         ----------
-        norm : {"L1", "Linf"}
+        norm : {"L1", "L2", "Linf"}
         e : array_like, shape (ninputs,), optional
         f : array_like, shape (noutputs,), optional
             Weights for general cones, see `control_kpos.gains.induced_gain`.

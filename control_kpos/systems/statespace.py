@@ -33,7 +33,7 @@ from ..exact.intake import exact_matrix
 from ..exact.matrix import Matrix, dense
 from ..proof.certificate import Status, named
 from ..theorems.dissipativity import DissipativityCertificate, dissipativity_of
-from ..theorems.gains import induced_gain_of
+from ..theorems.gains import Norm, induced_gain_of
 from ..theorems.positivity import PositivityCertificate, positivity_of
 from ..theorems.stability import LyapunovCertificate, linear_lyapunov
 from .cones_of_connections import Connection
@@ -273,12 +273,13 @@ class ConeStateSpace(ConeOperations):
         positive = positivity_of(self._question(ports=True))
         return named(dissipativity_of(positive, q=q, r=r), self._signals())
 
-    def gain(self, norm: Literal["L1", "Linf"] = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
+    def gain(self, norm: Norm = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain from inputs in U to outputs in Y; inf if the system is not stable.
 
         Parameters
         ----------
-        norm : {"L1", "Linf"}
+        norm : {"L1", "L2", "Linf"}
+            "L2": U and Y are nonnegative orthants.
         e : array_like, shape (ninputs,), optional
         f : array_like, shape (noutputs,), optional
             Weights for general cones, see `control_kpos.gains.induced_gain`.

@@ -119,8 +119,8 @@ class DissipativityCertificate(ClaimOnPositivity):
         v = exactly(self, "v")[None]
         return [
             Condition(_STORAGE, BilinearForms(v, None, p.X.exact_rays), ">"),
-            Condition(_STATE, _state_forms(p, v, q), "<"),
-            Condition(_RATE, _state_forms(p, v, q, self.decay_rate), "<="),
+            Condition(_STATE, state_forms(p, v, q), "<"),
+            Condition(_RATE, state_forms(p, v, q, self.decay_rate), "<="),
             Condition(_INPUT, _input_forms(p, v, q, r), "<="),
         ]
 
@@ -139,7 +139,7 @@ class DissipativityCertificate(ClaimOnPositivity):
         if self.r is None and np.any(w.u):
             return None
         x, u = exactly(w, "x")[None], exactly(w, "u")[None]
-        motion, supply = _motion_forms(p, x, u), _supply_forms(p, x, u, *self.supply)
+        motion, supply = motion_forms(p, x, u), _supply_forms(p, x, u, *self.supply)
         moves = np.any(w.x) or np.any(np.isin(motion.signs(), (-1, 1))) or supply.signs()[0, 0] == -1
         if not moves:
             return None
@@ -280,7 +280,7 @@ def _attempt(
     if not all_hold(
         [
             Condition(_STORAGE, BilinearForms(row, None, p.X.exact_rays), ">"),
-            Condition(_STATE, _state_forms(p, row, q), "<"),
+            Condition(_STATE, state_forms(p, row, q), "<"),
         ]
     ):
         return None
@@ -317,7 +317,7 @@ def _flat(row: Matrix) -> Matrix:
 # -- inequalities
 
 
-def _state_forms(p: System, v: Matrix, q: Matrix, rate: float = 0.0) -> BilinearForms:
+def state_forms(p: System, v: Matrix, q: Matrix, rate: float = 0.0) -> BilinearForms:
     """(v'A + rate v' - q'C) x_i, with A - I for A in discrete time."""
     if not np.isfinite(rate):
         raise DataError(f"a rate of {rate} proves nothing; it must be finite.")
@@ -336,7 +336,7 @@ def _input_forms(p: System, v: Matrix, q: Matrix, r: Matrix) -> BilinearForms:
     return BilinearForms(Matrix.join([v, -r, -q], -1), Matrix.join(blocks, -2), p.U.exact_rays)
 
 
-def _motion_forms(p: System, x: Matrix, u: Matrix) -> BilinearForms:
+def motion_forms(p: System, x: Matrix, u: Matrix) -> BilinearForms:
     """h'(A x + B u), with A - I for A in discrete time, for the facets h of X."""
     rows, blocks = [x, u], [p.A.T, p.B.T]
     if p.discrete:
@@ -363,11 +363,11 @@ def _supply_forms(
 def proven_rate(p: System, v: Matrix, q: Matrix) -> float:
     """The largest rate in floating point that v proves, rounded down."""
     with np.errstate(all="ignore"):
-        drift, value = _state_forms(p, v, q).values, BilinearForms(v, None, p.X.exact_rays).values
+        drift, value = state_forms(p, v, q).values, BilinearForms(v, None, p.X.exact_rays).values
         quotient = float(np.min(-drift / value))
     if np.isfinite(quotient) and quotient > 0:
         for step in _BACKOFF:
             rate = quotient * (1 - step)
-            if Condition(_RATE, _state_forms(p, v, q, rate), "<=").verdict() is True:
+            if Condition(_RATE, state_forms(p, v, q, rate), "<=").verdict() is True:
                 return rate
     return 0.0
