@@ -72,12 +72,12 @@ if TYPE_CHECKING:
         FailingMember,
         NetworkCertificate,
         NetworkInstability,
+        NoCommonStorage,
         NodeNotDissipative,
         NodeViolation,
         NoWeights,
         OutWeightCertificate,
         UncertainNetworkCertificate,
-        UnstableMixture,
         feedback_interconnect,
         interval,
         scale_free_certificate,
@@ -122,6 +122,7 @@ __all__ = [
     "NetworkInstability",
     "NetworkIntervalCertificate",
     "NextModeCertificate",
+    "NoCommonStorage",
     "NoCommonVector",
     "NoWeights",
     "NodeNotDissipative",
@@ -183,8 +184,8 @@ __all__ = [
     "stack",
     "state_feedback",
     "state_positivity",
-    "switched",
     "structured_gain",
+    "switched",
 ]
 
 # Folders that are imported when one of their names is first used: `import control_kpos` is to cost little
@@ -205,7 +206,7 @@ _ON_DEMAND = {
         ".networks": (
             "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation FailingEnd FailingMember "
             "NetworkCertificate NetworkInstability NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
-            "UncertainNetworkCertificate UnstableMixture feedback_interconnect interval "
+            "NoCommonStorage UncertainNetworkCertificate feedback_interconnect interval "
             "scale_free_certificate stack"
         ),
         ".nonlinear": "DifferentialCertificate differential_positivity",

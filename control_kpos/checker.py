@@ -1732,7 +1732,7 @@ def no_uncertain_network(e: Said, limit: int) -> None:
     """
     kind, w = record(e, "witness", "FailingMember", "FailingEnd", "CouplingViolation", "UnstableMixture")
     absent(e, "decay_rate", "nan")
-    if kind == "UnstableMixture":
+    if kind == "NoCommonStorage":
         mixed(e, w, limit)
         return
     single = {name: e.get(name) for name in "PNLK"}

@@ -168,6 +168,7 @@ def on_a_square(grows=0, *, discrete, **more):
     return kp.optimal_feedback(plant, [0.25, 0, 1], ["-1/7"], [[0, 0.25, 0.5]], **more)
 
 
+DECAYS = [[-1, 0, 0], [0, -2, 0], [0, 0, -3]]
 CERTIFICATES = SWITCHED | {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
     "positive, decimals": lambda: kp.state_positivity([[0, 1], ["-21.3", "-12.9"]], PAPER),
@@ -419,9 +420,7 @@ CERTIFICATES = SWITCHED | {
     "not any cone, cycle": lambda: kp.find_cone(TURNED).certificate,
     "not any cone, cycle, discrete": lambda: kp.find_cone(TURNED, discrete=True).certificate,
     "not any cone, ports": lambda: kp.find_cone(ct.ss([[-1, 0], [0, -2]], [[1], [1]], [[-1, 2]], [[0]])).certificate,
-    "not any cone, response below zero": lambda: (
-        kp.find_cone([[-1, 0, 0], [0, -2, 0], [0, 0, -3]], [[1, 1, 1]], [["0.2499", -1, 1]]).certificate
-    ),
+    "not any cone, response below zero": lambda: kp.find_cone(DECAYS, [[1, 1, 1]], [["0.2499", -1, 1]]).certificate,
     "not any cone, response at zero": lambda: (
         kp.find_cone([["-1/3", 0, 0], [0, "-2/3", 0], [0, 0, -1]], [[1, 1, 1]], [["1/4", -1, 1]]).certificate
     ),

@@ -42,7 +42,7 @@ def grows(x=1, u=1, y=1, rate=0):
     return shown("NetworkInstability", x=x, u=u, y=y, rate={"double": double(rate)})
 
 
-def crossed(x=(1, 1, 0, 0), u=(1, 0, 0, 1), y=(1, 1), b=1, W=1, D=0, kind="UnstableMixture", looping=False, **more):
+def crossed(x=(1, 1, 0, 0), u=(1, 0, 0, 1), y=(1, 1), b=1, W=1, D=0, kind="NoCommonStorage", looping=False, **more):
     """p' = -p + b1 u1, q' = -q + b2 u2, u = W (q, p): (b1, b2) is (b, 0) or (0, b)."""
     fields = {name: {"array": list(part)} for name, part in (("x", x), ("u", u), ("y", y))}
     out = against({"record": kind, "fields": fields}, **more)

@@ -23,7 +23,7 @@ SIDE, SIDES = [["1/3"]], [[THIRD]]
 LINE, PLANE = kp.orthant(1), kp.orthant(2)
 MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
 MIXED, MIXED_SAME = [["-1", "1/3"], ["1/7", "-2"]], [[-1, THIRD], [Fraction(1, 7), -2]]
-GAINED = [["1/3", 1], [1, -3]]
+GAINED, LOSSY = [["1/3", 1], [1, -3]], kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, 0)
 
 
 def pair(**more):
@@ -256,6 +256,8 @@ EXACT = {
         "constraints": lambda: (kept(constraints=(SIDE, ["1/7"])).rows, SIDES),
         "X": lambda: (kept(sys=plant(MINUS), w_max=[1, 1], X=CONE).X, SAME),
     },
+    "structured_gain": {"sys": lambda: (kp.structured_gain(LOSSY).positivity.A, [[-THIRD]])},
+    "robust_margin": {"sys": lambda: (kp.robust_margin(LOSSY).certificate.positivity.A, [[-THIRD]])},
     "switched": {
         "family": lambda: (kp.switched([[["-1/3"]]]).certificate.loops[0].A, [[-THIRD]]),
         "X": lambda: (kp.switched([MINUS], X=CONE).certificate.loops[0].X, SAME.dual),
@@ -338,9 +340,6 @@ EXACT = {
     },
 }
 EXACT |= exact_systems.ROWS
-THIRD_GAIN = kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, 0)
-EXACT["structured_gain"] = {"sys": lambda: (kp.structured_gain(THIRD_GAIN).positivity.A, [[-THIRD]])}
-EXACT["robust_margin"] = {"sys": lambda: (kp.robust_margin(THIRD_GAIN).certificate.positivity.A, [[-THIRD]])}
 EXACT["state_feedback"] |= BOUNDS
 EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
 

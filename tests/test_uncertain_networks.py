@@ -88,7 +88,7 @@ def test_random_networks_agree_with_all_mixtures_and_the_linear_program(seed):
         assert chosen.certificate.status == "REFUTED"
     else:
         assert (
-            isinstance(found.witness, kp.UnstableMixture)
+            isinstance(found.witness, kp.NoCommonStorage)
             and "about one set of vectors for all vertices" in found.explain()
         )
 
@@ -177,7 +177,7 @@ def test_algebraic_loops_of_mixtures_are_told_from_those_of_members():
     D = [[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]
     net = kp.feedback_interconnect(kp.stack([[[-9, 0], [0, -9]]], np.eye(2), np.eye(2), D), SWAP)
     found = net.certificate
-    assert isinstance(found.witness, kp.UnstableMixture) and found.check() and not found.witness.x.any()
+    assert isinstance(found.witness, kp.NoCommonStorage) and found.check() and not found.witness.x.any()
     assert "no vectors p, t show" in found.explain()
     assert all(net.member([s]).certificate for s in range(2))
     assert net.with_links(0.75 * np.array(SWAP)).certificate.check()

@@ -10,7 +10,7 @@ from .ranges import interval
 from .spectrum.bracket import AbscissaCertificate
 from .uncertain.certificate import UncertainNetworkCertificate
 from .uncertain.network import UncertainNetwork
-from .uncertain.witnesses import FailingEnd, FailingMember, UnstableMixture
+from .uncertain.witnesses import FailingEnd, FailingMember, NoCommonStorage
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -30,6 +30,7 @@ __all__ = [
     "NetworkCertificate",
     "NetworkInstability",
     "NetworkModel",
+    "NoCommonStorage",
     "NoWeights",
     "NodeNotDissipative",
     "NodeStack",
@@ -38,7 +39,6 @@ __all__ = [
     "UncertainNetwork",
     "UncertainNetworkCertificate",
     "UncertainStack",
-    "UnstableMixture",
     "feedback_interconnect",
     "interval",
     "scale_free_certificate",

@@ -42,7 +42,7 @@ from ..certificate import ClaimOnNetwork, NetworkCertificate, dissipation, node_
 from ..model import BLOCKS, NetworkModel
 from ..witnesses import CouplingViolation, NetworkInstability, NodeViolation, refute, restated
 from .members import Vertices, member
-from .witnesses import FailingEnd, FailingMember, UnstableMixture
+from .witnesses import FailingEnd, FailingMember, NoCommonStorage
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -62,8 +62,8 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
     decay_rate : float
         Proven for every choice, also one that changes: V(x(t)) <= exp(-decay_rate t) V(x(0)); in discrete time
         V(x[k]) <= (1 - decay_rate)^k V(x[0]).
-    witness : FailingMember, FailingEnd, CouplingViolation or UnstableMixture
-        For REFUTED.  Only `UnstableMixture` says nothing of the network itself.
+    witness : FailingMember, FailingEnd, CouplingViolation or NoCommonStorage
+        For REFUTED.  Only `NoCommonStorage` says nothing of the network itself.
     """
 
     claim: ClassVar[str] = "uncertain network"
@@ -137,7 +137,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         if isinstance(w, FailingEnd):
             known = self.lower is not None and isinstance(w.witness, NodeViolation | CouplingViolation)
             return refute(self.lower, w.witness, None) if known and self.lower is not None else None
-        if not isinstance(w, UnstableMixture) or not (np.any(w.x) or np.any(w.y)):
+        if not isinstance(w, NoCommonStorage) or not (np.any(w.x) or np.any(w.y)):
             return None
         loops = self._contracting() if np.any(w.x) else on.emitted(self.model, exactly(w, "y"))
         return [*self._positive(), *loops, *self._mixed(w)]
@@ -147,7 +147,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         whole = chosen.shape == (self.model.n_nodes,) and np.isin(chosen, np.arange(count)).all()
         return refute(member(self.models, w.vertices), w.witness, self.loop) if whole else None
 
-    def _mixed(self, w: UnstableMixture) -> Iterator[Condition]:
+    def _mixed(self, w: NoCommonStorage) -> Iterator[Condition]:
         """The motion of a mixture; see the head of this module."""
         model, y = self.model, exactly(w, "y")
         xs, us = (_parts(exactly(w, name), len(self.models)) for name in "xu")
@@ -299,7 +299,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
                 f"Undecided: for {what} neither common vectors v, r, q of Theorem 4 nor a witness against them was "
                 "found; it may be too close to the edge of stability. Change the gains or links a little."
             )
-        if isinstance(w, UnstableMixture):
+        if isinstance(w, NoCommonStorage):
             return (
                 f"Not certified: for {what} {w}. This is about one set of vectors for all vertices: it does not "
                 "show that any choice of vertices is unstable. Make the vertices less different, or split them."

@@ -20,7 +20,7 @@ from ..witnesses import AlgebraicLoop, CouplingViolation, LoopWeights, NetworkIn
 from .certificate import UncertainNetworkCertificate
 from .members import Mixture, Vertices, member
 from .mixtures import Worst, has_mixtures, loop_weights_of_all, rates_of_all, worst_mixture
-from .witnesses import FailingEnd, FailingMember, UnstableMixture
+from .witnesses import FailingEnd, FailingMember, NoCommonStorage
 
 # In cones other than orthants: what inputs and outputs of a mixture are shortened by, and what lifts vectors into them.
 _SHORTER, _LIFT = 1e-7, 1e-9
@@ -126,15 +126,15 @@ def _member(given: Any, choice: Index, found: NetworkCertificate) -> UncertainNe
     return UncertainNetworkCertificate.settle(**given, loop_weights=found.loop, witness=w)
 
 
-def _parted(worst: Worst, w: NetworkInstability, count: int) -> UnstableMixture:
+def _parted(worst: Worst, w: NetworkInstability, count: int) -> NoCommonStorage:
     """The motion of a mixture, by vertices."""
     model, mixture = worst.network, worst.mixture
     x = _by_vertex(model, "X", np.asarray(w.x), mixture, count)
     u = _by_vertex(model, "U", np.asarray(w.u), mixture, count)
     y = np.asarray(w.y)
     if all(isinstance(cone, Orthant) for s in model.stacks for cone in (s.X, s.U, s.Y)):
-        return UnstableMixture(x, u, np.maximum(y, 0.0))
-    return UnstableMixture(x, u, y * (1 - _SHORTER))
+        return NoCommonStorage(x, u, np.maximum(y, 0.0))
+    return NoCommonStorage(x, u, y * (1 - _SHORTER))
 
 
 def _by_vertex(model: NetworkModel, name: str, vector: Floats, mixture: Mixture, count: int) -> Floats:

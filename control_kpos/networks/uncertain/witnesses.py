@@ -64,7 +64,7 @@ class FailingEnd:
 
 @register_record
 @dataclass(frozen=True, eq=False)
-class UnstableMixture:
+class NoCommonStorage:
     """Generators of one node that take different vertices, and do not decay: no common v, r, q of Theorem 4 exist.
 
     Or, with x = 0, outputs that an algebraic loop of such a mixture sustains: no common p, t exist.
