@@ -24,6 +24,13 @@ def with_four_outputs(*rates):
     return kp.feedback_interconnect([made], [[0, 0, 0.25]]).certificate
 
 
+def square(*rates):
+    """Nodes with four generators of X, U and Y, and a third of every state as its input."""
+    cones = {"X": SQUARE, "U": SQUARE, "Y": SQUARE}
+    made = [kp.ConeStateSpace([[r, 0, 0], [0, r, 0], [0, 0, r]], np.eye(3), np.eye(3), 0, **cones) for r in rates]
+    return kp.feedback_interconnect([made], [["1/3", 0, 0], [0, "1/3", 0], [0, 0, "1/3"]]).certificate
+
+
 def crossed(D=None):
     """Both vertices are stable and the mixture of their columns is not."""
     B = [[[[1.5, 0], [0, 0]]], [[[0, 0], [0, 1.5]]]]
@@ -41,6 +48,7 @@ CERTIFICATES = {
             [[0, kp.interval("1/3", 1)], [0.5, 0]],
         ).certificate
     ),
+    "vertices, four generators of everything": lambda: square(-2, "-7/3"),
     "not for any range": lambda: kp.feedback_interconnect([lag(-1)], [[kp.interval("-1/3", 0.5)]]).certificate,
     "not for any vertices": lambda: in_a_loop(lag(-1), lag("1/3")),
     "not for any vertices, positive": lambda: in_a_loop(lag(-1), lag(-1, "-1/3")),

@@ -241,15 +241,15 @@ def loop_direct(model: NetworkModel, g: int, p: Matrix, t: Matrix) -> Condition:
 
 def output_generators(model: NetworkModel) -> Matrix:
     """Generators of the product of the Y_k as sparse rows of length sum q_k."""
-    return _rows_of_product(model, [(s.Y, s.rays[2]) for s in model.stacks], 2)
+    return rows_of_product(model, [(s.Y, s.rays[2]) for s in model.stacks], 2)
 
 
 def input_facets(model: NetworkModel) -> Matrix:
     """Facet normals of the product of the U_j as sparse rows."""
-    return _rows_of_product(model, [(s.U, facets(s.U)) for s in model.stacks], 1)
+    return rows_of_product(model, [(s.U, facets(s.U)) for s in model.stacks], 1)
 
 
-def _rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind: int) -> Matrix:
+def rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind: int) -> Matrix:
     """Generators or facets of all nodes as rows over all inputs (kind 1) or outputs (kind 2)."""
     size = model.totals[kind]
     if all(isinstance(cone, Orthant) for cone, _ in cones):

@@ -14,13 +14,15 @@ from ...proof.certificate import Status
 from .. import conditions as on
 from ..blocks import Floats, Index
 from ..certificate import NetworkCertificate
-from ..certify import algebraic_witness, candidates, certify_as_given, provable_rate, violation
+from ..certify import Data, algebraic_witness, candidates, certify_as_given, provable_rate, violation
 from ..model import NetworkModel
 from ..witnesses import AlgebraicLoop, CouplingViolation, LoopWeights, NetworkInstability, NodeViolation
 from .certificate import UncertainNetworkCertificate
 from .members import Mixture, Vertices, member
 from .mixtures import Worst, has_mixtures, loop_weights_of_all, rates_of_all, worst_mixture
 from .witnesses import FailingEnd, FailingMember, NoCommonStorage
+from .program import common_vectors, growing_motion, loops_of
+from .witnesses import FailingEnd, FailingMember, UnstableMixture
 
 # In cones other than orthants: what inputs and outputs of a mixture are shortened by, and what lifts vectors into them.
 _SHORTER, _LIFT = 1e-7, 1e-9
@@ -30,16 +32,17 @@ _SHORTER, _LIFT = 1e-7, 1e-9
 def certify_all(models: Vertices, lower: NetworkModel | None = None) -> UncertainNetworkCertificate:
     """Decide Theorem 4 with one v, r, q for all vertices.
 
-    A handful of sparse solves and the proof at every vertex; linear in the data.  REFUTED with the first of: a vertex
+    A handful of sparse solves and the proof at every vertex; linear in the data.  If X or U of a node with several
+    vertices is not simplicial, a linear program takes the place of the solves.  REFUTED with the first of: a vertex
     that is not positive, a link that leaves the cones, a choice of vertices that is unstable, a mixture.
     """
-    loop = _loop(models)
+    program = None if has_mixtures(models) else common_vectors(models)
+    loop = _loop(models, program)
     given: dict[str, Any] = {"model": models[0], "vertices": models[1:], "lower": lower}
     common = {**given, "loop_weights": loop}
     contracts = loop is not None or not any(m.has_feedthrough for m in models)
     worst = worst_mixture(models) if has_mixtures(models) and contracts else None
-    for v, r in _vectors(worst):
-        data = rates_of_all(models, v, r)
+    for data in _vectors(models, worst, program):
         rate = min(provable_rate(m, Matrix(data[0]), Matrix(data[2]), discrete=m.discrete) for m in models)
         parts = dict(zip("vrq", map(Matrix, data), strict=True))
         found = UncertainNetworkCertificate.settle(**common, **parts, decay_rate=max(rate, 0.0))
@@ -53,19 +56,21 @@ def certify_all(models: Vertices, lower: NetworkModel | None = None) -> Uncertai
     return UncertainNetworkCertificate.settle(**common)
 
 
-def _vectors(worst: Worst | None) -> Iterator[tuple[Floats, Floats]]:
-    """Vectors v and r of the worst mixture, then more exact ones."""
+def _vectors(models: Vertices, worst: Worst | None, program: Data | None) -> Iterator[Data]:
+    """Vectors of the worst mixture, then more exact ones; or those of the linear program."""
+    if program is not None:
+        yield program
     if worst is not None and worst.vectors is not None:
-        yield worst.vectors
+        yield rates_of_all(models, *worst.vectors)
         for v, r, _ in candidates(worst.network, float(worst.network.discrete)):
-            yield v, r
+            yield rates_of_all(models, v, r)
 
 
-def _loop(models: Vertices) -> LoopWeights:
+def _loop(models: Vertices, program: Data | None) -> LoopWeights:
     """p and t that prove that the algebraic loops of all choices contract, or None."""
-    if not any(m.has_feedthrough for m in models):
+    if not any(m.has_feedthrough for m in models) or not (has_mixtures(models) or program is not None):
         return None
-    p, t, _ = loop_weights_of_all(models)
+    p, t = loop_weights_of_all(models)[:2] if program is None else loops_of(models, program[1])
     if not (np.isfinite(p).all() and np.isfinite(t).all()):
         return None
     weights = Matrix(p), Matrix(t)
@@ -90,6 +95,10 @@ def _refuted(models: Vertices, worst: Worst | None, common: Any) -> Iterator[Unc
             still = NetworkInstability(np.zeros(network.totals[0]), w.u, w.y)
             mixed = _parted(Worst(mixture, network, None), still, len(models))
             yield UncertainNetworkCertificate.settle(**common, witness=mixed)
+    if not has_mixtures(models) and not any(m.has_feedthrough for m in models):
+        w = growing_motion(models)
+        if w is not None:
+            yield UncertainNetworkCertificate.settle(**common, witness=w)
     if worst is not None:
         found = certify_as_given(worst.network)
         if isinstance(found.witness, NetworkInstability):

@@ -84,4 +84,7 @@ class NoCommonStorage:
     def __str__(self) -> str:
         if not np.any(self.x):
             return "no vectors p, t show that algebraic loops contract at all vertices: those of a mixture do not"
-        return "no vectors v, r, q satisfy Theorem 4 at all vertices: a mixture of their columns does not decay"
+        return (
+            "no vectors v, r, q satisfy Theorem 4 at all vertices: parts of a state that take different vertices do "
+            "not decay"
+        )
