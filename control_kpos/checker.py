@@ -1730,7 +1730,7 @@ def no_uncertain_network(e: Said, limit: int) -> None:
     sum x^s != 0,  sum (A^s x^s + B^s u^s) in X,  sum (C^s x^s + D^s u^s) - y in Y,  W y - sum u^s in U.
     Or no p, t show that loops contract:  the same with x = 0 and y in Y, y != 0.
     """
-    kind, w = record(e, "witness", "FailingMember", "FailingEnd", "CouplingViolation", "UnstableMixture")
+    kind, w = record(e, "witness", "FailingMember", "FailingEnd", "CouplingViolation", "NoCommonStorage")
     absent(e, "decay_rate", "nan")
     if kind == "NoCommonStorage":
         mixed(e, w, limit)

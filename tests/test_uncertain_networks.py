@@ -380,7 +380,7 @@ def test_a_motion_excludes_common_vectors_on_other_cones(tmp_path):
     assert crossing(0.7).certificate.check()
     net = crossing(0.8)
     found = net.certificate
-    assert isinstance(found.witness, kp.UnstableMixture) and found.check()
+    assert isinstance(found.witness, kp.NoCommonStorage) and found.check()
     assert all(net.member([s]).certificate for s in range(2)) and "take different vertices" in found.explain()
     w = found.witness
     for change in ({"x": -w.x}, {"u": 3 * w.u}, {"y": 3 * w.y}):

@@ -20,9 +20,8 @@ from ..witnesses import AlgebraicLoop, CouplingViolation, LoopWeights, NetworkIn
 from .certificate import UncertainNetworkCertificate
 from .members import Mixture, Vertices, member
 from .mixtures import Worst, has_mixtures, loop_weights_of_all, rates_of_all, worst_mixture
-from .witnesses import FailingEnd, FailingMember, NoCommonStorage
 from .program import common_vectors, growing_motion, loops_of
-from .witnesses import FailingEnd, FailingMember, UnstableMixture
+from .witnesses import FailingEnd, FailingMember, NoCommonStorage
 
 # In cones other than orthants: what inputs and outputs of a mixture are shortened by, and what lifts vectors into them.
 _SHORTER, _LIFT = 1e-7, 1e-9

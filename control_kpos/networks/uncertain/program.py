@@ -19,7 +19,7 @@ from ..blocks import Floats
 from ..certify import Data, lower_outputs
 from ..model import NetworkModel
 from .members import Vertices
-from .witnesses import UnstableMixture
+from .witnesses import NoCommonStorage
 
 # Unknowns from which on the interior point method is faster.
 _MANY = 2000
@@ -56,7 +56,7 @@ def loops_of(models: Vertices, r: Floats) -> tuple[Floats, Floats]:
 
 
 @np.errstate(all="ignore")
-def growing_motion(models: Vertices) -> UnstableMixture | None:
+def growing_motion(models: Vertices) -> NoCommonStorage | None:
     """x^s, u^s and y that exclude common vectors, with room for rounding; None if there are none.  One program."""
     first = models[0]
     X, U = _rays(first, 0).T, _rays(first, 1).T
@@ -84,7 +84,7 @@ def growing_motion(models: Vertices) -> UnstableMixture | None:
     lift = _LIFT * found.x[-1] / len(models)
     parts = np.split(np.maximum(found.x[:weights], 0.0), [n])
     x, u = (_lifted(G, part, len(models), lift) for G, part in zip((X, U), parts, strict=True))
-    return UnstableMixture(x, u, found.x[weights:-1])
+    return NoCommonStorage(x, u, found.x[weights:-1])
 
 
 def _lifted(G: Any, weights: Floats, count: int, lift: float) -> Floats:
