@@ -224,3 +224,22 @@ def test_what_was_seen_is_named():
     other = 2.0
     with pytest.raises(UnsupportedError, match=r"can tell types apart: is, try"):
         watched(lambda x: (x is other, by_slot([1.0, 2.0])), 1.0)
+
+
+@pytest.mark.parametrize("when", [1, 3, 4, 5, 6, 9])
+def test_a_function_that_changes_from_call_to_call_is_not_proven(when):
+    calls = []
+
+    def counting(x):
+        calls.append(1)
+        return [-x[0] - x[1] if len(calls) > when else -x[0] + x[1], -x[1] + 0.1 * np.cos(3 * x[0])]
+
+    system = ct.nlsys(lambda t, x, u, p: counting(x), inputs=0, states=2)
+    cert = kp.differential_positivity(system, kp.orthant(2), [[-1, 0], [-1, 1]])
+    assert cert.status is not kp.Status.PROVED or len(calls) <= when
+
+
+def test_random_numbers_are_not_proven():
+    rng = np.random.default_rng(0)
+    cert = answer(lambda x: [-x[0] + rng.random() * x[1], -x[1]])
+    assert cert.status is not kp.Status.PROVED and cert.source == "sampled"

@@ -24,14 +24,17 @@ class IntervalDual(Unreadable):
     ----------
     known : Known
         Bounds of both.
+    steps : int
+        The same for what came about by the same operations, in any call.
     """
 
     __array_priority__ = 1000
-    __slots__ = ("_held", "_packed")
+    __slots__ = ("_held", "_packed", "_steps")
 
-    def __init__(self, known: Known) -> None:
+    def __init__(self, known: Known, steps: int) -> None:
         _hold(self, known)
         _set_packed(self, False)
+        _STEPS.__set__(self, steps)
 
     def __pos__(self) -> IntervalDual:
         return self
@@ -59,10 +62,10 @@ class IntervalDual(Unreadable):
 
 
 # The only ways to what an object knows: no attribute leads there.
-_HELD, _PACKED = IntervalDual.__dict__["_held"], IntervalDual.__dict__["_packed"]
+_HELD, _PACKED, _STEPS = (IntervalDual.__dict__[name] for name in ("_held", "_packed", "_steps"))
 known_of: Callable[[Any], Known] = _HELD.__get__
 _hold, _set_packed = _HELD.__set__, _PACKED.__set__
-del IntervalDual._held, IntervalDual._packed  # type: ignore[attr-defined]
+del IntervalDual._held, IntervalDual._packed, IntervalDual._steps  # type: ignore[attr-defined]
 
 
 def _operator(name: str, swapped: bool = False) -> Callable[[Any, Any], Any]:
@@ -114,13 +117,20 @@ def _read(item: Any, like: Known) -> Known:
 
 
 def _unary(name: str, item: IntervalDual) -> IntervalDual:
-    return IntervalDual(UNARY[name](_read(item, known_of(item))))
+    return IntervalDual(UNARY[name](_read(item, known_of(item))), hash((name, steps_to(item))))
 
 
 def _binary(name: str, first: Any, second: Any) -> IntervalDual:
     like = known_of(first if type(first) is IntervalDual else second)
     a, b = _read(first, like), _read(second, like)
-    return IntervalDual(BINARY[name](a, b))
+    return IntervalDual(BINARY[name](a, b), hash((name, steps_to(first), steps_to(second))))
+
+
+def steps_to(item: Any) -> int:
+    """What a result of a call came about by, up to the hash of it."""
+    if type(item) is IntervalDual:
+        return _STEPS.__get__(item)
+    return hash(item.tobytes() if isinstance(item, np.ndarray) else item)
 
 
 def _clipped(item: Any, low: Any, high: Any) -> Any:

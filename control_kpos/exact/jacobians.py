@@ -34,9 +34,8 @@ def _arguments(lower: Any, upper: Any, n: int) -> list[IntervalDual]:
     for i, (a, b) in enumerate(zip(lower, upper, strict=True)):
         unit = np.zeros(n)
         unit[i:][:1] = 1.0
-        out.append(
-            IntervalDual(Known((np.asarray(a, dtype=float), np.asarray(b, dtype=float)), (unit, unit), object()))
-        )
+        known = Known((np.asarray(a, dtype=float), np.asarray(b, dtype=float)), (unit, unit), object())
+        out.append(IntervalDual(known, i))
     return out
 
 

@@ -33,6 +33,7 @@ from ..exact.intake import (
     seconds,
     whole_number,
 )
+from ..exact.intervals import steps_to
 from ..exact.jacobians import (
     box_points,
     enclosed_jacobian,
@@ -208,10 +209,15 @@ class _Enclosure:
     def __init__(self, function: Callable[[Any], Any], X: Cone, discrete: bool) -> None:
         self._function, self._X, self._discrete = function, X, discrete
         self.effort, self.last_decision = _PER_ENCLOSURE, False
+        self._steps: list[int] | None = None
 
     def __call__(self, z: Any) -> Any:
         before = operations_left()
         value = self._function(z)
+        steps = [steps_to(y) for y in np.asarray(value, dtype=object).ravel()]
+        if self._steps not in (None, steps):
+            raise UnsupportedError("the function does something else than at an earlier call")
+        self._steps = steps
         self.effort = max(self.effort, before - operations_left())
         with suppress(OutOfBudgetError):  # the value is there; what follows asks whether it may begin
             spend(_PER_ENCLOSURE)
