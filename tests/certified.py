@@ -15,13 +15,11 @@ from control_kpos.design.plant import in_sparse_form
 from control_kpos.design.running import Programs
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix
-from control_kpos.find import ConeCertificate
 from control_kpos.find.one_matrix.explicit import modal_cone
 from control_kpos.find.one_matrix.modes import modes
 
-PAPER = kp.PolyhedralCone([[0, 1], [1, -2]])
+PAPER, LINE = kp.PolyhedralCone([[0, 1], [1, -2]]), kp.orthant(1)
 SQUARE = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])
-LINE = kp.orthant(1)
 
 
 def scalar_supply(r):
@@ -66,7 +64,7 @@ def own_links(rate, across=0):
 def thin_cone(A):
     """The certificate of a cone with sparse multipliers, as those of thousands of generators are."""
     found = modal_cone(modes(np.array(A, dtype=float)), thin=True)
-    return ConeCertificate.settle(
+    return kp.ConeCertificate.settle(
         matrices=Matrix.stack([Matrix(np.array(A, dtype=float))]),
         rays=Matrix(found.R.T.copy()),
         multipliers=Matrix(found.multipliers.combined()),

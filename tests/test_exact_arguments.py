@@ -19,8 +19,7 @@ from control_kpos.exact.matrix import Matrix
 # fraction that it has to be; or the reason why the argument holds no data of a proof.
 
 CONE, SAME = [["1/3", "1/7"], [0, 1]], kp.PolyhedralCone([[7, 3], [0, 1]])
-SIDE, SIDES = [["1/3"]], [[THIRD]]
-LINE, PLANE = kp.orthant(1), kp.orthant(2)
+SIDE, SIDES, LINE, PLANE = [["1/3"]], [[THIRD]], kp.orthant(1), kp.orthant(2)
 MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
 MIXED, MIXED_SAME = [["-1", "1/3"], ["1/7", "-2"]], [[-1, THIRD], [Fraction(1, 7), -2]]
 GAINED, LOSSY = [["1/3", 1], [1, -3]], kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, 0)

@@ -90,6 +90,8 @@ class PositivityCertificate(Certificate):
 
     def conditions(self) -> Sequence[Condition]:
         """The inclusions of Theorem 1, those into X by facets or from generators."""
+        if self.A is None and self.X.dim:
+            raise DataError("A is missing: this is about x' = A x.")
         proof, inclusions = self.generator_proof, self.inclusions()
         if proof is None:
             return [inclusion.condition() for inclusion in inclusions]
