@@ -696,7 +696,7 @@ def blocks(s: System, e: Said) -> tuple[list[int], list[int]]:
     """The block of every input and of every output; every block has both."""
     ins, outs = ([index(k) for k in sequence(e[name])] for name in ("input_blocks", "output_blocks"))
     expect((len(ins), len(outs)) == (s.U.dim, s.Y.dim), "a block for every input and every output")
-    expect(set(ins) == set(outs) == set(range(max(ins, default=-1) + 1)), "every block has inputs and outputs")
+    expect(set(ins) == set(outs) == set(range(max(ins) + 1)), "every block has inputs and outputs")
     return ins, outs
 
 

@@ -72,6 +72,8 @@ CASES = {
     "gain, x too small": (gain(x="7/16"), "WRONG"),
     "gain, x too large": (gain(x="3/4"), "WRONG"),
     "gain, x with feedthrough": (gain(D="1/8"), "WRONG"),
+    "gain, w with feedthrough": (gain(upper="3/4", u="13/16", z="13/16", p="1/2", D="1/8"), "WRONG"),
+    "gain, w with feedthrough, larger u": (gain(upper="3/4", u="27/32", z="27/32", p="1/2", D="1/8"), "PROVED"),
     "gain, p too small": (gain(p="1/2"), "WRONG"),
     "gain, p too large": (gain(p="3/4"), "WRONG"),
     "gain, p with feedthrough": (gain(x="1/2", u="9/8", z="9/8", D="1/64"), "WRONG"),

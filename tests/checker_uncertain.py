@@ -57,6 +57,15 @@ def crossed(x=(1, 1, 0, 0), u=(1, 0, 0, 1), y=(1, 1), b=1, W=1, D=0, kind="NoCom
     return out
 
 
+def stepped(b):
+    """p+ = p / 2 + b1 u1 and so on."""
+    out = crossed(b=b)
+    half = {"matrix": [["1/2", 0], [0, "1/2"]]}
+    out["data"] |= {"A": half, "discrete": True, "dt": 1}
+    out["data"]["vertices"]["tuple"][0]["tuple"][0] = half
+    return out
+
+
 def closed(out):
     out["data"]["own_links_closed"] = True
     return out
@@ -75,6 +84,8 @@ NEGATIVE = {
 }
 LEAVING = {"record": "CouplingViolation", "fields": {"source": 0, "target": 0, "ray": 0}}
 CASES = {
+    "vertices, a mixture in steps": (stepped("1/2"), "REFUTED"),
+    "vertices, a mixture in steps that falls": (stepped("1/4"), "WRONG"),
     "ranges": (ranges(), "PROVED"),
     "ranges of nothing": (ranges((-2, 1, 1, 0, 1)), "PROVED"),
     "ranges and vertices": (ranges((-3, 0, 0, 0, 0), vertex()), "PROVED"),

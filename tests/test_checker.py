@@ -247,6 +247,8 @@ EQUIVALENT = {
     "system: a >= 0 -> a > 0": "entries that are zero are not stored",
     "jacobian: a >= 0 -> a > 0": "entries that are zero are not stored",
     "no_bounded_feedback: a >= 0 -> a > 0": "entries that are zero are not stored",
+    "nonnegative: a >= 0 -> a > 0": "entries that are zero are not stored",
+    "structured_gain: min(x.values()) > 0 -> min(x.values()) >= 0": "entries that are zero are not stored",
     "loop: dot(p, y) > 0 -> dot(p, y) >= 0": "p'D u <= t'u, D U in Y, W Y in U: 0 <= t'W y < p'y",
     "changes: a > 0 -> a >= 0": "only signs of numbers that are not zero are compared",
     "changes: a > 0 -> a < 0": "the opposites change where the signs do",

@@ -44,7 +44,7 @@ _OTHERS = "find_cone and design_cone_and_feedback look for one"
 def described(X: Cone) -> str:
     """A cone in words, after "being"."""
     if isinstance(X, Orthant):
-        return f"the nonnegative orthant of R^{X.dim}"
+        return f"the nonnegative orthant of R^{X.dim} (the default)"
     return f"a cone of {X.n_rays} generators in R^{X.dim}"
 
 

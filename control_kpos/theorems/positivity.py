@@ -27,6 +27,7 @@ from ..exact.condition import Condition
 from ..exact.intake import exact_matrix, flag, require_shape
 from ..exact.matrix import Matrix
 from ..proof.certificate import Certificate, Status
+from ..proof.encoding import require_kinds
 from ..proof.generators_in_files import generator_proof
 from ..proof.inclusion import MEANING, NAMES, NO_MARGIN, GeneratorProof, Inclusion, PlaneViolation, PositivityViolation
 from ..proof.portable_cones import encode_generators, own_generators
@@ -128,6 +129,7 @@ class PositivityCertificate(Certificate):
         contents : dict
             By field.
         """
+        require_kinds(cls, contents)
         draft = cls(**contents)
         draft._require_fit()
         return cls.settle(**{**contents, "witness": draft.restated()})
