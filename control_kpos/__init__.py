@@ -55,8 +55,11 @@ if TYPE_CHECKING:
         CycleOfGrowth,
         DwellCertificate,
         DwellCycle,
+        MeanDirection,
+        MeanStabilityCertificate,
         NextModeCertificate,
         NoCommonVector,
+        StabilisingCertificate,
         Switching,
         SwitchingCertificate,
         UnstableMixture,
@@ -118,6 +121,8 @@ __all__ = [
     "InstabilityDirection",
     "KposError",
     "LyapunovCertificate",
+    "MeanDirection",
+    "MeanStabilityCertificate",
     "NetworkCertificate",
     "NetworkInstability",
     "NetworkIntervalCertificate",
@@ -140,6 +145,7 @@ __all__ = [
     "RobustMargin",
     "ShapeError",
     "SolverError",
+    "StabilisingCertificate",
     "Status",
     "StructuredGainCertificate",
     "SupplyViolation",
@@ -199,8 +205,9 @@ _ON_DEMAND = {
             "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
         ),
         ".families": (
-            "CommonVectorCertificate CycleOfGrowth DwellCertificate DwellCycle NextModeCertificate NoCommonVector "
-            "Switching SwitchingCertificate UnstableMixture switched"
+            "CommonVectorCertificate CycleOfGrowth DwellCertificate DwellCycle MeanDirection MeanStabilityCertificate "
+            "NextModeCertificate NoCommonVector StabilisingCertificate Switching SwitchingCertificate UnstableMixture "
+            "switched"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (

@@ -1,7 +1,9 @@
 """Families of systems: arbitrary switching, its growth, and what refutes it."""
 
+from .chain import MeanDirection, MeanStabilityCertificate
 from .common_vector import CommonVectorCertificate, NoCommonVector
 from .dwell import DwellCertificate, DwellCycle
+from .stabilising import StabilisingCertificate
 from .switched import Switching, switched
 from .switching import CycleOfGrowth, NextModeCertificate, SwitchingCertificate, UnstableMixture
 
@@ -10,8 +12,11 @@ __all__ = [
     "CycleOfGrowth",
     "DwellCertificate",
     "DwellCycle",
+    "MeanDirection",
+    "MeanStabilityCertificate",
     "NextModeCertificate",
     "NoCommonVector",
+    "StabilisingCertificate",
     "Switching",
     "SwitchingCertificate",
     "UnstableMixture",

@@ -39,33 +39,34 @@ _EXACT = 5000
 _DENSE = 400
 
 
-def common_candidates(X: Cone, matrices: Sequence[Matrix], *, discrete: bool) -> Iterator[Floats]:
-    """Vectors e inside X that all matrices may map into -X (A e - e in discrete time).
+def common_candidates(X: Cone, matrices: Sequence[Matrix], *, discrete: bool, rate: float = 0.0) -> Iterator[Floats]:
+    """Vectors e inside X that all A + rate I may map into -X (A - I + rate I in discrete time).
 
     Parameters
     ----------
     X : Cone
     matrices : sequence of Matrix, shape (n, n)
     discrete : bool
+    rate : float
 
     Yields
     ------
     ndarray, shape (n,)
     """
     if X.is_simplicial:
-        found = worst_mixture(X, matrices, discrete=discrete)
+        found = worst_mixture(X, matrices, discrete=discrete, rate=rate)
         if found is not None:
             yield found
     if X.dim <= _DENSE and not has_open_facets(X):
-        found = inside(np.asarray(X.rays), np.asarray(X.facets), matrices, discrete=discrete)
+        found = inside(np.asarray(X.rays), np.asarray(X.facets), matrices, discrete=discrete, rate=rate)
         if found is not None:
             yield found
 
 
-def worst_mixture(X: Cone, matrices: Sequence[Matrix], *, discrete: bool) -> Floats | None:
+def worst_mixture(X: Cone, matrices: Sequence[Matrix], *, discrete: bool, rate: float = 0.0) -> Floats | None:
     """The e of the worst mixture on a simplicial cone; None if a mixture is not stable."""
     H = _form(X.exact_facets.values, X.dim)
-    moved = [_form(H @ (_form(A.values, X.dim) - discrete * _eye(X.dim)), X.dim) for A in matrices]
+    moved = [_form(H @ (_form(A.values, X.dim) + (rate - discrete) * _eye(X.dim)), X.dim) for A in matrices]
     push = H @ np.asarray(X.interior_point)
     chosen, every = np.zeros(X.dim, dtype=int), np.arange(X.dim)
     e: Floats | None = np.zeros(X.dim)

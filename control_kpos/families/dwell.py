@@ -14,6 +14,9 @@ exponential is evaluated: the first line gives v_s'M_s x <= a_s v_s'x, so with z
 implies the second.  From below, in the order of X: e^{A_s t} x >= sum_{k<=N} (M_s t)^k x / k! / (e_N + rest), so that a
 cycle of members and times for which the product of the right-hand sides maps some x to x or more does not let it go
 to 0.  All numbers are rational, and nothing is rounded.
+
+In discrete time T is a whole number of steps, A_s - I takes the place of A_s in the first line, and the power A_s^T
+that of e^{A_s T}: no series is needed, nor any shift.
 """
 
 from __future__ import annotations
@@ -25,7 +28,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..cards import floored, raised, shown
+from ..cards import about, floored, raised, shown
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
@@ -36,8 +39,8 @@ from ..proof.weights import Prover
 from ..theorems.decay_rates import drift_forms
 from .switching import ClaimOnFamily
 
-# Terms of a series above which a certificate is refused.
-MOST_TERMS = 1000
+# Terms of a series, and steps in discrete time, above which a certificate is refused.
+MOST_TERMS = MOST_STEPS = 1000
 Rationals = Any
 
 
@@ -65,6 +68,14 @@ def partial_sum(M: Rationals, t: Fraction, terms: int, x: Rationals) -> Rational
     return start * Fraction(1, below * over)
 
 
+def power(A: Matrix, steps: int, x: Rationals) -> Rationals:
+    """A^steps x for the columns x, in fractions."""
+    (m, unit), (y, over) = _integers(A.dense().fractions()), _integers(x)
+    for _ in range(steps):
+        y = m @ y
+    return y * Fraction(1, over * unit**steps)
+
+
 def _integers(values: Rationals) -> tuple[Rationals, int]:
     """Integers and their common denominator."""
     numerators, factor = Matrix.from_fractions(np.asarray(values, dtype=object)).as_integers()
@@ -90,7 +101,7 @@ class DwellCycle:
     times : tuple of Fraction
         How long each of them is active.
     shifts : tuple of Fraction
-        a_s of every member of the family: A_s + a_s I maps X into X.
+        a_s of every member of the family: A_s + a_s I maps X into X.  None in discrete time.
     terms : int
         Terms of every series.
     exact : tuple of Fraction, or None
@@ -105,15 +116,17 @@ class DwellCycle:
     exact: Fractions = Fractions("x")
 
     def __str__(self) -> str:
-        parts = ", ".join(f"{s} for about {float(t):.6g}" for s, t in zip(self.modes, self.times, strict=True))
+        parts = ", ".join(f"{s} for {about(t)}" for s, t in zip(self.modes, self.times, strict=True))
         return f"a cycle of the members {parts} that takes x = {shown(self.x)} to no less"
 
 
 class ClaimOnExponentials(ClaimOnFamily):
-    """A claim about e^{A_s t}, by series."""
+    """A claim about e^{A_s t}, by series; in discrete time about A_s^t."""
 
     def _kept(self, shifts: Sequence[Fraction]) -> list[Condition]:
         """A_s + a_s I maps X into X."""
+        if self.discrete and not shifts:
+            return []
         if self.discrete or len(shifts) != len(self.loops) or min(shifts) < 0:
             raise DataError("exponentials are those of continuous time, with a shift that is not negative for each.")
         X = self.X
@@ -123,8 +136,16 @@ class ClaimOnExponentials(ClaimOnFamily):
         )
         return [Condition(f"h'(A_{s} + a I) x >= 0", form, ">=") for s, form in enumerate(forms)]
 
+    def _steps(self, t: Fraction) -> int:
+        """A time as a number of steps."""
+        if t.denominator != 1 or not 0 < t <= MOST_STEPS:
+            raise DataError(f"in discrete time members are active for whole numbers of steps, up to {MOST_STEPS}.")
+        return int(t)
+
     def _weights(self, shifts: Sequence[Fraction]) -> list[Any]:
         """Weights of (A_s + a_s I) x for the generators x of X."""
+        if self.discrete:
+            return super().evidence()["P"]
         prover, matrices = Prover(), (shifted(loop.A, a) for loop, a in zip(self.loops, shifts, strict=True))
         return [prover.inclusion(self.X, Matrix.from_fractions(M), self.X) for M in matrices]
 
@@ -140,11 +161,11 @@ class DwellCertificate(ClaimOnExponentials):
     vs : Matrix, shape (S, n)
         v_s in int X*: v_s'x falls while s is active.
     dwell_time : Fraction
-        T: every member stays active for T or longer.
+        T: every member stays active for T or longer; in discrete time for T steps.
     shifts : tuple of Fraction
-        a_s: A_s + a_s I maps X into X.
+        a_s: A_s + a_s I maps X into X.  None in discrete time.
     terms : tuple of int
-        Terms of the series of every member.
+        Terms of the series of every member.  None in discrete time.
     witness : DwellCycle or None
         For REFUTED: a signal whose times are all `dwell_time` or longer and that does not let x go to 0.
     """
@@ -160,17 +181,19 @@ class DwellCertificate(ClaimOnExponentials):
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.dwell_time <= 0:
             raise DataError("a dwell time is positive.")
+        if self.discrete:
+            self._steps(self.dwell_time)
         return super()._evaluate()
 
     def conditions(self) -> list[Condition]:
         """The inequalities of every member and every pair of them."""
         vs, count, X = self.vs, len(self.loops), self.X
-        if vs is None or vs.shape != (count, X.dim) or len(self.terms) != count:
-            raise DataError("every member has a vector, and a number of terms.")
+        if vs is None or vs.shape != (count, X.dim) or len(self.terms) != (0 if self.discrete else count):
+            raise DataError("every member has a vector, and in continuous time a number of terms.")
         out = [*self._kept(self.shifts), Condition("v_s'x > 0", BilinearForms(vs, None, X.exact_rays), ">")]
         for s, loop in enumerate(self.loops):
             row = vs[np.array([s])]
-            out.append(Condition(f"v_{s}'A_{s} x < 0", drift_forms(row, loop.A, X.exact_rays, False), "<"))
+            out.append(Condition(f"v_{s}'A_{s} x < 0", drift_forms(row, loop.A, X.exact_rays, self.discrete), "<"))
         if any(c.verdict() is not True for c in out):
             return out
         return out + [self._switched(s) for s in range(count) if count > 1]
@@ -178,9 +201,12 @@ class DwellCertificate(ClaimOnExponentials):
     def _switched(self, s: int) -> Condition:
         """sum_k v_t'(M T)^k x / k! + c rest v_s'x - e_N v_s'x for all t and x, scaled."""
         v, rays = self._fractions(), self.X.exact_rays.plain().fractions()
-        others = np.delete(v, s, axis=0)
-        done, rest = partial_exponential(self.shifts[s] * self.dwell_time, self.terms[s])
-        sums = partial_sum(shifted(self.loops[s].A, self.shifts[s]).T, self.dwell_time, self.terms[s], others.T)
+        others, A = np.delete(v, s, axis=0), self.loops[s].A
+        if self.discrete:
+            done, rest, sums = Fraction(1), Fraction(0), power(A.T, int(self.dwell_time), others.T)
+        else:
+            done, rest = partial_exponential(self.shifts[s] * self.dwell_time, self.terms[s])
+            sums = partial_sum(shifted(A, self.shifts[s]).T, self.dwell_time, self.terms[s], others.T)
         own, values = rays @ v[s], others @ rays.T
         most = np.array([max(row / own) for row in values], dtype=object)
         excess = (sums.T @ rays.T + (rest * most)[:, None] * own - done * own) / (done * own)
@@ -222,6 +248,9 @@ class DwellCertificate(ClaimOnExponentials):
             raise DataError("a cycle has members of the family, a time for each, and terms.")
         x = out = exactly(w, "x").fractions()
         for s, t in zip(modes, w.times, strict=True):
+            if self.discrete:
+                out = power(self.loops[s].A, self._steps(t), out[:, None])[:, 0]
+                continue
             done, rest = partial_exponential(w.shifts[s] * t, w.terms)
             sums = partial_sum(shifted(self.loops[s].A, w.shifts[s]), t, w.terms, out[:, None])[:, 0]
             out = sums / (done + rest)
@@ -238,11 +267,15 @@ class DwellCertificate(ClaimOnExponentials):
 
     def explain(self) -> str:
         """What is proven, in words."""
-        time = raised(self.dwell_time, 6)
+        rounded, steps = (
+            (floored if self.refuted_by is not None else raised),
+            (" step" + "s" * (self.dwell_time > 1)) * self.discrete,
+        )
+        time = f"{rounded(self.dwell_time, 6)}{steps}"
         if self.refuted_by is not None:
             return (
-                "Refuted: not stable for every order in which each member stays active for "
-                f"{floored(self.dwell_time, 6)} or longer: there is {self.witness}."
+                f"Refuted: not stable for every order in which each member stays active for {time} or longer: there is "
+                f"{self.witness}."
             )
         if self:
             return (

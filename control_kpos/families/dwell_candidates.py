@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from itertools import permutations
+from functools import reduce
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..exact.budget import spend
 from ..exact.matrix import Matrix
 from ..exact.program import Block, Program
 from ..exact.programs import program_effort
-from .dwell import MOST_TERMS
+from .dwell import MOST_STEPS, MOST_TERMS
 
 Floats = NDArray[np.float64]
 # Halvings of the dwell time, how close its ends come relatively, and doublings until vectors are found.
@@ -29,6 +30,8 @@ _ACCURACY, _LENGTH = 1e-9, 3
 _RATIOS = (1.0, 1.5, 2.5)
 # Grid of times.
 _POINTS = 200
+# In discrete time: how many different numbers of steps a cycle has, from the least one on.
+_MORE_STEPS = 2
 
 
 def shift_of(X: Cone, A: Matrix) -> Fraction:
@@ -53,8 +56,13 @@ def terms_for(z: float) -> int | None:
     return None
 
 
-def vectors(X: Cone, matrices: Sequence[Floats], T: float) -> Floats | None:
-    """v_s with v_s'A_s x < 0 and v_t'e^{A_s T} x < v_s'x, or None."""
+def flow(A: Floats, t: Any, discrete: bool) -> Floats:
+    """e^{A t}, or A^t."""
+    return np.linalg.matrix_power(A, int(t)) if discrete else la.expm(A * float(t))
+
+
+def vectors(X: Cone, matrices: Sequence[Floats], T: float, discrete: bool = False) -> Floats | None:
+    """v_s with v_s'A_s x < 0 (v_s'A_s x < v_s'x) and v_t'e^{A_s T} x < v_s'x (v_t'A_s^T x), or None."""
     rays, count, n = np.asarray(X.rays, dtype=float), len(matrices), X.dim
     rays = rays / np.linalg.norm(rays, axis=1)[:, None]
     spend(program_effort(count**2 * len(rays), count * n))
@@ -62,8 +70,8 @@ def vectors(X: Cone, matrices: Sequence[Floats], T: float) -> Floats | None:
     program = Program(**{name: Block(n, -1.0, 1.0) for name in names}, margin=Block(1, -1.0, 1.0, -1.0))
     ones, none = np.ones(len(rays)), np.zeros(len(rays))
     for s, A in enumerate(matrices):
-        size, moved = max(1.0, float(np.abs(A).max())), rays @ la.expm(A * T).T
-        parts: list[Any] = [{names[s]: rays}, {names[s]: -(rays @ A.T) / size}]
+        size, moved = max(1.0, float(np.abs(A).max())), rays @ flow(A, T, discrete).T
+        parts: list[Any] = [{names[s]: rays}, {names[s]: -(rays @ A.T - (rays if discrete else 0)) / size}]
         parts += [{names[s]: rays, names[t]: -moved} for t in range(count) if t != s]
         for part in parts:
             program.above(none, ones, **part)
@@ -96,6 +104,22 @@ def least_dwell_times(X: Cone, matrices: Sequence[Floats]) -> Iterator[tuple[Fra
             yield T, found
 
 
+def least_steps(X: Cone, matrices: Sequence[Floats]) -> Iterator[tuple[Fraction, Floats]]:
+    """The same in discrete time: whole numbers of steps."""
+    low, high = 0, 1
+    while vectors(X, matrices, high, True) is None:
+        low, high = high, 2 * high
+        if high > MOST_STEPS:
+            return
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if vectors(X, matrices, middle, True) is not None else (middle, high)
+    for T in (high, high + 1, 2 * high):
+        found = vectors(X, matrices, T, True)
+        if found is not None:
+            yield Fraction(T), found
+
+
 def short(t: float, *, up: bool) -> Fraction:
     """A number with a few binary digits, not below t (`up`) or not above it."""
     unit = Fraction(2) ** (int(np.floor(np.log2(t))) - _DIGITS)
@@ -116,6 +140,22 @@ def unstable_cycles(matrices: Sequence[Floats], most: float) -> Iterator[tuple[t
                     found.append((t, modes, tuple(t * r for r in ratios)))
     for _, modes, times in sorted(found, key=lambda item: -item[0])[:3]:
         yield modes, times
+
+
+def unstable_step_cycles(matrices: Sequence[Floats], most: int) -> Iterator[tuple[tuple[int, ...], tuple[int, ...]]]:
+    """Members and numbers of steps, all of T or T + 1 and so on, with a radius of 1 or more; the largest T first."""
+    count = len(matrices)
+    orders = [
+        modes for length in (2, _LENGTH) for modes in permutations(range(count), length) if modes[0] == min(modes)
+    ]
+    for T in range(most, 0, -1):
+        powers = [[flow(A, T + more, True) for more in range(_MORE_STEPS)] for A in matrices]
+        for modes in orders:
+            for mores in product(range(_MORE_STEPS), repeat=len(modes)):
+                spend(30 * len(matrices[0]) ** 3)
+                P = reduce(lambda P, M: M @ P, [powers[s][more] for s, more in zip(modes, mores, strict=True)])
+                if np.abs(np.linalg.eigvals(P)).max() >= 1 - 1e-12:
+                    yield modes, tuple(T + more for more in mores)
 
 
 def _ratios(length: int) -> list[tuple[float, ...]]:
@@ -140,11 +180,13 @@ def _longest(
     return low * (1 - 1e-5)
 
 
-def transition(matrices: Sequence[Floats], modes: Sequence[int], times: Sequence[Any]) -> Floats:
-    """The product of the exponentials of a cycle."""
+def transition(
+    matrices: Sequence[Floats], modes: Sequence[int], times: Sequence[Any], discrete: bool = False
+) -> Floats:
+    """The product of the exponentials, or powers, of a cycle."""
     P = np.eye(len(matrices[0]))
     for s, t in zip(modes, times, strict=True):
-        P = la.expm(matrices[s] * float(t)) @ P
+        P = flow(matrices[s], t, discrete) @ P
     return P
 
 

@@ -211,22 +211,32 @@ def mixtures(X: Cone, matrices: Sequence[Matrix], *, discrete: bool) -> Iterator
             yield tuple(Fraction(int(s == t)) for t in range(count)), x
     if X.dim > _DENSE or count == 1:
         return
-    weights = _steepest([_dense(A) for A in matrices])
+    for lam, mixed in combined(matrices, steepest(matrices, 1)):
+        x = _not_shrunk(mixed, X, discrete=discrete)
+        if x is not None:
+            yield lam, x
+
+
+def combined(matrices: Sequence[Matrix], weights: list[float]) -> Iterator[tuple[tuple[Fraction, ...], Matrix]]:
+    """Weights of sum 1 near the given ones, simple ones first, and sum lam_s A_s."""
     exact = [A.dense().fractions() for A in matrices]
     for most in _DENOMINATORS:
         lam = [Fraction(a).limit_denominator(most) for a in weights]
+        if not any(lam):
+            continue
         lam = [a / sum(lam) for a in lam]
         mixed = sum((a * A for a, A in zip(lam, exact, strict=True) if a), start=0 * exact[0])
-        x = _not_shrunk(Matrix.from_fractions(np.asarray(mixed)), X, discrete=discrete)
-        if x is not None:
-            yield tuple(lam), x
+        yield tuple(lam), Matrix.from_fractions(np.asarray(mixed))
 
 
-def _steepest(dense: list[Floats]) -> list[float]:
-    """Weights with a large growth rate of the mixture: towards one member after the other, by points on the way."""
-    stack, count = np.array(dense), len(dense)
+def steepest(matrices: Sequence[Matrix], sign: int) -> list[float]:
+    """Weights with a large growth rate of the mixture, or with a small one for the sign -1.
+
+    From the mean of all towards one member after the other, by points on the way.
+    """
+    stack, count = np.array([_dense(A) for A in matrices]), len(matrices)
     best = np.full(count, 1 / count)
-    rate, steps = _rate(stack, best), np.linspace(0, 1, _POINTS)
+    rate, steps = sign * _rate(stack, best), np.linspace(0, 1, _POINTS)
     for _ in range(_ROUNDS):
         before = rate
         for s in range(count):
@@ -235,7 +245,7 @@ def _steepest(dense: list[Floats]) -> list[float]:
                 (1 + t) * ends[0] - t * ends[1] for t in steps * best[s] / max(1 - best[s], 1e-9)
             ]
             tried = [np.maximum(w, 0) / np.maximum(w, 0).sum() for w in tried]
-            rates = [_rate(stack, w) for w in tried]
+            rates = [sign * _rate(stack, w) for w in tried]
             if max(rates) > rate:
                 rate, best = max(rates), tried[int(np.argmax(rates))]
         if not rate > before + 1e-12 * abs(before):

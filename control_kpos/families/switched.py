@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..cones import Cone
 from ..cones.polyhedral import has_open_facets
+from ..errors import DataError
 from ..exact.budget import OutOfBudgetError, budget, ended_by, reason
-from ..exact.intake import seconds
+from ..exact.intake import exact_number, seconds
 from ..exact.matrix import Matrix
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
@@ -23,6 +24,8 @@ from .candidates import common_candidates, no_common
 from .common_vector import CommonVectorCertificate, Floats
 from .dwelling import dwell_bounds, dwell_times
 from .growth import cycles, directions, factor_of, growing, mixtures, next_mode_vectors
+from .jumping import Jumping, mean_stability, read_chain
+from .stabilising import StabilisingCertificate, stabilising
 from .switching import CycleOfGrowth, NextModeCertificate, SwitchingCertificate, UnstableMixture
 
 # Operations after which the search gives up, where no time limit is given.
@@ -33,6 +36,7 @@ _MORE, _DIGITS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8), 80
 _NEARLY = 1 - 1e-9
 _NO_V = "No common v exists for these members (v'x falls in every one of them): that is proven, see `others`."
 _NO_E = "No common e exists for these members (the gauge norm of e falls in every one): that is proven, see `others`."
+_SLOW = "Stability is proven, see `others`, but not at the rate that was asked for."
 _OPEN = (
     "Neither a common v or e, nor a cycle or mixture of members that prevents stability, was proven. A larger "
     "`time_limit` allows longer cycles; dwell times or a smaller family may do."
@@ -51,20 +55,23 @@ class Switching(Answer):
         Proven: e inside X, and the gauge norm |x|_e falls in every member.
     decay_rate : float
         Proven for every order: of v'x or |x|_e, whichever is faster; in discrete time they fall at least like
-        (1 - decay_rate)^k.  NaN without v and e.
+        (1 - decay_rate)^k.  With a chain: of the mean of |x|.  NaN without v, e and a chain.
     vs : ndarray, shape (S, n), or None
-        Discrete time: the v_s that prove `growth`.
+        Discrete time: the v_s that prove `growth`.  With a chain: the v_s that prove mean stability.
     growth : float
         Discrete time: proven upper bound on the growth per step for every order; NaN without one.
     growth_bounds : (float, float)
         Discrete time: some order grows at least like lower^k, none faster than upper^k; (0, inf) without proof.
     dwell_time : float
-        Continuous time: proven upper bound on the least T for which every order that stays in each member for T or
-        longer is stable; 0 if every order is, inf if a member alone is not stable, NaN if nothing was found.
+        Proven upper bound on the least T for which every order that stays in each member for T or longer is stable, in
+        discrete time for T steps; 0 if every order is, inf if a member alone is not stable, NaN if nothing was found.
     dwell_bounds : (float, float)
         Before it a T for which some such order is not stable, proven; 0 where none was found.
+    stabilising : StabilisingCertificate or None
+        If not every order is proven stable: a rule that chooses the member by the state and makes v'x fall, with `v`,
+        `weights`, `decay_rate` and `rule(x)`; None where none was found.
     others : tuple of Certificate
-        What else is proven: the other one of v and e, or that it does not exist; the growth; the dwell times.
+        What else is proven: the other one of v and e, or that it does not exist; the growth; the dwell times; the rule.
     """
 
     v: Floats | None = None
@@ -75,6 +82,7 @@ class Switching(Answer):
     growth_bounds: tuple[float, float] = (0.0, float("inf"))
     dwell_time: float = float("nan")
     dwell_bounds: tuple[float, float] = (0.0, float("nan"))
+    stabilising: StabilisingCertificate | None = None
     others: tuple[Any, ...] = ()
 
     def explain(self) -> str:
@@ -106,9 +114,12 @@ def switched(
     *,
     X: Cone | ArrayLike | None = None,
     discrete: bool | None = None,
+    chain: ArrayLike | None = None,
+    jumps: Any = None,
+    rate: Literal["max"] | float | Fraction | str | None = None,
     time_limit: float | None = None,
 ) -> Switching:
-    """Decide whether x' = A_s(t) x is exponentially stable for every s(t), or for every s(t) that dwells long enough.
+    """Decide whether x' = A_s(t) x is exponentially stable for every s(t), or in the mean if s(t) is a Markov chain.
 
     Parameters
     ----------
@@ -118,6 +129,17 @@ def switched(
         Kept by every member.  Default: the cone of the systems; the orthant for matrices.
     discrete : bool, optional
         True for x[k+1] = A_s(k) x[k].  Default: the time of the systems; continuous for matrices.
+    chain : array_like, shape (S, S), optional
+        The members follow each other at random: chain[i, j] is the rate from i to j, and rows have the sum 0; in
+        discrete time it is the probability, and rows have the sum 1.  Rows that have it up to rounding are understood
+        so: chain[i, i] is minus the exact sum of the others; probabilities are divided by their exact sum.
+    jumps : dict of (i, j): array_like (n, n), or array_like (S, S, n, n), optional
+        At the change from i to j x becomes jumps[i, j] x; in discrete time x[k+1] = jumps[i, j] A_i x[k].  They map X
+        into X.  Default: x does not jump.
+    rate : "max", number or None
+        A positive number, per unit of time: also |x(t)| <= K exp(-rate t) |x(0)|, in discrete time (1 - rate)^k, is to
+        be proven, of every order, or of the mean.  Numbers may be fractions or text.  "max", with a chain only: (nearly)
+        the largest rate.
     time_limit : float, optional
         Seconds; what is not settled by then is UNDECIDED.
 
@@ -126,14 +148,18 @@ def switched(
     Switching
         PROVED by a common v, a common e, or in discrete time by vectors with a growth below 1.  REFUTED, with proof: a
         member does not keep X; a cycle of members, or a mixture of them, does not let some x go to 0.
+        With a chain PROVED by v_s, `vs`, that fall in the mean; REFUTED by means that do not go to 0.
 
     Raises
     ------
     DataError, ShapeError, ConeMismatchError, NotProperConeError, TimebaseError
-        No members, members of different sizes, cones or times, or what is no matrix.
+        No members, members of different sizes, cones or times, or what is no matrix; a chain with another size, with
+        rows of another sum or with negative rates.
 
     Notes
     -----
+    A chain is decided by Theorem 2 on X^S, in fractions up to 120 states of all members, in sparse doubles with a proof
+    beyond: one sparse solve.
     v and e take a few sparse solves on simplicial cones (worst mixtures), a linear program on others.  Cycles, mixtures
     and proofs that there is no v or e are sought up to 60 states; dwell times up to 20 states and 6 members; growth on
     simplicial cones other than orthants, and on cones that are not simplicial, up to 400.
@@ -147,13 +173,17 @@ def switched(
     >>> s = kp.switched([[[1, 1], [0, 1]], [[1, 0], [1, 1]]], discrete=True)
     >>> s.status.name, round(s.growth, 6), s.witness.weights
     ('REFUTED', 1.618034, (Fraction(1, 1), Fraction(0, 1)))
+    >>> kp.switched([[[-3]], [["1.4"]]], chain=[[-1, 1], [2, -2]]).status.name
+    'PROVED'
     """
     read = read_family(family, X, discrete)
+    jumping = None if chain is None else read_chain(read, chain, jumps)
+    asked = _asked(rate, jumping, jumps, read.discrete)
     time_limit = seconds(time_limit)
     effort = _EFFORT if time_limit is None else float("inf")
     with budget(effort, time_limit=time_limit), np.errstate(all="ignore"):
         try:
-            answer = _found(read)
+            answer = _found(read, asked) if jumping is None else _in_the_mean(jumping, asked)
         except OutOfBudgetError:
             return Switching(status=Status.UNDECIDED, message=f"{reason()} ended the search.")
         limit = ended_by()
@@ -162,27 +192,77 @@ def switched(
         return answer
 
 
-def _found(family: Family) -> Switching:
+def _asked(rate: Any, jumping: Jumping | None, jumps: Any, discrete: bool) -> Any:
+    """The rate that is asked for: None, "max" or a fraction."""
+    if jumps is not None and jumping is None:
+        raise DataError("jumps belong to a chain; give the rates between the members with chain=.")
+    if rate is None or (isinstance(rate, str) and rate == "max" and jumping is not None):
+        return rate
+    asked = exact_number(rate, "rate", positive=True)
+    if discrete and asked >= 1:
+        raise DataError(f"rate is {float(asked):g}; in discrete time x falls like (1 - rate)^k, so rate is below 1.")
+    return asked
+
+
+def _kept(family: Family) -> tuple[PositivityCertificate, ...] | Switching:
+    """The proofs that the members keep X, or the answer that one does not."""
     loops = tuple(state_positivity(A, family.X, discrete=family.discrete) for A in family.matrices)
     for s, loop in enumerate(loops):
         if not loop:
             message = f"Member {s} does not keep X." * (loop.status is Status.REFUTED)
             return Switching(status=loop.status, certificate=loop, message=message)
-    v, e = _common(family, loops, dual=True), _common(family, loops, dual=False)
+    return loops
+
+
+def _in_the_mean(given: Jumping, asked: Any) -> Switching:
+    """The answer for a chain."""
+    loops = _kept(given.family)
+    if isinstance(loops, Switching):
+        return loops
+    proof, message = mean_stability(given, loops, asked)
+    if isinstance(proof, PositivityCertificate):
+        return Switching(status=proof.status, certificate=proof, message=message)
+    slow = bool(proof) and isinstance(asked, Fraction) and proof.required_rate is None
+    return Switching(
+        status=Status.UNDECIDED if slow else proof.status,
+        certificate=None if slow else proof,
+        message=_SLOW if slow else "",
+        vs=None if proof.vs is None else proof.vs.values,
+        decay_rate=proof.decay_rate if proof else float("nan"),
+        others=(proof,) * slow,
+    )
+
+
+def _found(family: Family, asked: Fraction | None) -> Switching:
+    loops = _kept(family)
+    if isinstance(loops, Switching):
+        return loops
+    v, e = (_common(family, loops, asked, dual=dual) for dual in (True, False))
     growth = _growth(family, loops) if family.discrete else None
     proven: list[Any] = sorted((p for p in (v, e) if p is not None and p), key=lambda p: -p.decay_rate)
     if growth is not None and growth.growth < 1:
         proven.append(growth)
     refuted = None if proven else _refuted(family, loops)
-    enough, short = (None, None) if proven or family.discrete else dwell_times(family, loops)
+    enough, short = (None, None) if proven else dwell_times(family, loops)
     certificate = proven[0] if proven else refuted if refuted is not None else short
-    others = tuple(p for p in (v, e, growth, enough, short) if p is not None and p is not certificate)
+    rule = None if proven else stabilising(family, loops)
+    others = tuple(p for p in (v, e, growth, enough, short, rule) if p is not None and p is not certificate)
     status = Status.UNDECIDED if certificate is None else certificate.status
     found = _answer(status, certificate, v, e, growth, others)
-    if family.discrete:
-        return found
     times = dwell_bounds(bool(proven), refuted, enough, short)
-    return replace(found, dwell_time=times[1], dwell_bounds=times)
+    found = replace(found, dwell_time=times[1], dwell_bounds=times, stabilising=rule)
+    return found if asked is None else _at_rate(found, certificate, asked)
+
+
+def _at_rate(found: Switching, proof: Any, asked: Fraction) -> Switching:
+    """The answer about a decay rate: stability alone is not enough."""
+    rate = proof.required_rate or proof.decay_rate if isinstance(proof, CommonVectorCertificate) else None
+    if isinstance(proof, NextModeCertificate):
+        rate = 1 - Fraction(proof.growth)
+    if found.status is not Status.PROVED or (rate is not None and Fraction(rate) >= asked):
+        return found
+    others = (proof, *found.others)
+    return replace(found, status=Status.UNDECIDED, certificate=None, message=_SLOW, others=others)
 
 
 def _answer(status: Status, certificate: Any, v: Any, e: Any, growth: Any, others: tuple[Any, ...]) -> Switching:
@@ -203,18 +283,21 @@ def _answer(status: Status, certificate: Any, v: Any, e: Any, growth: Any, other
     )
 
 
-def _common(family: Family, loops: tuple[PositivityCertificate, ...], *, dual: bool) -> CommonVectorCertificate | None:
+def _common(
+    family: Family, loops: tuple[PositivityCertificate, ...], asked: Fraction | None, *, dual: bool
+) -> CommonVectorCertificate | None:
     """A common e, or v with `dual`; or the proof that there is none; None if neither is found."""
     X, matrices = (family.X.dual if dual else family.X), family.matrices
     if dual:
         matrices = tuple(A.T for A in matrices)
         loops = tuple(PositivityCertificate.settle(A=A, X=X, discrete=family.discrete) for A in matrices)
-    found = first_proven(
-        common_candidates(X, matrices, discrete=family.discrete),
-        lambda x: CommonVectorCertificate.of(loops, x, Fraction(0)) or None,
-    )
-    if found is not None:
-        return found
+    for rate in (Fraction(0),) if asked is None else (asked, Fraction(0)):
+        found = first_proven(
+            common_candidates(X, matrices, discrete=family.discrete, rate=float(rate)),
+            lambda x, rate=rate: CommonVectorCertificate.of(loops, x, rate) or None,
+        )
+        if found is not None:
+            return found
     witness = no_common(X, matrices, discrete=family.discrete)
     none = None if witness is None else CommonVectorCertificate.settle(loops=loops, witness=witness)
     return none if none is not None and none.status is Status.REFUTED else None
