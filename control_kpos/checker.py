@@ -583,6 +583,11 @@ def decay_rate(e: Said) -> Fraction:
     return rate
 
 
+def decay_rate_or_none(e: Said) -> Fraction:
+    """The rate that is proven; 0 where none is stated."""
+    return decay_rate(e) if "decay_rate" in e else Fraction(0)
+
+
 def decreases(s: System, v: Vector, q: Vector, *rates: Fraction) -> None:
     """v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + rate v'x <= 0."""
     drift = total((1, pullback(v, s.A)), (-s.discrete, v), (-1, pullback(q, s.C)))
@@ -712,7 +717,7 @@ def common_vector(s: System, e: Said) -> None:
     v'A'x + required_rate v'x <= 0  for every generator x of the dual.
     """
     positive(s, e)
-    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
+    rate = decay_rate_or_none(e)
     decreases(s, entries(array(e["v"]), s.X.dim), {}, rate, required_rate(e))
 
 
@@ -827,7 +832,7 @@ def network(s: System, e: Said) -> None:
     positive(s, e)
     loop(s, e)
     V, Q = balanced(s, e, array(e["sigma"]))
-    decreases(s, V, Q, decay_rate(e) if "decay_rate" in e else Fraction(0), required_rate(e))
+    decreases(s, V, Q, decay_rate_or_none(e), required_rate(e))
 
 
 def abscissa(s: System, e: Said) -> None:
@@ -1709,7 +1714,7 @@ def uncertain_network(e: Said, limit: int) -> None:
     As for `network`, at every vertex, with one V, R, Q and one p, t:  all of it is linear in (A, B, C, D) of a node.
     With the `lower` ends of ranges, also for what is between them and the first vertices, see `within`.
     """
-    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
+    rate = decay_rate_or_none(e)
     systems, Q = vertex_systems(e, limit), Vector()
     for s, own in systems:
         positive(s, own)
@@ -2069,19 +2074,22 @@ def dwells_long_enough(e: Said, limit: int) -> None:
 
     M_s = A_s + a_s I maps X into X (weights P),  v_s'x > 0 > v_s'A_s x,  and v_t'e^{A_s T} x < v_s'x for t != s, as
     sum_{k<=N} v_t'(M_s T)^k x / k! + c rest v_s'x < e_N v_s'x,  where v_t <= c v_s, e_N + rest >= e^{a_s T} >= e_N.
+    In discrete time T is a whole number,  kept,  v_t'A_s^T x < v_s'x.
     """
-    systems, shifts = shifted_members(e, limit, e["shifts"])
-    X, T, terms = systems[0].X, fraction(e["dwell_time"]), [index(n) for n in sequence(e["terms"])]
+    systems, shifts = shifted_members(e, limit, {"tuple": []} if e["shifts"] is None else e["shifts"])
+    X, T, whole = systems[0].X, fraction(e["dwell_time"]), systems[0].discrete
+    expect(e["terms"] is None or not whole, "powers need no terms")
+    terms = [0] * len(systems) if whole else [index(n) for n in sequence(e["terms"])]
     vs = [entries(v, X.dim) for v in rows(e["vs"], X.dim)]
     expect(len(vs) == len(terms) == len(systems) and T > 0, "every member has a vector and a number of terms")
     need(all(dot(v, x) > 0 for v in vs for x in X.rays), "v_s'x > 0")
-    need(all(dot(v, image(s.A, x)) < 0 for s, v in zip(systems, vs, strict=True) for x in X.rays), "v_s'A_s x < 0")
+    need(all(dot(v, drift(s, x)) < 0 for s, v in zip(systems, vs, strict=True) for x in X.rays), "v_s'A_s x < 0")
     for s, a, v, count in zip(systems, shifts, vs, terms, strict=True):
-        done, rest = exponential(a * T, count)
+        done, rest = (Fraction(1), Fraction(0)) if whole else exponential(a * T, count)
         for f in (f for f in vs if f is not v):
             most = max(dot(f, x) / dot(v, x) for x in X.rays)
             for x in X.rays:
-                low = dot(f, series(s, a, T, count, x))
+                low = dot(f, power(s, T, x) if whole else series(s, a, T, count, x))
                 need(low + most * rest * dot(v, x) < done * dot(v, x), "v_t'e^{A_s T} x < v_s'x")
 
 
@@ -2089,7 +2097,7 @@ def too_short(e: Said, limit: int) -> None:
     """Some order in which each member stays active for dwell_time or longer does not let x go to 0.
 
     M_s = A_s + a_s I maps X into X (weights P),  x != 0 and z are in X:  z = P x - x from below, where e^{A_s t} x is
-    at least  sum_{k<=N} (M_s t)^k x / k! / (e_N + rest)  in the order of X.
+    at least  sum_{k<=N} (M_s t)^k x / k! / (e_N + rest)  in the order of X.  In discrete time kept, and A_s^t x itself.
     """
     _, w = record(e, "witness", "DwellCycle")
     systems, shifts = shifted_members(e, limit, w["shifts"])
@@ -2099,6 +2107,9 @@ def too_short(e: Said, limit: int) -> None:
     need(min(times) >= fraction(e["dwell_time"]), "the times are long enough")
     x = z = entries(exactly(w, "x")[0], systems[0].X.dim)
     for k, t in zip(modes, times, strict=True):
+        if systems[0].discrete:
+            z = power(systems[k], t, z)
+            continue
         size = sum(exponential(shifts[k] * t, count), Fraction(0))
         z = total((1 / size, series(systems[k], shifts[k], t, count, z)))
     need(bool(x), "x is not 0")
@@ -2107,10 +2118,14 @@ def too_short(e: Said, limit: int) -> None:
 
 
 def shifted_members(e: Said, limit: int, o: Json) -> tuple[list[System], list[Fraction]]:
-    """The members, in continuous time, and shifts a_s >= 0 for which A_s + a_s I maps X into X."""
+    """The members, and in continuous time shifts a_s >= 0 for which A_s + a_s I maps X into X; in discrete time 0."""
     systems, shifts = members(e, "dwell time", limit), fractions(o)
+    if systems[0].discrete:
+        expect(not shifts, "exponentials are those of continuous time")
+        in_steps(fraction(e["dwell_time"]))
+        kept(e, systems)
+        return systems, [Fraction(0)] * len(systems)
     expect(len(shifts) == len(systems) and min(shifts) >= 0, "every member has a shift that is not negative")
-    expect(not systems[0].discrete, "exponentials are those of continuous time")
     for s, a, P in zip(systems, shifts, e.get("P") or [None] * len(systems), strict=True):
         maps(s.X, [total((1, column), (a, {j: Fraction(1)})) for j, column in enumerate(s.A)], s.X, P, "X is kept")
     return systems, shifts
@@ -2132,6 +2147,96 @@ def series(s: System, a: Fraction, t: Fraction, terms: int, x: Vector) -> Vector
         term = total((t / k, image(s.A, term)), (a * t / k, term))
         out = total((1, out), (1, term))
     return out
+
+
+def power(s: System, t: Fraction, x: Vector) -> Vector:
+    """A^t x."""
+    return reduce(lambda y, _: image(s.A, y), range(in_steps(t)), x)
+
+
+def in_steps(t: Fraction) -> int:
+    """A time as a whole number, of at most a thousand steps."""
+    expect(t.denominator == 1 and t <= 1000, "in discrete time a time is a number of steps")
+    return int(t)
+
+
+def mean_stable(e: Said, limit: int) -> None:
+    """The mean of x goes to 0 exponentially if the members follow each other by a Markov chain, see `jumping`.
+
+    v_i'x > 0,  f_i'x < 0  and  f_i'x + rate v_i'x <= 0  for decay_rate and required_rate, where
+    f_i = A_i'v_i + q_ii v_i + sum_j q_ij J_ij'v_j  (discrete time: f_i = sum_j p_ij A_i'J_ij'v_j - v_i).
+    """
+    systems, q, jumps = jumping(e, limit)
+    X, rates = systems[0].X, (decay_rate_or_none(e), required_rate(e))
+    vs = [entries(v, X.dim) for v in rows(e["vs"], X.dim)]
+    expect(len(vs) == len(systems), "there is one vector for every member")
+    need(all(dot(v, x) > 0 for v in vs for x in X.rays), "v_i'x > 0")
+    for i, (s, v) in enumerate(zip(systems, vs, strict=True)):
+        ahead = total(*((q[i][j], pullback(w, jumps[i, j]) if (i, j) in jumps else w) for j, w in enumerate(vs)))
+        parts = (pullback(ahead, s.A), total((-1, v))) if s.discrete else (pullback(v, s.A), ahead)
+        f = total((1, parts[0]), (1, parts[1]))
+        need(all(dot(f, x) < 0 for x in X.rays), "(L'v)_i'x < 0")
+        need(all(dot(f, x) + rate * dot(v, x) <= 0 for rate in rates for x in X.rays), "(L'v)_i'x + rate v_i'x <= 0")
+
+
+def not_mean_stable(e: Said, limit: int) -> None:
+    """The mean of x does not go to 0, or not at required_rate:  x_i in X (weights wx), not all 0,  z_j in X (wz), where
+
+    z_j = A_j x_j + q_jj x_j + sum_i q_ij J_ij x_i + rate x_j  (discrete: sum_i p_ij J_ij A_i x_i + (rate - 1) x_j),
+    and the rate of the witness is 0, or between 0 and required_rate.
+    """
+    (systems, q, jumps), (_, w) = jumping(e, limit), record(e, "witness", "MeanDirection")
+    X, rate, asked = systems[0].X, either(w["rate"]), required_rate(e)
+    expect(rate >= 0, "a rate is not negative")
+    need(not rate or rate < asked, "the rate is less than the one that was asked for")
+    xs = [entries(x, X.dim) for x in rows(w["vectors"], X.dim)]
+    expect(len(xs) == len(systems), "there is one vector for every member")
+    own = [image(s.A, x) for s, x in zip(systems, xs, strict=True)]
+    leaving = own if systems[0].discrete else xs
+    shown = [e.get(name) or [None] * len(xs) for name in ("wx", "wz")]
+    need(any(xs), "one of the vectors is not 0")
+    for j, x in enumerate(xs):
+        came = ((q[i][j], image(jumps[i, j], y) if (i, j) in jumps else y) for i, y in enumerate(leaving))
+        z = total(*came, (rate, x), *([(-1, x)] if systems[0].discrete else [(1, own[j])]))
+        inside(X, x, weights(X, [x], shown[0][j])[0], "the vectors are in X")
+        inside(X, z, weights(X, [z], shown[1][j])[0], "the vectors are mapped into X")
+
+
+def jumping(e: Said, limit: int) -> tuple[list[System], list[list[Fraction]], dict[tuple[int, int], Matrix]]:
+    """The members, kept;  rates q_ij >= 0 for i != j, with rows of sum 0, in discrete time probabilities, of sum 1;
+
+    and the jumps, which map X into X (weights N): the k-th one from member between[2 k] to another, between[2 k + 1].
+    """
+    systems = members(e, "mean stable", limit)
+    kept(e, systems)
+    X, discrete, q = systems[0].X, systems[0].discrete, rows(e["chain"], len(systems))
+    expect(len(q) == len(systems) and all(sum(row) == discrete for row in q), "rows of a chain have a sum")
+    allowed = (a >= 0 or (i == j and not discrete) for i, row in enumerate(q) for j, a in enumerate(row))
+    expect(all(allowed), "a rate is not negative")
+    given_jumps, ends = ([] if e[name] is None else sequence(e[name]) for name in ("jumps", "between"))
+    pairs_of = list(zip(ends[::2], ends[1::2], strict=True))
+    expect(len(set(pairs_of)) == len(pairs_of) == len(given_jumps), "every jump has a pair of its own")
+    expect(all(index(k) < len(systems) for k in ends) and all(i != j for i, j in pairs_of), "a jump is between two")
+    jumps = {pair: given(J, X.dim, X.dim) for pair, J in zip(pairs_of, given_jumps, strict=True)}
+    for J, o in zip(jumps.values(), e.get("N") or [None] * len(jumps), strict=True):
+        maps(X, J, X, o, "J X in X")
+    return systems, q, jumps
+
+
+def stabilising_switching(e: Said, limit: int) -> None:
+    """The rule s(x) = argmin_s v'A_s x makes v'x fall on X:  kept,  v'x > 0,  and for weights >= 0 of sum 1
+
+    f'x < 0,  f'x + decay_rate v'x <= 0  for f = sum_s weight_s A_s'v (discrete time: - v).
+    """
+    systems = members(e, "stabilising switching", limit)
+    kept(e, systems)
+    X, lam, rate = systems[0].X, fractions(e["weights"]), decay_rate_or_none(e)
+    v = entries(exactly(e, "v")[0], X.dim)
+    expect(len(lam) == len(systems) and min(lam) >= 0 and sum(lam) == 1, "the weights are those of a mixture")
+    need(all(dot(v, x) > 0 for x in X.rays), "v'x > 0")
+    f = total(*((a, pullback(v, s.A)) for a, s in zip(lam, systems, strict=True)), (-systems[0].discrete, v))
+    need(all(dot(f, x) < 0 for x in X.rays), "v'(sum w A) x < 0")
+    need(all(dot(f, x) + rate * dot(v, x) <= 0 for x in X.rays), "v'(sum w A) x + rate v'x <= 0")
 
 
 # -- files
@@ -2195,6 +2300,9 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("common vector", "REFUTED"): no_common_vector,
     ("stable under switching", "REFUTED"): not_stable_under_switching,
     ("growth under switching", "PROVED"): growth_under_switching,
+    ("mean stable", "PROVED"): mean_stable,
+    ("mean stable", "REFUTED"): not_mean_stable,
+    ("stabilising switching", "PROVED"): stabilising_switching,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import campaigns
 import certified
+import checker_chains
 import checker_claims
 import checker_cones
 import checker_costs
@@ -35,6 +36,7 @@ LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
+HAND |= checker_chains.CASES
 
 
 @pytest.fixture(scope="module")
@@ -261,6 +263,8 @@ EQUIVALENT = {
     "any_size: ratio >= 0 -> ratio > 0": "p'D u <= t'u, and D is not 0",
     "applied: x + a * y -> x - a * y": "p(M) V and its opposite",
     "dwells_long_enough: dot(v, x) > 0 -> dot(v, x) >= 0": "v'M x >= 0, so that v'A x < 0 needs v'x > 0",
+    "mean_stable: dot(v, x) > 0 -> dot(v, x) >= 0": "where v'x = 0, (L'v)'x >= 0 as the cone is kept",
+    "stabilising_switching: dot(v, x) > 0 -> dot(v, x) >= 0": "where v'x = 0, f'x >= 0 as the cone is kept",
     "slope.get((i, j), Fraction(0)) + a * b -> slope.get((i, j), Fraction(0)) - a * b": "the sum has to be 0",
 }
 

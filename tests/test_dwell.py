@@ -62,7 +62,7 @@ def test_every_order_is_stable_or_a_member_is_not():
     assert kp.switched([[[-1, 0], [3, -3]], [[-5, 4], [4, -5]]]).dwell_bounds == (0.0, 0.0)
     s = kp.switched([[[1]], [[-1]]])
     assert s.dwell_bounds == (np.inf, np.inf) and s.dwell_time == np.inf
-    assert np.isnan(kp.switched([[[1, 1], [0, 1]], [[1, 0], [1, 1]]], discrete=True).dwell_time)
+    assert kp.switched([[[1, 1], [0, 1]], [[1, 0], [1, 1]]], discrete=True).dwell_time == np.inf
 
 
 def test_on_a_cone_of_four_generators(tmp_path):

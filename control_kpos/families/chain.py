@@ -165,7 +165,9 @@ class MeanStabilityCertificate(ClaimOnFamily, ClaimWithRate):
         w, count, X = self.witness, len(self.loops), self.X
         if not isinstance(w, MeanDirection) or self.vs is not None or has_open_facets(X):
             return None
-        slow = 0 < w.rate < self.required_rate if self.required_rate is not None else False
+        if not w.rate >= 0:
+            raise DataError("the rate of a witness is not negative.")
+        slow = self.required_rate is not None and w.rate < self.required_rate
         if w.vectors.shape != (count, X.dim) or not (w.rate == 0 or slow) or not self._is_kept():
             return None
         xs = Matrix.join([w.vectors[np.array([i])] for i in range(count)], -1)

@@ -267,11 +267,8 @@ class DwellCertificate(ClaimOnExponentials):
 
     def explain(self) -> str:
         """What is proven, in words."""
-        rounded, steps = (
-            (floored if self.refuted_by is not None else raised),
-            (" step" + "s" * (self.dwell_time > 1)) * self.discrete,
-        )
-        time = f"{rounded(self.dwell_time, 6)}{steps}"
+        time = (floored if self.refuted_by is not None else raised)(self.dwell_time, 6)
+        time += (" step" + "s" * (self.dwell_time > 1)) * self.discrete
         if self.refuted_by is not None:
             return (
                 f"Refuted: not stable for every order in which each member stays active for {time} or longer: there is "

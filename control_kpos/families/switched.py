@@ -138,7 +138,7 @@ def switched(
         into X.  Default: x does not jump.
     rate : "max", number or None
         A positive number, per unit of time: also |x(t)| <= K exp(-rate t) |x(0)|, in discrete time (1 - rate)^k, is to
-        be proven, of every order, or of the mean.  Numbers may be fractions or text.  "max", with a chain only: (nearly)
+        be proven, of every order, or of the mean.  Numbers may be fractions or text.  "max", with a chain only: nearly
         the largest rate.
     time_limit : float, optional
         Seconds; what is not settled by then is UNDECIDED.
