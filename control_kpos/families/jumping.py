@@ -185,6 +185,10 @@ def _from_doubles(data: Any, given: Jumping, asked: Fraction | None) -> MeanStab
     """From one sparse solve with the rounded system of the means; what it gives is proven for the exact one."""
     family, count = given.family, len(given.family.matrices)
     L, whole = rounded_means(given), product([family.X] * count)
+    for x in _growing(L, whole, family.discrete):
+        found = MeanStabilityCertificate.settle(**data, witness=MeanDirection(Matrix(x.reshape(count, -1))))
+        if found.status is Status.REFUTED:
+            return found
     turned, rate = (Matrix(sp.csr_array(L.T)),), 0.0 if asked is None else float(asked)
     v = worst_mixture(whole.dual, turned, discrete=family.discrete, rate=rate) if family.X.is_simplicial else None
     if v is not None:
@@ -196,10 +200,6 @@ def _from_doubles(data: Any, given: Jumping, asked: Fraction | None) -> MeanStab
             return proof
     if asked is not None:
         return _from_doubles(data, given, None)
-    for x in _growing(L, whole, family.discrete):
-        found = MeanStabilityCertificate.settle(**data, witness=MeanDirection(Matrix(x.reshape(count, -1))))
-        if found.status is Status.REFUTED:
-            return found
     if L.shape[0] > _FACTORED:
         return MeanStabilityCertificate.settle(**data)
     rounded = settle_positivity(A=Matrix(L), X=whole, discrete=family.discrete)
@@ -221,12 +221,15 @@ def rounded_means(given: Jumping) -> sp.csr_array:
 
 
 def _growing(L: Any, whole: Any, discrete: bool) -> Iterator[Any]:
-    """x in X^M that L maps into X^M, by powers of L + a I."""
+    """x in X^M that L maps into X^M, by powers of L + a I; none where these show stability first."""
     H, x = whole.exact_facets.values, whole.interior_point / np.abs(whole.interior_point).max()
     step = L if discrete else L / max(float(abs(L.diagonal()).max()), 1e-300)
     for _ in range(_POWERS):
         moved = step @ x - (x if discrete else 0)
-        if (H @ moved >= 0).all():
+        ahead = H @ moved
+        if (ahead < 0).all():
+            return
+        if (ahead >= 0).all():
             yield x
             return
         x = x + (0.5 if discrete else 1.0) * moved
