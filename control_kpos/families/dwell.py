@@ -40,7 +40,8 @@ from ..theorems.decay_rates import drift_forms
 from .switching import ClaimOnFamily
 
 # Terms of a series, and steps in discrete time, above which a certificate is refused.
-MOST_TERMS = MOST_STEPS = 1000
+MOST_TERMS = 1000
+MOST_STEPS = 1000
 Rationals = Any
 
 

@@ -84,7 +84,7 @@ def _jumps(jumps: Any, count: int, n: int) -> Pairs:
     out = {}
     for i, j, J in _listed(jumps, count):
         name = f"jumps[{i}, {j}]"
-        M = require_shape(exact_matrix(J, name), name, (n, n), "the size of the members")
+        M = require_shape(exact_matrix(J, name), name, (n, n), "as the members")
         if not _is_identity(M):
             if i == j:
                 raise DataError(f"{name} is not the identity; there is a jump only where the member changes.")
