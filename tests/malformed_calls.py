@@ -34,6 +34,10 @@ def build_from(sys, **cones):
     return kp.ConeStateSpace(sys, **cones)
 
 
+def by_a_chain(**more):
+    return kp.switched([A, [[-3.0, 1.0], [1.0, -2.0]]], **more)
+
+
 CALLS = {  # cones and theorems
     "state_positivity": (kp.state_positivity, {"A": A, "X": X2, "discrete": False}),
     "cone_positivity": (kp.cone_positivity, {**MATRICES, "discrete": False}),
@@ -203,7 +207,11 @@ CALLS |= {  # design
 CALLS |= {  # families
     "switched": (
         kp.switched,
-        {"family": [A, [[-3.0, 1.0], [1.0, -2.0]]], "X": X2, "discrete": False, "time_limit": 2.0},
+        {"family": [A, [[-3.0, 1.0], [1.0, -2.0]]], "X": X2, "discrete": False, "rate": None, "time_limit": 2.0},
+    ),
+    "switched by a chain": (
+        by_a_chain,
+        {"chain": [[-1, 1], [2, -2]], "jumps": {(0, 1): [[1, 1], [0, 1]]}, "rate": "max"},
     ),
 }
 CALLS |= {  # cone finding, nonlinear systems

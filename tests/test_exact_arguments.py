@@ -7,6 +7,7 @@ from fractions import Fraction
 import exact_systems
 import numpy as np
 import pytest
+from exact_families import SWITCHED
 from exact_plants import LAG, THIRD, THIRDS, after_one_step, plant, supplied
 from test_house import METHODS, PUBLIC
 
@@ -257,10 +258,7 @@ EXACT = {
     },
     "structured_gain": {"sys": lambda: (kp.structured_gain(LOSSY).positivity.A, [[-THIRD]])},
     "robust_margin": {"sys": lambda: (kp.robust_margin(LOSSY).certificate.positivity.A, [[-THIRD]])},
-    "switched": {
-        "family": lambda: (kp.switched([[["-1/3"]]]).certificate.loops[0].A, [[-THIRD]]),
-        "X": lambda: (kp.switched([MINUS], X=CONE).certificate.loops[0].X, SAME.dual),
-    },
+    "switched": SWITCHED,
     "gain_rate_tradeoff": {
         "rates": lambda: (kp.gain_rate_tradeoff(THIRDS, ["1/3"], certify=True).designs[0].weakened_rate, THIRD)
     },
