@@ -18,6 +18,7 @@ from ..exact.matrix import Matrix
 from ..exact.program import Block, Program
 from ..exact.programs import program_effort
 from .dwell import MOST_STEPS, MOST_TERMS
+from .growth import in_generators, iterated
 
 Floats = NDArray[np.float64]
 # Halvings of the dwell time, how close its ends come relatively, and doublings until vectors are found.
@@ -76,10 +77,36 @@ def vectors(X: Cone, matrices: Sequence[Floats], T: float, discrete: bool = Fals
         for part in parts:
             program.above(none, ones, **part)
     answer = program.solve()
-    if not answer or not answer["margin"][0] > 0:
+    if answer and answer["margin"][0] > 0:
+        vs = np.array([answer[name] for name in names])
+    elif X.is_simplicial:
+        vs = _iterated(X, matrices, T, discrete)
+    else:
         return None
-    vs = np.array([answer[name] for name in names])
-    return np.ldexp(np.rint(np.ldexp(vs, _SHORT)), -_SHORT)
+    return None if vs is None else shortened(vs)
+
+
+def _iterated(X: Cone, matrices: Sequence[Floats], T: float, discrete: bool) -> Floats | None:
+    """The same where sizes are too far apart for a linear program: the worst of A_s'v_s and (e^{A_s T})'v_t, again."""
+    spend(100 * len(matrices) ** 2 * X.dim**2)
+    rays, eye, count = np.asarray(X.rays, dtype=float), np.eye(X.dim), len(matrices)
+    shifts = [max(1e-300, -float(np.diag(rays @ A.T @ np.linalg.inv(rays)).min())) for A in matrices]
+    own = [in_generators(A if discrete else A / a + eye, X) for A, a in zip(matrices, shifts, strict=True)]
+    later = [in_generators(flow(A, T, discrete), X) for A in matrices]
+
+    def worst(a: Floats) -> Floats:
+        others = [np.delete(a, s, axis=0) for s in range(count)]
+        switched = [(F @ b.T).max(axis=1) for F, b in zip(later, others, strict=True)]
+        return np.maximum([P @ row for P, row in zip(own, a, strict=True)], switched)
+
+    vs, gamma = iterated(worst, X, count, goal=1.0)
+    return vs if gamma < 1 else None
+
+
+def shortened(vs: Floats) -> Floats:
+    """Numbers with a few binary digits."""
+    mantissas, exponents = np.frexp(vs)
+    return np.ldexp(np.rint(np.ldexp(mantissas, _SHORT)), exponents - _SHORT)
 
 
 def least_dwell_times(X: Cone, matrices: Sequence[Floats]) -> Iterator[tuple[Fraction, Floats]]:

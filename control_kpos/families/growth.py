@@ -8,7 +8,7 @@ linear program each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import product as words
 from typing import Any
@@ -45,38 +45,45 @@ _POINTS, _ROUNDS, _DENOMINATORS = 33, 6, (8, 64, 4096, 2**30)
 def next_mode_vectors(X: Cone, matrices: Sequence[Matrix]) -> Iterator[tuple[Floats, float]]:
     """Vectors v_s, one a row, and the growth that they prove up to rounding."""
     if X.is_simplicial and (isinstance(X, Orthant) or X.dim <= 400):
-        inverse = None if isinstance(X, Orthant) else np.linalg.inv(np.asarray(X.rays, dtype=float))
-        transposed = [_transposed(A.values, X, inverse) for A in matrices]
+        transposed = [in_generators(A.values, X) for A in matrices]
+
+        def worst(a: Floats) -> Floats:
+            return np.array([(P @ a.T).max(axis=1) for P in transposed])
+
         for added in _ADDED:
-            a, gamma = _iterated(transposed, added)
-            yield (a if inverse is None else a @ inverse.T), gamma
+            yield iterated(worst, X, len(matrices), added)
     elif X.dim <= 400:
         yield from _bisected(X, matrices)
 
 
-def _transposed(A: Any, X: Cone, inverse: Floats | None) -> Any:
-    """P' for A x_r = sum_k P[k, r] x_k."""
-    if inverse is None:
+def in_generators(A: Any, X: Cone) -> Any:
+    """P' for A x_r = sum_k P[k, r] x_k on a simplicial cone that A keeps."""
+    if isinstance(X, Orthant):
         return sp.csr_array(A.T) if sp.issparse(A) else np.maximum(np.asarray(A).T, 0)
-    A = A.toarray() if sp.issparse(A) else np.asarray(A)
-    return np.maximum(np.asarray(X.rays, dtype=float) @ A.T @ inverse, 0)
+    A, rays = A.toarray() if sp.issparse(A) else np.asarray(A), np.asarray(X.rays, dtype=float)
+    return np.maximum(rays @ A.T @ np.linalg.inv(rays), 0)
 
 
-def _iterated(transposed: list[Any], added: float) -> tuple[Floats, float]:
-    count, n = len(transposed), transposed[0].shape[0]
-    a, best, least = np.ones((count, n)), np.ones((count, n)), np.inf
+def iterated(
+    operator: Callable[[Floats], Floats], X: Cone, count: int, added: float = 0.0, goal: float = np.nan
+) -> tuple[Floats, float]:
+    """Vectors v_s, one a row, with operator(a) <= gamma a up to rounding for a_s[r] = v_s'x_r; nearly the least gamma.
+
+    The operator is monotone, and that of a multiple is the multiple.  With a goal, gamma on one side of it will do.
+    """
+    a, best, least = np.ones((count, X.dim)), np.ones((count, X.dim)), np.inf
     for _ in range(_STEPS):
-        moved = np.array([(P @ a.T).max(axis=1) for P in transposed])
+        moved = operator(a)
         moved = moved + added * moved.max()
         ratio = moved / a
         high, low = ratio.max(), ratio.min()
         if high < least:
             best, least = a, high
-        if not high - low > _CLOSE * high:
+        if not high - low > _CLOSE * high or high < goal or low >= goal:
             break
         a = a + moved / high  # the operator and the identity: cycles of the first do not matter
         a = np.maximum(a / a.max(), 1e-200)
-    return best, float(least)
+    return (best if isinstance(X, Orthant) else best @ np.linalg.inv(np.asarray(X.rays, dtype=float)).T), float(least)
 
 
 def _bisected(X: Cone, matrices: Sequence[Matrix]) -> Iterator[tuple[Floats, float]]:

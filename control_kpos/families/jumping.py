@@ -23,8 +23,9 @@ from .candidates import worst_mixture
 from .chain import MeanDirection, MeanStabilityCertificate
 
 Pairs = dict[tuple[int, int], Matrix]
-# States of the means up to which their system is formed in fractions, and up to which its sparse factors are computed.
-_EXACT, _FACTORED = 120, 3000
+# States of the means up to which their system is formed in fractions at once, or where doubles do not decide; and up to
+# which its sparse factors are computed.
+_SMALL, _EXACT, _FACTORED = 24, 120, 3000
 # Powers tried for means that grow.
 _POWERS = 500
 # Relative reductions of a decay rate until it is proven; all of it at the end.
@@ -134,9 +135,11 @@ def mean_stability(
         "jumps": tuple(jumps.values()),
         "between": tuple(k for pair in pairs for k in pair),
     }
-    if len(loops) * X.dim <= _EXACT:
-        return _from_exact(data, given, rate, asked), ""
-    return _from_doubles(data, given, asked), ""
+    size = len(loops) * X.dim
+    quick = None if size <= _SMALL or (rate is not None and size <= _EXACT) else _from_doubles(data, given, asked)
+    if quick is not None and (quick.status is not Status.UNDECIDED or size > _EXACT):
+        return quick, ""
+    return _from_exact(data, given, rate, asked), ""
 
 
 def _from_exact(data: Any, given: Jumping, rate: Any, asked: Fraction | None) -> MeanStabilityCertificate:
@@ -200,7 +203,7 @@ def _from_doubles(data: Any, given: Jumping, asked: Fraction | None) -> MeanStab
             return proof
     if asked is not None:
         return _from_doubles(data, given, None)
-    if L.shape[0] > _FACTORED:
+    if not _EXACT < L.shape[0] <= _FACTORED:
         return MeanStabilityCertificate.settle(**data)
     rounded = settle_positivity(A=Matrix(L), X=whole, discrete=family.discrete)
     return _settled(data, lyapunov_on(rounded), None)
