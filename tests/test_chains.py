@@ -164,6 +164,12 @@ def test_sparse_members_of_thousands_of_states(discrete):
     )
     s = kp.switched(family, chain=chain, jumps=jumps, discrete=discrete)
     assert s and s.check() and s.decay_rate > 0 and s.vs.shape == (count, n)
+    best = kp.switched(family, chain=chain, jumps=jumps, discrete=discrete, rate="max")
+    assert best.check() and best.decay_rate > s.decay_rate
+    half = kp.switched(family, chain=chain, jumps=jumps, discrete=discrete, rate=Fraction(best.decay_rate) / 2)
+    assert half and half.certificate.required_rate == Fraction(best.decay_rate) / 2
+    more = kp.switched(family, chain=chain, jumps=jumps, discrete=discrete, rate=1.2 * best.decay_rate)
+    assert more.status == "REFUTED" and more.check() and more.witness.rate > best.decay_rate
     family = [A * 8 if discrete else A + 4 * sp.eye_array(n) for A in family]
     s = kp.switched(family, chain=chain, jumps=jumps, discrete=discrete)
     assert s.status == "REFUTED" and s.check()

@@ -1,4 +1,4 @@
-"""Families of systems: arbitrary switching, its growth, and what refutes it."""
+"""Families of systems: arbitrary, slow, random and state-dependent switching, its growth, and what refutes it."""
 
 from .chain import MeanDirection, MeanStabilityCertificate
 from .common_vector import CommonVectorCertificate, NoCommonVector

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, Literal
 
 import numpy as np
 import scipy.sparse as sp
+import scipy.sparse.linalg as spla
 
-from ..cones import product
+from ..cones import Cone, product
+from ..cones.polyhedral import has_open_facets
 from ..errors import DataError, ShapeError
 from ..exact.intake import dimensions, exact_matrix, found, items, require_shape
 from ..exact.matrix import Matrix
+from ..proof.answer import first_proven
 from ..proof.certificate import Status, exactly
 from ..theorems.growing_direction import InstabilityDirection, SlowDirection
 from ..theorems.positivity import PositivityCertificate, settle_positivity, state_positivity
@@ -30,6 +34,8 @@ _SMALL, _EXACT, _FACTORED = 24, 120, 3000
 _POWERS = 500
 # Relative reductions of a decay rate until it is proven; all of it at the end.
 _LESS = (0.0, 2.0**-48, 1e-12, 1e-9, 1e-6, 1.0)
+# How close to the largest one a decay rate comes in doubles.
+_NEARLY = 1e-3
 # How far a row may be from its sum, relative to its entries, for each of these.
 _ROUNDING = 2.0**-50
 
@@ -136,7 +142,7 @@ def mean_stability(
         "between": tuple(k for pair in pairs for k in pair),
     }
     size = len(loops) * X.dim
-    quick = None if size <= _SMALL or (rate is not None and size <= _EXACT) else _from_doubles(data, given, asked)
+    quick = None if size <= _SMALL or (rate is not None and size <= _EXACT) else _from_doubles(data, given, rate)
     if quick is not None and (quick.status is not Status.UNDECIDED or size > _EXACT):
         return quick, ""
     return _from_exact(data, given, rate, asked), ""
@@ -184,21 +190,22 @@ def means(given: Jumping) -> Matrix:
     return Matrix.from_fractions(out)
 
 
-def _from_doubles(data: Any, given: Jumping, asked: Fraction | None) -> MeanStabilityCertificate:
+def _from_doubles(data: Any, given: Jumping, rate: Any) -> MeanStabilityCertificate:
     """From one sparse solve with the rounded system of the means; what it gives is proven for the exact one."""
-    family, count = given.family, len(given.family.matrices)
+    family, count, asked = given.family, len(given.family.matrices), rate if isinstance(rate, Fraction) else None
     L, whole = rounded_means(given), product([family.X] * count)
-    for x in _growing(L, whole, family.discrete):
-        found = MeanStabilityCertificate.settle(**data, witness=MeanDirection(Matrix(x.reshape(count, -1))))
-        if found.status is Status.REFUTED:
-            return found
-    turned, rate = (Matrix(sp.csr_array(L.T)),), 0.0 if asked is None else float(asked)
-    v = worst_mixture(whole.dual, turned, discrete=family.discrete, rate=rate) if family.X.is_simplicial else None
-    if v is not None:
+    for slow in (0.0,) if asked is None else (0.0, float(asked) * (1 - _NEARLY)):
+        for x in _growing(L, whole, family.discrete, slow):
+            witness = MeanDirection(Matrix(x.reshape(count, -1)), slow)
+            found = MeanStabilityCertificate.settle(**data, witness=witness, required_rate=asked if slow else None)
+            if found.status is Status.REFUTED:
+                return found
+    for v in _falling(L, whole, family.discrete, rate):
         draft = {**data, "vs": Matrix(v.reshape(count, -1)), "required_rate": asked}
-        steps = (_rate(L, v, whole, family.discrete) * (1 - step) for step in _LESS)
-        proofs = (MeanStabilityCertificate.settle(**draft, decay_rate=max(rate, 0.0)) for rate in steps)
-        proof = next((proof for proof in proofs if proof), None)
+        rates = (_rate(L, v, whole, family.discrete) * (1 - step) for step in _LESS)
+        proof = first_proven(
+            rates, lambda r, draft=draft: MeanStabilityCertificate.settle(**draft, decay_rate=max(r, 0))
+        )
         if proof is not None:
             return proof
     if asked is not None:
@@ -207,6 +214,21 @@ def _from_doubles(data: Any, given: Jumping, asked: Fraction | None) -> MeanStab
         return MeanStabilityCertificate.settle(**data)
     rounded = settle_positivity(A=Matrix(L), X=whole, discrete=family.discrete)
     return _settled(data, lyapunov_on(rounded), None)
+
+
+def _falling(L: Any, whole: Cone, discrete: bool, rate: Any) -> list[Any]:
+    """v that fall in the mean, on simplicial cones; with "max" nearly as fast as the largest eigenvalue allows."""
+    if not whole.is_simplicial:
+        return []
+    turned, least = sp.csr_array(L.T), float(rate) if isinstance(rate, Fraction) else 0.0
+    found = [worst_mixture(whole.dual, (Matrix(turned),), discrete=discrete, rate=least)]
+    if rate == "max":
+        with suppress(spla.ArpackError):
+            largest = spla.eigs(turned, 1, which="LR", v0=np.ones(L.shape[0]), return_eigenvectors=False)
+            most = float(discrete - largest[0].real) * (1 - _NEARLY)
+            found.append(worst_mixture(whole.dual, (Matrix(turned),), discrete=discrete, rate=most))
+    falling = [v for v in found if v is not None and _rate(L, v, whole, discrete) > 0]
+    return sorted(falling, key=lambda v: -_rate(L, v, whole, discrete))
 
 
 def rounded_means(given: Jumping) -> sp.csr_array:
@@ -223,12 +245,15 @@ def rounded_means(given: Jumping) -> sp.csr_array:
     return sp.csr_array(sp.block_array(blocks, format="csr"))
 
 
-def _growing(L: Any, whole: Any, discrete: bool) -> Iterator[Any]:
-    """x in X^M that L maps into X^M, by powers of L + a I; none where these show stability first."""
+def _growing(L: Any, whole: Cone, discrete: bool, rate: float) -> Iterator[Any]:
+    """x in X^M that L + rate I maps into X^M, by powers of L + a I; none where these show that it falls faster."""
+    if has_open_facets(whole):
+        return
     H, x = whole.exact_facets.values, whole.interior_point / np.abs(whole.interior_point).max()
-    step = L if discrete else L / max(float(abs(L.diagonal()).max()), 1e-300)
+    scale = 1.0 if discrete else max(float(abs(L.diagonal()).max()), 1e-300)
+    step, rest = L / scale, (rate - discrete) / scale
     for _ in range(_POWERS):
-        moved = step @ x - (x if discrete else 0)
+        moved = step @ x + rest * x
         ahead = H @ moved
         if (ahead < 0).all():
             return
@@ -239,7 +264,8 @@ def _growing(L: Any, whole: Any, discrete: bool) -> Iterator[Any]:
         x = x / np.abs(x).max()
 
 
-def _rate(L: Any, v: Any, whole: Any, discrete: bool) -> float:
-    """The decay rate of v in floating point."""
+def _rate(L: Any, v: Any, whole: Cone, discrete: bool) -> float:
+    """The decay rate of v in floating point; NaN if it is not inside X*."""
     rays = whole.exact_rays.values
-    return float(np.min(-(rays @ (L.T @ v - (v if discrete else 0))) / (rays @ v)))
+    inside = rays @ v
+    return float(np.min(-(rays @ (L.T @ v - (v if discrete else 0))) / inside)) if (inside > 0).all() else np.nan
