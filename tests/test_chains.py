@@ -222,3 +222,11 @@ def test_losses_that_last_are_worse():
     quick, lasting = [["1/3", "2/3"], ["1/3", "2/3"]], [["0.9", "0.1"], ["0.05", "0.95"]]
     assert kp.switched(nets, chain=quick) and kp.switched(nets, chain=lasting).status == "REFUTED"
     assert kp.feedback_interconnect([node] * 2, [[0, 0.0667], [0.0667, 0]]).certificate
+
+
+def test_with_feedthrough_the_averaged_network_does_not_decide():
+    """x+ = x / 2 + 0.3 u, y = x + u, u = w y with w = 0.8 or 0: E w / (1 - w) = 2 is not 0.4 / 0.6."""
+    node = kp.ConeStateSpace([[0.5]], [[0.3]], [[1]], [[1]], True)
+    assert kp.feedback_interconnect([node], [[0.4]]).certificate
+    nets = [kp.feedback_interconnect([node], [[w]]) for w in (0.8, 0)]
+    assert kp.switched(nets, chain=[[0.5, 0.5]] * 2).status == "REFUTED"
