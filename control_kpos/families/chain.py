@@ -127,10 +127,11 @@ class MeanStabilityCertificate(ClaimOnFamily, ClaimWithRate):
         if vs is None or vs.shape != (len(self.loops), X.dim):
             raise DataError("every member has a vector.")
         out = [Condition("v_i'x > 0", BilinearForms(vs, None, X.exact_rays), ">")]
-        for i, ahead in enumerate(self._ahead(vs)):
-            out.append(Condition(f"(L'v)_{i}'x < 0", self._drift(i, ahead), "<"))
-            rates = ((f"{name} v_{i}'x", vars(self)[name]) for name in ("decay_rate", "required_rate"))
-            out += [Condition(f"(L'v)_{i}'x + {n} <= 0", self._drift(i, ahead, r), "<=") for n, r in rates if r]
+        rates = {name: vars(self)[name] for name in ("decay_rate", "required_rate") if vars(self)[name]}
+        for i, (v, ahead) in enumerate(zip(_single(vs), self._ahead(vs), strict=True)):
+            out.append(Condition(f"(L'v)_{i}'x < 0", self._drift(i, v, ahead), "<"))
+            for name, rate in rates.items():
+                out.append(Condition(f"(L'v)_{i}'x + {name} v_{i}'x <= 0", self._drift(i, v, ahead, rate), "<="))
         return out
 
     @property
@@ -144,15 +145,13 @@ class MeanStabilityCertificate(ClaimOnFamily, ClaimWithRate):
         """w_i = sum_j q_ij J_ij'v_j, with q_ii, exactly."""
         q, pairs, rows = self.chain.dense().fractions(), self._pairs(), _rows(vs)
         return [
-            _sum(
-                [_times(a, _moved(pairs.get((i, j)), v, True)) for j, (a, v) in enumerate(zip(row, rows, strict=True))]
-            )
+            _sum([_times(row[j], _moved(pairs.get((i, j)), v, True)) for j, v in enumerate(rows)])
             for i, row in enumerate(q)
         ]
 
-    def _drift(self, i: int, ahead: Matrix, rate: Rate = 0.0) -> BilinearForms:
+    def _drift(self, i: int, v: Matrix, ahead: Matrix, rate: Rate = 0.0) -> BilinearForms:
         """v_i'A_i x + w_i'x (w_i'A_i x - v_i'x) + rate v_i'x."""
-        A, v, w = self.loops[i].A, (self.vs or ahead)[np.array([i])], ahead[None]
+        A, w = self.loops[i].A, ahead[None]
         eye = Matrix.identity(self.X.dim, sparse=A.is_sparse)
         rows, blocks = ([w, v], [A, -eye]) if self.discrete else ([v, w], [A, eye])
         if rate:
@@ -170,7 +169,7 @@ class MeanStabilityCertificate(ClaimOnFamily, ClaimWithRate):
         slow = self.required_rate is not None and w.rate < self.required_rate
         if w.vectors.shape != (count, X.dim) or not (w.rate == 0 or slow) or not self._is_kept():
             return None
-        xs = Matrix.join([w.vectors[np.array([i])] for i in range(count)], -1)
+        xs = Matrix.join(_single(w.vectors), -1)
         return [
             Condition("x is not 0", BilinearForms(xs, None, xs), ">"),
             Condition("h'x_i >= 0", BilinearForms(w.vectors, None, X.exact_facets), ">="),
@@ -257,6 +256,11 @@ class MeanStabilityCertificate(ClaimOnFamily, ClaimWithRate):
                 "mode, because that of v_i'x, i being the mode, does so on X."
             )
         return "Undecided: neither mean stability nor a direction in which the mean does not go to 0 is proven."
+
+
+def _single(M: Matrix) -> list[Matrix]:
+    """The rows, each as a matrix."""
+    return [M[np.array([i])] for i in range(M.shape[0])]
 
 
 def _rows(M: Matrix) -> list[Scaled]:
