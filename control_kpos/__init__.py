@@ -53,8 +53,10 @@ if TYPE_CHECKING:
     from .families import (
         CommonVectorCertificate,
         CycleOfGrowth,
+        DelayCertificate,
         DwellCertificate,
         DwellCycle,
+        FailingTerm,
         MeanDirection,
         MeanStabilityCertificate,
         NextModeCertificate,
@@ -63,14 +65,22 @@ if TYPE_CHECKING:
         Switching,
         SwitchingCertificate,
         UnstableMixture,
+        delayed,
         switched,
     )
-    from .find import CodesignResult, ConeCertificate, FoundCone, design_cone_and_feedback, find_cone
+    from .find import (
+        CodesignResult,
+        ConeCertificate,
+        FoundCone,
+        design_cone_and_feedback,
+        find_cone,
+    )
     from .networks import (
         AbscissaCertificate,
         AlgebraicLoop,
         ConeNetwork,
         CouplingViolation,
+        DelayedNetworkCertificate,
         FailingEnd,
         FailingMember,
         NetworkCertificate,
@@ -86,8 +96,18 @@ if TYPE_CHECKING:
         scale_free_certificate,
         stack,
     )
-    from .nonlinear import DifferentialCertificate, differential_positivity
-    from .plotting import phase_portrait, plot_closed_loop, plot_cone, plot_network, plot_poles, plot_tradeoff
+    from .nonlinear import (
+        DifferentialCertificate,
+        differential_positivity,
+    )
+    from .plotting import (
+        phase_portrait,
+        plot_closed_loop,
+        plot_cone,
+        plot_network,
+        plot_poles,
+        plot_tradeoff,
+    )
 
 __version__ = "0.1.0"
 
@@ -107,6 +127,8 @@ __all__ = [
     "CouplingViolation",
     "CycleOfGrowth",
     "DataError",
+    "DelayCertificate",
+    "DelayedNetworkCertificate",
     "DesignResult",
     "DifferentialCertificate",
     "DissipativityCertificate",
@@ -114,6 +136,7 @@ __all__ = [
     "DwellCycle",
     "FailingEnd",
     "FailingMember",
+    "FailingTerm",
     "FalseClaimError",
     "FiniteCostCertificate",
     "FoundCone",
@@ -159,6 +182,7 @@ __all__ = [
     "UnstableMixture",
     "__version__",
     "cone_positivity",
+    "delayed",
     "design_cone_and_feedback",
     "differential_positivity",
     "dissipativity",
@@ -205,15 +229,15 @@ _ON_DEMAND = {
             "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
         ),
         ".families": (
-            "CommonVectorCertificate CycleOfGrowth DwellCertificate DwellCycle MeanDirection MeanStabilityCertificate "
-            "NextModeCertificate NoCommonVector StabilisingCertificate Switching SwitchingCertificate UnstableMixture "
-            "switched"
+            "CommonVectorCertificate CycleOfGrowth DelayCertificate DwellCertificate DwellCycle FailingTerm "
+            "MeanDirection MeanStabilityCertificate NextModeCertificate NoCommonVector StabilisingCertificate "
+            "Switching SwitchingCertificate UnstableMixture delayed switched"
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (
-            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation FailingEnd FailingMember "
-            "NetworkCertificate NetworkInstability NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
-            "NoCommonStorage UncertainNetworkCertificate feedback_interconnect interval "
+            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation DelayedNetworkCertificate FailingEnd "
+            "FailingMember NetworkCertificate NetworkInstability NoCommonStorage NoWeights NodeNotDissipative "
+            "NodeViolation OutWeightCertificate UncertainNetworkCertificate feedback_interconnect interval "
             "scale_free_certificate stack"
         ),
         ".nonlinear": "DifferentialCertificate differential_positivity",

@@ -1,7 +1,10 @@
 """Families of systems: arbitrary, slow, random and state-dependent switching, its growth, and what refutes it."""
+"""Families of systems: arbitrary switching, its growth, and what refutes it; systems with any delays."""
 
 from .chain import MeanDirection, MeanStabilityCertificate
 from .common_vector import CommonVectorCertificate, NoCommonVector
+from .delay_certificate import DelayCertificate, FailingTerm
+from .delayed import delayed
 from .dwell import DwellCertificate, DwellCycle
 from .stabilising import StabilisingCertificate
 from .switched import Switching, switched
@@ -10,15 +13,18 @@ from .switching import CycleOfGrowth, NextModeCertificate, SwitchingCertificate,
 __all__ = [
     "CommonVectorCertificate",
     "CycleOfGrowth",
+    "DelayCertificate",
     "DwellCertificate",
     "DwellCycle",
     "MeanDirection",
     "MeanStabilityCertificate",
+    "FailingTerm",
     "NextModeCertificate",
     "NoCommonVector",
     "StabilisingCertificate",
     "Switching",
     "SwitchingCertificate",
     "UnstableMixture",
+    "delayed",
     "switched",
 ]

@@ -51,9 +51,20 @@ def read_family(family: Any, X: Cone | ArrayLike | None, discrete: Any) -> Famil
                 f"family[{s}] has {system.A.shape[0]} states, but family[0] has {n}; all members must be of one size."
             )
     systems = [(s, system) for s, system in enumerate(read) if isinstance(members[s], (StateSpace, System))]
-    cone = _cone(systems, X, n)
+    cone, steps = cone_and_time(systems, X, discrete, n)
+    return Family(tuple(system.A for system in read), cone, steps)
+
+
+def cone_and_time(
+    systems: list[tuple[int, System]], X: Any, discrete: Any, n: int, first: str = "family[0]", whole: str = "family"
+) -> tuple[Cone, bool]:
+    """The proper cone of numbered systems with n states, and their time; or those given, for matrices.
+
+    `first` and `whole` are what messages call the first of them, and what it stands in.
+    """
+    cone = _cone(systems, X, n, first)
     cone.require_proper("X")
-    return Family(tuple(system.A for system in read), cone, _time(systems, discrete))
+    return cone, _time(systems, discrete, whole)
 
 
 def _listed(family: Any) -> list[Any]:
@@ -68,11 +79,11 @@ def _listed(family: Any) -> list[Any]:
     return members
 
 
-def _cone(systems: list[tuple[int, System]], X: Cone | ArrayLike | None, n: int) -> Cone:
+def _cone(systems: list[tuple[int, System]], X: Cone | ArrayLike | None, n: int, name: str) -> Cone:
     if X is not None or not systems:
         cone = nonnegative(n) if X is None else as_cone(X, "X")
         if cone.dim != n:
-            raise ConeMismatchError(f"X is a cone in {cone.dim} dimensions, but family[0] has {n} states.")
+            raise ConeMismatchError(f"X is a cone in {cone.dim} dimensions, but {name} has {n} states.")
         return cone
     first, cone = systems[0][0], systems[0][1].X
     for s, system in systems:
@@ -81,7 +92,7 @@ def _cone(systems: list[tuple[int, System]], X: Cone | ArrayLike | None, n: int)
     return cone
 
 
-def _time(systems: list[tuple[int, System]], discrete: Any) -> bool:
+def _time(systems: list[tuple[int, System]], discrete: Any, whole: str) -> bool:
     kinds = {system.discrete for _, system in systems}
     if len(kinds) > 1:
         raise TimebaseError("family has members in continuous and in discrete time; all must be of one time.")
@@ -89,5 +100,5 @@ def _time(systems: list[tuple[int, System]], discrete: Any) -> bool:
         return kinds.pop() if kinds else False
     wanted = flag(discrete, "discrete")
     if kinds and kinds != {wanted}:
-        raise TimebaseError(f"discrete is {wanted}, but the systems in family have another time; leave it out.")
+        raise TimebaseError(f"discrete is {wanted}, but the time of {whole} is another one; leave it out.")
     return wanted

@@ -7,6 +7,7 @@ from .model import NetworkModel
 from .network import ConeNetwork
 from .nodes import NodeStack, UncertainStack, stack
 from .ranges import interval
+from .state_delays import DelayedNetworkCertificate
 from .spectrum.bracket import AbscissaCertificate
 from .uncertain.certificate import UncertainNetworkCertificate
 from .uncertain.network import UncertainNetwork
@@ -25,6 +26,7 @@ __all__ = [
     "AlgebraicLoop",
     "ConeNetwork",
     "CouplingViolation",
+    "DelayedNetworkCertificate",
     "FailingEnd",
     "FailingMember",
     "NetworkCertificate",
