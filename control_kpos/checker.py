@@ -2069,6 +2069,100 @@ def growth_under_switching(e: Said, limit: int) -> None:
     listed(e, "b", z, X)
 
 
+def delayed_members(e: Said, limit: int) -> list[System]:
+    """A, and the delayed matrices A_k, which have to map X into X as in discrete time."""
+    first, *others = members(e, "delayed", limit)
+    expect(len(others) > 0, "some matrix is delayed")
+    return [first, *(replace(s, discrete=True) for s in others)]
+
+
+def undelayed(e: Said, systems: list[System]) -> System:
+    """X is kept by A and each A_k; the system of the sum S of all, without delays."""
+    for s, P in zip(systems, e.get("P") or [None] * len(systems), strict=True):
+        maps(s.X, s.A, s.X, P, "A X in X", diagonal=not s.discrete)
+    return replace(systems[0], A=reduce(plus, (s.A for s in systems)))
+
+
+def stable_with_delays(e: Said, limit: int) -> None:
+    """x' = A x + sum A_k x(t - h_k) is positive and exponentially stable for all bounded delays, constant or not.
+
+    `undelayed`,  v'x > 0,  v'S x < 0.  For delays of at most h = max_delay it decays at the `rate` c if one is there:
+    v'(A + b sum A_k) x + c v'x < 0,  b = factor >= e^(c h)  by a series (discrete time: b >= (1 - c)^-h).
+    """
+    systems = delayed_members(e, limit)
+    S, v = undelayed(e, systems), entries(exactly(e, "v")[0], systems[0].X.dim)
+    decreases(S, v, {})
+    beside = [e[name] for name in ("max_delay", "factor", "terms")]
+    if e["rate"] is None:
+        expect(beside == [None] * 3, "nothing is said about delays without a rate")
+        return
+    c, h, b = double(e["rate"]), fraction(beside[0]), fraction(beside[1])
+    expect(c > 0 and h >= 0, "a rate is positive, and no delay is negative")
+    if S.discrete:
+        expect(c < 1 and h == int(h) and h <= 1000 and beside[2] is None, "so many steps, and a rate below 1")
+        need(b * (1 - c) ** int(h) >= 1, "b >= (1 - c)^-h")
+    else:
+        (terms,) = map(index, sequence(beside[2]))
+        need(b >= sum(exponential(c * h, terms)), "b >= e^(c h)")
+    parts = [(b if k else 1, pullback(v, s.A)) for k, s in enumerate(systems)]
+    fall = total(*parts, (c - S.discrete, v))
+    need(all(dot(fall, x) < 0 for x in S.X.rays), "v'(A + b sum A_k) x + c v'x < 0")
+
+
+def not_stable_with_delays(e: Said, limit: int) -> None:
+    """A, or an A_k, does not keep X; or `undelayed`, and no delays make it stable:  x != 0 and S x (S x - x) in X."""
+    kind, w = record(e, "witness", "FailingTerm", "InstabilityDirection")
+    systems = delayed_members(e, limit)
+    if kind == "FailingTerm":
+        inner = record(w, "violation", "PositivityViolation")[1]
+        crossed(systems[index(w["term"])], e, "PositivityViolation", inner)
+        return
+    S = undelayed(e, systems)
+    unstable(S, e, motion(S, kind, w))
+
+
+def delayed_network(e: Said, limit: int) -> None:
+    """A network is positive and stable for all bounded delays of the last inputs of its nodes, which are their states.
+
+    `network` is proved, and the delayed states are links in it: the last outputs y = x, of the cone X, go to the last
+    inputs of the same node, of the same cone, and nothing else does.
+    """
+    delays_are_links(e, limit, "PROVED")
+
+
+def not_delayed_network(e: Said, limit: int) -> None:
+    """The same `network` is refuted: it is not positive, or no delays make it stable."""
+    data = delays_are_links(e, limit, "REFUTED")
+    expect(data["witness"]["record"] not in ("NodeNotDissipative", "NoWeights"), "whatever the supplies")
+
+
+def delays_are_links(e: Said, limit: int, status: str) -> Json:
+    """The data of `network`, of this status, whose last inputs and outputs are the states of its nodes."""
+    inner = certificate(e["network"])
+    expect(inner["claim"] == "network" and inner["data"].get("own_links_closed") is None, "it is a network")
+    need(inner["status"] == status, "the network decides")
+    verify(inner, limit)
+    (s,) = family("network", Said(inner["data"]), limit)
+    expect(all(len(node[0]) <= min(map(len, node[1:])) for node in s.nodes), "every state is delayed")
+    inputs, outputs = (
+        {i: x for node in s.nodes for i, x in zip(reversed(node[kind]), reversed(node[0]), strict=False)}
+        for kind in (1, 2)
+    )
+    of_state = {x: k for k, x in outputs.items()}
+    fits = all({k: a for k, a in s.C[x].items() if k in outputs} == {of_state[x]: 1} for x in range(s.X.dim))
+    expect(fits, "the last outputs are the states")
+    for j, column in enumerate(s.D):
+        expect(not column or (j not in inputs and not outputs.keys() & column.keys()), "delays have no feedthrough")
+    for k, column in enumerate(s.W):
+        own = {inputs[i]: a for i, a in column.items() if i in inputs}
+        alike = own == {outputs[k]: 1} and len(column) == 1 if k in outputs else not own
+        expect(alike, "the last outputs go to the last inputs of their node, and nothing else does")
+    for places, C in ((inputs, s.U), (outputs, s.Y)):
+        rays = [{places.get(i, -1): a for i, a in x.items()} for x in C.rays if places.keys() & x.keys()]
+        expect(rays == s.X.rays, "the cones of delayed states are those of the states")
+    return inner["data"]
+
+
 def dwells_long_enough(e: Said, limit: int) -> None:
     """Stable for every order in which each member stays active for T = dwell_time > 0 or longer.
 
@@ -2303,6 +2397,10 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("mean stable", "PROVED"): mean_stable,
     ("mean stable", "REFUTED"): not_mean_stable,
     ("stabilising switching", "PROVED"): stabilising_switching,
+    ("delayed", "PROVED"): stable_with_delays,
+    ("delayed", "REFUTED"): not_stable_with_delays,
+    ("delayed network", "PROVED"): delayed_network,
+    ("delayed network", "REFUTED"): not_delayed_network,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }

@@ -85,8 +85,10 @@ class DelayCertificate(Certificate):
         A_k maps X into X.
     v : ndarray, shape (n,), or None
         v'x is positive on X without 0, and v'(A + sum A_k) x negative (discrete time: less than v'x).
-    max_delay, rate : Fraction or None
-        For delays of at most `max_delay` the state decays at this rate.  None: no rate is claimed.
+    max_delay : Fraction or None
+        The longest delay for which a rate is claimed; None: none is.
+    rate : float or None
+        For delays of at most `max_delay` the state decays at this rate.
     factor : Fraction or None
         b >= e^(rate max_delay); in discrete time b >= (1 - rate)^(-max_delay).
     terms : tuple of int
@@ -104,7 +106,7 @@ class DelayCertificate(Certificate):
     delayed: tuple[PositivityCertificate, ...]
     v: Vector = Vector()
     max_delay: Fraction | None = None
-    rate: Fraction | None = None
+    rate: float | None = None
     factor: Fraction | None = None
     terms: tuple[int, ...] = ()
     exact: Fractions = Fractions("v")
@@ -132,7 +134,7 @@ class DelayCertificate(Certificate):
     @property
     def decay_rate(self) -> float:
         """Proven for delays of at most `max_delay`, per unit of time of A; NaN where no rate is claimed."""
-        return float("nan") if self.rate is None else float(self.rate)
+        return float("nan") if self.rate is None else self.rate
 
     def parts(self) -> Sequence[Certificate]:
         """Positivity of every matrix."""
@@ -159,8 +161,10 @@ class DelayCertificate(Certificate):
             return out
         if self.rate is None or self.max_delay is None or self.factor is None:
             raise DataError("a rate comes with the longest delay and with a factor.")
+        if not 0 < self.rate < np.inf:
+            raise DataError("a rate is positive and finite.")
         out.append(Condition(_RATE, self._drift(v, rays, self.rate, self.factor), "<"))
-        spare = self.factor - growth(self.rate, self.max_delay, self.terms, discrete=self.discrete)
+        spare = self.factor - growth(Fraction(self.rate), self.max_delay, self.terms, discrete=self.discrete)
         one = Matrix.identity(1)
         return [*out, Condition(_FACTOR, BilinearForms(Matrix(np.array([[float(np.sign(spare))]])), None, one), ">=")]
 

@@ -191,16 +191,16 @@ def _with_rate(found: DelayCertificate, longest: Fraction) -> DelayCertificate |
         v = problem.vector(rate)
         if v is None or not 0 < rate < np.inf:
             continue
-        proof = _at_rate(found, Fraction(rate), longest, v)
+        proof = _at_rate(found, rate, longest, v)
         if proof:
             return proof
     return None
 
 
-def _at_rate(found: DelayCertificate, rate: Fraction, longest: Fraction, v: Floats) -> DelayCertificate | None:
-    terms = () if found.discrete else (max(_TERMS, ceil(4 * rate * longest)),)
+def _at_rate(found: DelayCertificate, rate: float, longest: Fraction, v: Floats) -> DelayCertificate | None:
+    terms = () if found.discrete else (max(_TERMS, ceil(4 * rate * float(longest))),)
     try:
-        least = growth(rate, longest, terms, discrete=found.discrete)
+        least = growth(Fraction(rate), longest, terms, discrete=found.discrete)
     except DataError:
         return None
     factor = Fraction(-int(-least * 2**_DIGITS // 1), 2**_DIGITS)

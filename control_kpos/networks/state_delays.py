@@ -29,7 +29,7 @@ from .coupling import entries_of, from_entries
 from .model import NetworkModel
 from .network import ConeNetwork
 from .nodes import NodeStack
-from .witnesses import NodeNotDissipative, NodeViolation, NoWeights
+from .witnesses import CouplingViolation, NodeNotDissipative, NodeViolation, NoWeights
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -114,15 +114,12 @@ class DelayedNetworkCertificate(Certificate):
             )
         if self.status is not Status.REFUTED:
             return f"Undecided: for {what} neither a certificate nor a witness was found."
-        if isinstance(self.witness, NodeViolation):
+        if isinstance(self.witness, NodeViolation | CouplingViolation):
             return (
-                f"Refuted: {what} is not positive, {self.witness}. The last inputs of a node, as many as it has "
-                "states, are its delayed states. Choose other cones."
+                f"Refuted: {what} is not positive part by part, {self.witness}. The last inputs of a node, as many as "
+                "it has states, are its delayed states. Choose other cones."
             )
-        return (
-            f"Refuted: {what} fails for all delays, {self.network._reason()}. Delayed states count as inputs and "
-            "outputs of their nodes."
-        )
+        return f"Refuted: no delays of these states make {what} stable: {self.network._reason()}."
 
 
 def delayed_network(net: ConeNetwork, A_delay: Any) -> DelayedNetworkCertificate:
