@@ -4,7 +4,7 @@ import certified_vertices
 import control as ct
 import numpy as np
 import scipy as sp
-from certified_families import SWITCHED
+from certified_families import DELAYED, SWITCHED
 from gain_systems import GAINS
 from strategies import without_facets
 
@@ -167,7 +167,7 @@ def on_a_square(grows=0, *, discrete, **more):
 
 
 DECAYS = [[-1, 0, 0], [0, -2, 0], [0, 0, -3]]
-CERTIFICATES = SWITCHED | {
+CERTIFICATES = SWITCHED | DELAYED | {
     "positive": lambda: kp.state_positivity([[0, 1], [-22, -13]], PAPER),
     "positive, decimals": lambda: kp.state_positivity([[0, 1], ["-21.3", "-12.9"]], PAPER),
     "positive, fractions": lambda: kp.state_positivity([["-1/3", "1/7"], ["2/9", "-1/3"]], kp.orthant(2)),

@@ -63,3 +63,37 @@ SWITCHED = {
     "stabilising switching, discrete": lambda: kp.switched(STEPS, discrete=True).stabilising,
     "stabilising switching, four generators": lambda: kp.switched(DIAGONALS, X=SQUARE).stabilising,
 }
+
+
+def pairs():
+    """Two nodes on a cone of four generators and one on the half-line."""
+    first = kp.stack([np.diag([-3.0, -3, -2])] * 2, B=[[0], [0], [1]], C=[[0, 0, 1]], X=SQUARE)
+    other = kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)
+    return kp.feedback_interconnect([first, other], [[0, 0, 1], [0.5, 0, 0], [0, 0.25, 0]])
+
+
+TWO = kp.stack([[[-2]], [[-3]]], B=[[1]], C=[[1]])
+RING = [[0, 1], [1, 0]]
+DELAYED = {
+    "delays": lambda: kp.delayed([[-3, "1/3"], [1, -3]], [[["1/7", 0], [0, 1]], [[0, 0], [1, 0]]]),
+    "delays with a rate": lambda: kp.delayed([[-3, 1], [1, -3]], [[1, 0], [0, 1]], max_delay="1/3"),
+    "delays with a rate, discrete": lambda: kp.delayed([["0.3"]], [["0.2"]], discrete=True, max_delay=4),
+    "delays with a rate, four generators": lambda: kp.delayed(
+        np.diag([-3, -3, -2]), np.diag([0.5, 0.25, 1]), SQUARE, max_delay=2
+    ),
+    "delays, not stable": lambda: kp.delayed([[-2, "1/3"], [1, -2]], [[2, 0], [0, "1/3"]]),
+    "delays, not stable, four generators": lambda: kp.delayed(
+        np.diag([-3, -3, -2]), np.diag([0.5, 0.25, 3]), SQUARE
+    ),
+    "delays, not positive": lambda: kp.delayed([[-1, 1], [0, -1]], [[[1, 0], [0, 1]], [[1, 0], ["-1/3", 0]]]),
+    "delays, not positive, four generators": lambda: kp.delayed(np.diag([-3, -3, -4]), np.diag([4.5, 0, 3]), SQUARE),
+    "network with delays": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [[["1/2"]], [["1/3"]]]),
+    "network with delays, discrete": lambda: kp.delayed(
+        kp.feedback_interconnect(kp.stack([[[0.25]], [[0.125]]], B=[[1]], C=[[1]], dt=1), [[0, 0.25], [0.5, 0]]), [[0.25]]
+    ),
+    "network with delays, four generators": lambda: kp.delayed(
+        pairs(), [np.diag([0.5, 0.25, 1]), np.diag([0, 0.25, 0.5]), [[0.5]]]
+    ),
+    "network with delays, not stable": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [[[2]], [[1]]]),
+    "network with delays, not positive": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [["-1/8"]]),
+}

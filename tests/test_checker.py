@@ -15,6 +15,7 @@ import checker_chains
 import checker_claims
 import checker_cones
 import checker_costs
+import checker_delays
 import checker_families
 import checker_gains
 import checker_intervals
@@ -37,6 +38,7 @@ LIMITS = SIZES + checker_costs.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES
+HAND |= checker_delays.CASES
 
 
 @pytest.fixture(scope="module")
