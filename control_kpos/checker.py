@@ -692,9 +692,8 @@ def reached(s: System, e: Said, lower: Fraction, ins: list[int], outs: list[int]
     listed(e, "y", total((1, drift(s, x)), (1, image(s.B, a))), s.X)
     need(nonnegative(total((1, image(s.C, x)), (1, image(s.D, a)), (-1, y))), "y <= C s + D a")
     need(nonnegative(total((1, c), (-lower, a))), "c >= lower a")
-    for b in set(ins):
-        squares = [sum(v[i] ** 2 for i in v if of[i] == b) for v, of in ((y, outs), (c, ins))]
-        need(squares[0] >= squares[1], "|y| >= |c| in every block")
+    left, right = (total(*((v[i] ** 2, {of[i]: Fraction(1)}) for i in v)) for v, of in ((y, outs), (c, ins)))
+    need(nonnegative(total((1, left), (-1, right))), "|y| >= |c| in every block")
 
 
 def blocks(s: System, e: Said) -> tuple[list[int], list[int]]:

@@ -82,14 +82,13 @@ DELAYED = {
         np.diag([-3, -3, -2]), np.diag([0.5, 0.25, 1]), SQUARE, max_delay=2
     ),
     "delays, not stable": lambda: kp.delayed([[-2, "1/3"], [1, -2]], [[2, 0], [0, "1/3"]]),
-    "delays, not stable, four generators": lambda: kp.delayed(
-        np.diag([-3, -3, -2]), np.diag([0.5, 0.25, 3]), SQUARE
-    ),
+    "delays, not stable, four generators": lambda: kp.delayed(np.diag([-3, -3, -2]), np.diag([0.5, 0.25, 3]), SQUARE),
     "delays, not positive": lambda: kp.delayed([[-1, 1], [0, -1]], [[[1, 0], [0, 1]], [[1, 0], ["-1/3", 0]]]),
     "delays, not positive, four generators": lambda: kp.delayed(np.diag([-3, -3, -4]), np.diag([4.5, 0, 3]), SQUARE),
     "network with delays": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [[["1/2"]], [["1/3"]]]),
     "network with delays, discrete": lambda: kp.delayed(
-        kp.feedback_interconnect(kp.stack([[[0.25]], [[0.125]]], B=[[1]], C=[[1]], dt=1), [[0, 0.25], [0.5, 0]]), [[0.25]]
+        kp.feedback_interconnect(kp.stack([[[0.25]], [[0.125]]], B=[[1]], C=[[1]], dt=1), [[0, 0.25], [0.5, 0]]),
+        [[0.25]],
     ),
     "network with delays, four generators": lambda: kp.delayed(
         pairs(), [np.diag([0.5, 0.25, 1]), np.diag([0, 0.25, 0.5]), [[0.5]]]

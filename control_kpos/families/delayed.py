@@ -14,16 +14,16 @@ from control import StateSpace
 from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone
-from ..errors import DataError, ShapeError, TooLargeError
+from ..errors import DataError, ShapeError
 from ..exact.budget import OutOfBudgetError, budget
-from ..exact.intake import dimensions, exact_matrix, exact_number, flag, found, items, require_shape, seconds
+from ..exact.intake import dimensions, exact_matrix, exact_number, found, items, require_shape, seconds
 from ..exact.matrix import Matrix, is_sparse
 from ..networks.network import ConeNetwork
 from ..networks.state_delays import DelayedNetworkCertificate, delayed_network
 from ..proof.certificate import Status, exactly
 from ..systems.system import System
 from ..theorems.growing_direction import InstabilityDirection
-from ..theorems.positivity import PositivityCertificate, positivity_of, state_positivity
+from ..theorems.positivity import PositivityCertificate, state_positivity
 from ..theorems.stability import LyapunovCertificate, lyapunov_on
 from .arguments import cone_and_time
 from .delay_certificate import MOST_STEPS, DelayCertificate, FailingTerm, growth
@@ -93,7 +93,9 @@ def delayed(
     if isinstance(A, ConeNetwork):
         for name, given in (("X", X), ("discrete", discrete), ("max_delay", max_delay)):
             if given is not None:
-                raise DataError(f"{name} has no place beside a network, which has its own cones and time; leave it out.")
+                raise DataError(
+                    f"{name} has no place beside a network, which has its own cones and time; leave it out."
+                )
         seconds(time_limit)
         return delayed_network(A, A_delay)
     system = System.read(A, "A")

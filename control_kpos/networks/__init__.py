@@ -7,8 +7,8 @@ from .model import NetworkModel
 from .network import ConeNetwork
 from .nodes import NodeStack, UncertainStack, stack
 from .ranges import interval
-from .state_delays import DelayedNetworkCertificate
 from .spectrum.bracket import AbscissaCertificate
+from .state_delays import DelayedNetworkCertificate
 from .uncertain.certificate import UncertainNetworkCertificate
 from .uncertain.network import UncertainNetwork
 from .uncertain.witnesses import FailingEnd, FailingMember, NoCommonStorage

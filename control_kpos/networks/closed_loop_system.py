@@ -12,46 +12,43 @@ gains of the whole, the theorems for one system decide on the closed loop.  Conn
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
-import scipy.sparse as sp
-from control import InputOutputSystem, StateSpace, common_timebase
+from control import InputOutputSystem, StateSpace
 from numpy.typing import ArrayLike
 
-from ..cones import Cone, Orthant
-from ..cones.orthant import nonnegative
-from ..cones.product import product
+from ..cones import Cone
 from ..errors import NotProperConeError, TooLargeError
 from ..exact.intake import exact_number
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..proof.certificate import Status, exactly
-from ..systems.cones_of_connections import image, lies_in, opposite, preimage
+from ..systems.cones_of_connections import lies_in, opposite
 from ..systems.operations import as_gain
 from ..systems.reading import read_operand
 from ..systems.rounding import maps_into
-from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
+from ..theorems.blocks import Blocks
 from ..theorems.dissipativity import DissipativityCertificate
 from ..theorems.gains import Norm
 from ..theorems.positivity import PositivityCertificate, state_positivity
 from ..theorems.stability import LyapunovCertificate, by_vector
+from ..theorems.structured_gain import StructuredGainCertificate
 from .blocks import Index
 from .certificate import NetworkCertificate
 from .certify import certify, loop_weights, positive_form
-from .coupling import entries_of, from_entries
 from .dense_on_demand import DENSE_STATES
 from .files import product_cone
-from .model import NetworkModel, gather
+from .gains import network_gain, upper_gain
+from .model import NetworkModel
+from .ports import Ports, beside, is_system_with_states, port_cone, with_gain
 from .responses import NetworkResponses
 from .witnesses import NetworkInstability
 
-# Signals up to which a selection that tears the cone of a node apart is made.
-_MOST_TORN = 200
 _SIDES = ("inputs", "outputs")
 
 
@@ -204,6 +201,8 @@ class ClosedLoopSystem(NetworkResponses):
     def gain(self, norm: Norm = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
         """Induced gain of the closed loop from w in U to y in Y; inf if it is not stable.
 
+        Above `DENSE_STATES` = 5000 states "L2" is the upper bound that `control_kpos.structured_gain` proves.
+
         Parameters
         ----------
         norm : {"L1", "L2", "Linf"}
@@ -218,10 +217,26 @@ class ClosedLoopSystem(NetworkResponses):
         Raises
         ------
         TooLargeError
-            More than `DENSE_STATES` = 5000 states: the DC gain takes a dense matrix.
+            More than `DENSE_STATES` states, and another norm than "L2": the DC gain takes a dense matrix.
+        UndecidedError
+            Nothing was proven.
         """
+        if self.nstates > DENSE_STATES and norm == "L2" and e is None and f is None:
+            return upper_gain(self._gain_at_scale("full"))
         self._require_moderate("gain")
         return super().gain(norm, e, f)
+
+    def _gain_at_scale(self, structure: Any) -> StructuredGainCertificate | None:
+        """What `structured_gain` finds by sparse solves; None where dense matrices are at hand, or are needed."""
+        self.require_certain()
+        blocks = Blocks.read(structure, self.ninputs, self.noutputs)
+        if self.loop.is_exact or not (blocks.count == 1 or blocks.is_diagonal):
+            return None
+        stable = None if self.certificate else self.linear_lyapunov()
+        return network_gain(self.cone_positivity(), stable, blocks, self.model, self.external)
+
+    def require_certain(self) -> None:
+        """Nothing here; networks that are known within sets raise DataError where one system is needed."""
 
     def _require_moderate(self, what: str) -> None:
         if self.nstates > DENSE_STATES:
@@ -247,7 +262,7 @@ class ClosedLoopSystem(NetworkResponses):
             return super().append(other)
         self._require_operand(other)
         first = Ports.of(self)
-        both, second = _beside(first, Ports.of(other))
+        both, second = beside(first, Ports.of(other))
         inputs, outputs = (np.concatenate([getattr(part, kind) for part in (first, second)]) for kind in _SIDES)
         return self._joined(Ports(both, inputs, outputs))
 
@@ -293,21 +308,21 @@ class ClosedLoopSystem(NetworkResponses):
             if fits and lies_in(self.Y, other.U) and (k == 0 or lies_in(returned, self.U)):
                 own, back = Ports.of(self), Matrix.from_fractions(np.full(other.noutputs, k, dtype=object))
                 there = False, True, Matrix(np.ones(self.noutputs))
-                both, _ = _beside(own, Ports.of(other), there, (True, False, back))
+                both, _ = beside(own, Ports.of(other), there, (True, False, back))
                 return replace(own, model=both)
             return None
         K = None if isinstance(other, InputOutputSystem) else as_gain(other)
         if K is None or K.shape != (self.ninputs, self.noutputs):
             return None
         signed = Matrix.from_fractions(K.fractions() * k)
-        return _with_gain(Ports.of(self), signed) if maps_into(signed, self.Y, self.U) else None
+        return with_gain(Ports.of(self), signed) if maps_into(signed, self.Y, self.U) else None
 
     def __mul__(self, other: Any) -> Any:
         if not is_system_with_states(other) or self.ninputs != other.noutputs or not lies_in(other.Y, self.U):
             return super().__mul__(other)
         self._require_operand(other)
         inner, one = Ports.of(other), Matrix(np.ones(other.noutputs))
-        both, outer = _beside(inner, Ports.of(self), (False, True, one))  # states in python-control's order
+        both, outer = beside(inner, Ports.of(self), (False, True, one))  # states in python-control's order
         return self._joined(Ports(both, inner.inputs, outer.outputs))
 
     def __getitem__(self, key: Any) -> StateSpace:
@@ -345,106 +360,3 @@ def _has_cone(part: Ports, kind: int) -> bool:
         return port_cone(part, kind).is_proper
     except NotProperConeError:
         return False
-
-
-# -- networks made of networks
-
-
-@dataclass(frozen=True, eq=False)
-class Ports:
-    """A network and those of its inputs and outputs that are seen from outside."""
-
-    model: NetworkModel
-    inputs: Index
-    outputs: Index
-
-    @classmethod
-    def of(cls, system: Any) -> Ports:
-        """Of a network, or of a system as a network of one node."""
-        if hasattr(system, "model"):
-            return cls(system.model, *system.external)
-        stacks, members, dt = gather(system)
-        model = NetworkModel(stacks, members, Matrix(sp.csr_array((system.ninputs, system.noutputs))), dt)
-        return cls(model, np.arange(system.ninputs), np.arange(system.noutputs))
-
-
-def _with_gain(plant: Ports, K: Matrix) -> Ports:
-    """The plant with u = r + K y."""
-    rows, columns, values = entries_of(plant.model.coupling)
-    i, k, links = entries_of(K)
-    _, m, q = plant.model.totals
-    W = from_entries([rows, plant.inputs[i]], [columns, plant.outputs[k]], [values, links], (m, q))
-    return replace(plant, model=plant.model.with_coupling(W))
-
-
-def _beside(first: Ports, second: Ports, *links: tuple[bool, bool, Matrix]) -> tuple[NetworkModel, Ports]:
-    """One model of both, and the second seen in it; `links` (from second, to second, weights) join their ports."""
-    a, b = first.model, second.model
-    _, m, q = a.totals
-    moved = replace(second, inputs=second.inputs + m, outputs=second.outputs + q)
-    parts = (first, moved)
-    stacks = (*a.stacks, *b.stacks)
-    names = [*a.names, *b.names]
-    if not all(s.names for s in stacks) or len(set(names)) < len(names):
-        stacks = tuple(replace(s, names=()) for s in stacks)
-    members = (*a.members, *(index + a.n_nodes for index in b.members))
-    entries = [entries_of(a.coupling), entries_of(b.coupling)]
-    rows, columns = [entries[0][0], entries[1][0] + m], [entries[0][1], entries[1][1] + q]
-    values = [entries[0][2], entries[1][2]]
-    for source, target, weights in links:
-        rows.append(parts[target].inputs)
-        columns.append(parts[source].outputs)
-        values.append(weights)
-    W = from_entries(rows, columns, values, (m + b.totals[1], q + b.totals[2]))
-    return NetworkModel(stacks, members, W, common_timebase(a.dt, b.dt)), moved
-
-
-def port_cone(ports: Ports, kind: int) -> Cone:
-    """The cone of the external inputs (kind 1) or outputs (2).
-
-    For a part of the inputs of a node those that lie in its input cone with the others zero; for a part of its
-    outputs what can be seen of its output cone.
-
-    Raises
-    ------
-    NotProperConeError
-        Of the cone of a node nothing proper is left.
-    TooLargeError
-        Signals of one node apart from each other, in a network with many.
-    """
-    model, chosen = ports.model, ports.inputs if kind == 1 else ports.outputs
-    if all(isinstance((s.U, s.Y)[kind - 1], Orthant) for s in model.stacks):
-        return nonnegative(len(chosen))
-    whole = product_cone(model, kind)
-    if np.array_equal(chosen, np.arange(whole.dim)):
-        return whole
-    owner = model.owners(kind)[chosen]
-    starts = np.flatnonzero(np.diff(owner, prepend=-1))
-    if len(set(owner[starts].tolist())) < len(starts):
-        if whole.dim > _MOST_TORN:
-            raise TooLargeError("signals of one node stand apart from each other; choose them next to each other.")
-        return _part(whole, chosen, kind)
-    runs = np.split(chosen, starts[1:])
-    nodes = owner[starts].tolist()
-    cones = [(model.stacks[model.locate(j)[0]].U, model.stacks[model.locate(j)[0]].Y)[kind - 1] for j in nodes]
-    return product(
-        [_part(C, run - int(model.offsets[kind][j]), kind) for C, run, j in zip(cones, runs, nodes, strict=True)]
-    )
-
-
-def _part(cone: Cone, chosen: Index, kind: int) -> Cone:
-    if np.array_equal(chosen, np.arange(cone.dim)):
-        return cone
-    axes = np.eye(cone.dim)
-    part = preimage(Matrix(axes[:, chosen]), cone) if kind == 1 else image(Matrix(axes[chosen]), cone)
-    if part is None:
-        what, name = ("inputs", "U") if kind == 1 else ("outputs", "Y")
-        raise NotProperConeError(
-            f"{name}: what is left of the cone of a node with {cone.dim} {what} is not proper; keep all {what} of it."
-        )
-    return part
-
-
-def is_system_with_states(other: Any) -> bool:
-    """True for what can be a node: a system with cones and at least one state."""
-    return isinstance(other, ConeStateSpace) and other.nstates > 0

@@ -76,9 +76,6 @@ class ConeNetwork(ClosedLoopSystem):
     'PROVED'
     """
 
-    def require_certain(self) -> None:
-        """Nothing here; networks that are known within sets raise DataError where one system is needed."""
-
     # -- the spectrum
 
     def abscissa_certificate(self, relative: float = 1e-6) -> AbscissaCertificate:

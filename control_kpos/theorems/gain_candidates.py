@@ -9,6 +9,7 @@ Nothing here is trusted: `structured_gain` proves what is proposed, or drops it.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
@@ -54,54 +55,85 @@ _RANGE = 800
 
 
 @dataclass(frozen=True)
-class Plant:
+class Plant(ABC):
     """A stable positive system in floating point, with solutions of A x = b (A - I in discrete time).
 
     Attributes
     ----------
-    system : System
     blocks : Blocks
-    B, C, D, G : ndarray
-        G is the DC gain.
+    B, C, D : ndarray or csr_array
     up, down : ndarray, shape (n,)
         -A^{-1} of a point inside X, and -A^{-T} of one inside X*.
     """
 
-    system: System
     blocks: Blocks
-    B: Floats
-    C: Floats
-    D: Floats
-    G: Floats
+    B: Any
+    C: Any
+    D: Any
     up: Floats
     down: Floats
 
+    @abstractmethod
+    def after(self, x: Floats) -> Floats:
+        """-A^{-1} x."""
+
+    @abstractmethod
+    def before(self, p: Floats) -> Floats:
+        """-A^{-T} p."""
+
+    def state(self, w: Floats) -> Floats:
+        """-A^{-1} B w."""
+        return self.after(self.B @ w)
+
+    def costate(self, z: Floats) -> Floats:
+        """-A^{-T} C'z."""
+        return self.before(self.C.T @ z)
+
+    def respond(self, w: Floats) -> Floats:
+        """G w for the DC gain G and w >= 0."""
+        return np.maximum(self.C @ self.state(w) + self.D @ w, 0.0)
+
+
+@dataclass(frozen=True)
+class DensePlant(Plant):
+    """A plant of moderate size.
+
+    Attributes
+    ----------
+    system : System
+    G : ndarray
+        The DC gain.
+    """
+
+    system: System
+    G: Floats
+
     @classmethod
-    def of(cls, p: System, blocks: Blocks) -> Plant:
+    def of(cls, p: System, blocks: Blocks) -> DensePlant:
         B, C, D = (dense(M.values) for M in (p.B, p.C, p.D))
         steady = -_solve(p, B)
         up, down = (
             -_solve(p, np.array(point, dtype=float)[:, None], transposed=k)[:, 0]
             for k, point in enumerate((p.X.interior_point, p.X.dual.interior_point))
         )
-        return cls(p, blocks, B, C, D, np.maximum(C @ steady + D, 0.0), up, down)
+        return cls(blocks, B, C, D, up, down, p, np.maximum(C @ steady + D, 0.0))
 
     @cached_property
     def scaling(self) -> Scaling:
         """See `_scaling`."""
         return _scaling(self.G, self.blocks)
 
-    def state(self, w: Floats) -> Floats:
-        """-A^{-1} B w."""
-        return self.after(self.B @ w)
+    def respond(self, w: Floats) -> Floats:
+        """G w."""
+        return self.G @ w
 
     def after(self, x: Floats) -> Floats:
         """-A^{-1} x."""
         return -_solve(self.system, x[:, None])[:, 0]
 
-    def costate(self, z: Floats) -> Floats:
-        """-A^{-T} C'z."""
-        return -_solve(self.system, (self.C.T @ z)[:, None], transposed=True)[:, 0]
+    def before(self, p: Floats) -> Floats:
+        """-A^{-T} p."""
+        return -_solve(self.system, p[:, None], transposed=True)[:, 0]
 
 
 def _solve(p: System, b: Floats, *, transposed: Any = False) -> Floats:
@@ -121,17 +153,18 @@ def _solve(p: System, b: Floats, *, transposed: Any = False) -> Floats:
         return np.full(b.shape, np.nan)
 
 
-def from_above(plant: Plant) -> Iterator[Fields]:
+def from_above(plant: DensePlant) -> Iterator[Fields]:
     """Fields of proofs of an upper bound, the lowest first."""
     blocks, (d, value, _) = plant.blocks, plant.scaling
     for part in _FROM_ABOVE:
         upper = value * (1 + part) if value > 0 else part
         w, u, d_used = _paired(plant.G, blocks, d, upper)
         if all((x > 0).all() and np.isfinite(x).all() for x in (w, u, d_used)):
-            yield _upper_fields(plant, (w, u, d_used), upper)
+            yield upper_fields(plant, (w, u, d_used), upper)
 
 
-def _upper_fields(plant: Plant, pair: tuple[Floats, Floats, Floats], upper: float) -> Fields:
+def upper_fields(plant: Plant, pair: tuple[Floats, Floats, Floats], upper: float) -> Fields:
+    """Fields of a proof of an upper bound from w, u, d > 0 with G w < upper u and G'(d u) < upper d w, by block."""
     (w, u, d), blocks = pair, plant.blocks
     r, z = np.nextafter(d[blocks.inputs] * w, 0), np.nextafter(d[blocks.outputs] * u, np.inf)
     x, p = plant.state(w), plant.costate(z)
@@ -172,9 +205,9 @@ def _solved(M: Floats) -> Floats:
         return np.full(len(M), np.nan)
 
 
-def from_below(plant: Plant) -> Iterator[Fields]:
-    """Fields of proofs of a lower bound, the highest first; none if nothing is known but 0."""
-    worst = _worst_inputs(plant)
+def from_below(plant: Plant, inputs: Floats) -> Iterator[Fields]:
+    """Fields of proofs of a lower bound, the highest first, from inputs that are amplified; none if 0 is all."""
+    worst = _worst_inputs(plant, inputs)
     if worst is None:
         return
     x = plant.state(worst)
@@ -188,12 +221,12 @@ def from_below(plant: Plant) -> Iterator[Fields]:
             yield {"lower": lower, "a": worst, "c": np.nextafter(lower * worst, np.inf) * (worst > 0), "y": y, "s": s}
 
 
-def _worst_inputs(plant: Plant) -> Floats | None:
-    """Inputs a >= 0 whose blocks G a amplifies most, or None if no block is amplified."""
-    a, best, found = plant.scaling.inputs, 0.0, None
+def _worst_inputs(plant: Plant, a: Floats) -> Floats | None:
+    """The part of inputs a >= 0 whose blocks G amplifies most, or None if no block is amplified."""
+    best, found = 0.0, None
     for support in _SUPPORTS:
         kept = np.where(a >= support * a.max(initial=0.0), a, 0.0)
-        value = plant.blocks.quotient(plant.G @ kept, kept)
+        value = plant.blocks.quotient(plant.respond(kept), kept)
         if np.isfinite(value) and value > best:
             best, found = value, kept
     return found

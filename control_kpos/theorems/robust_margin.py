@@ -24,7 +24,7 @@ from ..proof.answer import Answer
 from ..proof.certificate import Status
 from ..systems.system import System
 from .blocks import Blocks
-from .gain_candidates import Fields, Plant, from_above, from_below
+from .gain_candidates import DensePlant, Fields, from_above, from_below
 from .positivity import PositivityCertificate, positivity_of
 from .stability import lyapunov_on
 from .structured_gain import StructuredGainCertificate, require_orthants
@@ -73,6 +73,10 @@ def structured_gain(sys: Any, structure: Any = "full") -> StructuredGainCertific
     """
     if not isinstance(sys, (StateSpace, System)):
         raise DataError(f"sys is {found(sys)}; give a ConeStateSpace, or another control.StateSpace.")
+    at_scale = getattr(sys, "_gain_at_scale", None)  # of networks
+    found_at_scale = None if at_scale is None else at_scale(structure)
+    if found_at_scale is not None:
+        return found_at_scale
     system = System.read(sys)
     _require_moderate(system)
     return structured_gain_of(positivity_of(system), Blocks.read(structure, *system.sizes[1:]))
@@ -100,12 +104,26 @@ def structured_gain_of(positivity: PositivityCertificate, blocks: Blocks) -> Str
     stable = lyapunov_on(positivity)
     if not stable:
         return StructuredGainCertificate.settle(**data, witness=stable.witness)
-    plant = Plant.of(p, blocks)
-    above = _first(data, from_above(plant), p, "_from_above")
-    if above is None:
+    plant = DensePlant.of(p, blocks)
+    return between(data, p, from_above(plant), from_below(plant, plant.scaling.inputs))
+
+
+def between(data: Fields, p: System, above: Any, below: Any) -> StructuredGainCertificate:
+    """The certificate with the first bounds from above and from below that are proven.
+
+    Parameters
+    ----------
+    data : dict
+        Positivity and the blocks.
+    p : System
+    above, below : iterable of dict
+        Fields of proofs, the best first.
+    """
+    upper = _first(data, above, p, "from_above")
+    if upper is None:
         return StructuredGainCertificate.settle(**data)
-    below = _first(data, from_below(plant), p, "_from_below") or {"lower": 0.0}
-    return StructuredGainCertificate.settle(**data, **above, **below)
+    lower = _first(data, below, p, "from_below") or {"lower": 0.0}
+    return StructuredGainCertificate.settle(**data, **upper, **lower)
 
 
 def _first(data: Fields, candidates: Any, p: System, side: str) -> Fields | None:

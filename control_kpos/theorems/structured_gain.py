@@ -30,8 +30,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from ..cards import floored, raised
 from ..cones import Cone
@@ -104,25 +104,30 @@ class StructuredGainCertificate(ClaimOnPositivity):
         """The inequalities of the bound from above, and of the bound from below if it is not 0."""
         system = self.positivity.system()
         _require_fit(self, system)
-        return [*self._from_above(system), *([] if self.lower == 0 else self._from_below(system))]
+        return [*self.from_above(system), *([] if self.lower == 0 else self.from_below(system))]
 
     def _row(self, name: str) -> Matrix:
         return exactly(self, name)[None]
 
-    def _from_above(self, system: System) -> list[Condition]:
+    def from_above(self, system: System) -> list[Condition]:
+        """The inequalities of the bound from above, for the system of the certificate."""
         w, u, d, r, z, x, p = map(self._row, _ABOVE)
         m, q = w.shape[1], u.shape[1]
         if d.shape[1] != self.n_blocks:
             raise DataError(f"d has {d.shape[1]} entries, not one for each of the {self.n_blocks} blocks.")
-        ins, outs = (np.diag(dense(d.values)[0][list(blocks)]) for blocks in (self.input_blocks, self.output_blocks))
-        scaled = block_diag(np.concatenate([ins, -np.eye(m)]), np.concatenate([-outs, np.eye(q)]))
-        B, C, D = (M.dense() for M in (system.B, system.C, system.D))
-        inward = Matrix.join([C.T, D.T, Matrix(-self.upper * np.eye(q))], -2)
-        outward = Matrix.join([B, D, Matrix(-self.upper * np.eye(m))], -2)
+        ins, outs = (dense(d.values)[0][list(blocks)] for blocks in (self.input_blocks, self.output_blocks))
+        places = np.arange(m + q)
+        twice = np.concatenate([places[:m], m + places[:m], 2 * m + places[:q], 2 * m + q + places[:q]])
+        scaled = np.concatenate([ins, -np.ones(m), -outs, np.ones(q)])
+        columns = np.concatenate([places[:m], places[:m], places[m:], places[m:]])
+        B, C, D = system.B, system.C, system.D
+        inward = Matrix.join([C.T, D.T, _times_identity(-self.upper, q)], -2)
+        outward = Matrix.join([B, D, _times_identity(-self.upper, m)], -2)
         positive = Matrix.join([w, u, d], -1)
+        scaling = Matrix(sp.csr_array((scaled, (twice, columns)), shape=(2 * (m + q), m + q)))
         return [
             Condition(_WEIGHTS, _entries(positive), ">"),
-            Condition(_SCALED, _entries(Matrix.join([w, r, u, z], -1), Matrix(scaled)), ">="),
+            Condition(_SCALED, _entries(Matrix.join([w, r, u, z], -1), scaling), ">="),
             Condition("h'(A x + B w) <= 0", motion_forms(system, x, w), "<="),
             Condition(_INPUT_SIDE, _entries(Matrix.join([x, w, u], -1), inward), "<="),
             Condition("p'x_i > 0", BilinearForms(p, None, system.X.exact_rays), ">"),
@@ -130,15 +135,16 @@ class StructuredGainCertificate(ClaimOnPositivity):
             Condition(_OUTPUT_SIDE, _entries(Matrix.join([p, z, r], -1), outward), "<="),
         ]
 
-    def _from_below(self, system: System) -> list[Condition]:
+    def from_below(self, system: System) -> list[Condition]:
+        """The inequalities of the bound from below, for the system of the certificate."""
         a, c, y, s = map(self._row, _BELOW)
         m, q = a.shape[1], y.shape[1]
-        C, D = system.C.dense(), system.D.dense()
-        reached = Matrix.join([C.T, D.T, Matrix(-np.eye(q))], -2)
-        least = Matrix(np.concatenate([np.eye(m), -self.lower * np.eye(m)]))
-        members = np.arange(self.n_blocks)[:, None] == np.array([*self.output_blocks, *self.input_blocks])
+        reached = Matrix.join([system.C.T, system.D.T, _times_identity(-1.0, q)], -2)
+        least = Matrix.join([_times_identity(1.0, m), _times_identity(-self.lower, m)], -2)
         both = Matrix.join([y, c], -1)
-        squares = Matrix(np.where(members, dense(both.values), 0.0) * np.array([*[1.0] * q, *[-1.0] * m]))
+        members = np.array([*self.output_blocks, *self.input_blocks]), np.arange(q + m)
+        signed = dense(both.values)[0] * np.repeat([1.0, -1.0], [q, m])
+        squares = Matrix(sp.csr_array((signed, members), shape=(self.n_blocks, q + m)))
         return [
             Condition("1'a > 0", BilinearForms(a, None, Matrix(np.ones((1, m)))), ">"),
             Condition("a, y >= 0", _entries(Matrix.join([a, y], -1)), ">="),
@@ -170,6 +176,8 @@ class StructuredGainCertificate(ClaimOnPositivity):
         if self.witness is not None:
             return self._unstable().evidence()
         out, system, prover = self.positivity.evidence(), self.positivity.system(), Prover()
+        if system.X.is_simplicial:  # weights follow
+            return out
         out["wz"] = prover.vector(system.X, -_motion(system, exactly(self, "x"), exactly(self, "w")))
         if self.lower != 0:
             out["wy"] = prover.vector(system.X, _motion(system, exactly(self, "s"), exactly(self, "a")))
@@ -238,9 +246,12 @@ def _require_blocks(c: StructuredGainCertificate, system: System) -> None:
 
 def _entries(row: Matrix, M: Matrix | None = None) -> BilinearForms:
     """The entries of the row, or of its product with M."""
-    if M is None:
-        return BilinearForms(row, None, Matrix.identity(row.shape[1]))
-    return BilinearForms(row, M, Matrix.identity(M.shape[1]))
+    size = row.shape[1] if M is None else M.shape[1]
+    return BilinearForms(row, M, Matrix.identity(size, sparse=True))
+
+
+def _times_identity(factor: float, size: int) -> Matrix:
+    return Matrix(sp.csr_array(factor * sp.eye_array(size)))
 
 
 def _motion(system: System, x: Matrix, w: Matrix) -> NDArray[np.object_]:
