@@ -661,13 +661,17 @@ def structured_gain(s: System, e: Said) -> None:
     positive,  U and Y are orthants.  From above, by a Schur test:  w, u, d > 0,  d w >= r  and  z >= d u  by block,
     -(A x + B w) in X,  C x + D w <= upper u,  p'x > 0,  (p'A + z'C) x < 0,  p'B + z'D <= upper r'.
     From below, unless lower is 0:  a, y >= 0,  a != 0,  A s + B a in X,  y <= C s + D a,  c >= lower a,
-    |y_b| >= |c_b|  for every block.
+    |y_b| >= |c_b|  for every block.  If upper is 0 see `without_gain`.
     """
     positive(s, e)
     expect(all(len(x) == 1 and min(x.values()) > 0 for C in (s.U, s.Y) for x in C.rays), "U and Y are orthants")
     ins, outs = blocks(s, e)
     n, m, q, count = s.X.dim, len(ins), len(outs), len(set(ins))
     lower, upper = double(e["lower"]), double(e["upper"])
+    if upper == 0:
+        expect(lower == 0, "lower is not above upper")
+        without_gain(s, e, ins, outs)
+        return
     expect(lower >= 0 and upper > 0, "lower is not negative, and upper is positive")
     lengths = dict(zip("wudrzxp", (m, q, count, m, q, n, n), strict=True))
     w, u, d, r, z, x, p = (entries(array(e[name]), length) for name, length in lengths.items())
@@ -682,6 +686,25 @@ def structured_gain(s: System, e: Said) -> None:
     need(nonnegative(total((upper, r), (-1, pullback(p, s.B)), (-1, pullback(z, s.D)))), "p'B + z'D <= upper r'")
     if lower > 0:
         reached(s, e, lower, ins, outs)
+
+
+def without_gain(s: System, e: Said, ins: list[int], outs: list[int]) -> None:
+    """No input comes back to its block, so that the structured gain is 0, on simplicial cones:  p'x > 0 > p'A x.
+
+    Levels of the generators and of the blocks do not fall from j to i if A x_j has a weight at x_i, nor from the block
+    of an input k to i if B e_k has;  they rise from j to the blocks of the outputs in C x_j, and from the block of an
+    input k to those of the outputs in D e_k.
+    """
+    expect(is_simplicial(s.X), "the weights of vectors are known")
+    decreases(s, entries(array(e["p"]), s.X.dim), {})
+    levels, own = array(e["levels"]), array(e["block_levels"])
+    expect((len(levels), len(own)) == (s.X.dim, len(set(ins))), "a level for every generator and every block")
+    for j, x in enumerate(s.X.rays):
+        need(all(levels[i] >= levels[j] for i in image(s.X.Z, image(s.A, x))), "levels do not fall along A")
+        need(all(own[outs[q]] > levels[j] for q in image(s.C, x)), "levels rise along C")
+    for k, b in enumerate(ins):
+        need(all(levels[i] >= own[b] for i in image(s.X.Z, s.B[k])), "levels do not fall along B")
+        need(all(own[outs[q]] > own[b] for q in s.D[k]), "levels rise along D")
 
 
 def reached(s: System, e: Said, lower: Fraction, ins: list[int], outs: list[int]) -> None:

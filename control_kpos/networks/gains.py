@@ -31,7 +31,7 @@ from ..systems.system import System
 from ..theorems.blocks import Blocks
 from ..theorems.gain_candidates import Fields, Plant, from_below, upper_fields
 from ..theorems.positivity import PositivityCertificate
-from ..theorems.robust_margin import between
+from ..theorems.robust_margin import between, without_gain
 from ..theorems.stability import LyapunovCertificate
 from ..theorems.structured_gain import StructuredGainCertificate, require_orthants
 from .blocks import Floats, Index
@@ -43,7 +43,7 @@ _FROM_ABOVE = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 # Parts of the largest state that nodes have in proofs from below.
 _REACHED = (1e-6, 1e-3, 0.0)
 # Products with G that find where to begin; then steps towards the largest gain, and how close ends them.
-_PRODUCTS, _STEPS, _CLOSE = 8, 40, 1e-13
+_PRODUCTS, _STEPS, _CLOSE = 8, 20, 1e-13
 # Accuracy of solves.  Parts of the largest entry that others are raised to, so that none vanishes.
 _ACCURACY, _LEAST = 1e-13, 1e-200
 
@@ -145,6 +145,9 @@ def network_gain(
     plant = NetworkPlant.of(p, blocks, model, external)
     if not all(np.isfinite(x).all() for x in (plant.up, plant.down)):
         return StructuredGainCertificate.settle(**data)
+    nothing = without_gain(data, p, blocks, plant.down)
+    if nothing is not None:
+        return nothing
     loops = _Loops.of(plant)
     value, z = loops.largest()
     return between(data, p, _from_above(loops, value), _from_below(plant, loops.inputs(z)))

@@ -28,6 +28,7 @@ from .gain_candidates import DensePlant, Fields, from_above, from_below
 from .positivity import PositivityCertificate, positivity_of
 from .stability import lyapunov_on
 from .structured_gain import StructuredGainCertificate, require_orthants
+from .zero_gain import found_levels
 
 Floats = NDArray[np.float64]
 # States, inputs and outputs of systems whose matrices are dense.
@@ -104,8 +105,29 @@ def structured_gain_of(positivity: PositivityCertificate, blocks: Blocks) -> Str
     stable = lyapunov_on(positivity)
     if not stable:
         return StructuredGainCertificate.settle(**data, witness=stable.witness)
+    nothing = without_gain(data, p, blocks, stable.v)
+    if nothing is not None:
+        return nothing
     plant = DensePlant.of(p, blocks)
     return between(data, p, from_above(plant), from_below(plant, plant.scaling.inputs))
+
+
+def without_gain(data: Fields, p: System, blocks: Blocks, v: Floats) -> StructuredGainCertificate | None:
+    """The certificate for a gain of exactly 0, or None.
+
+    Parameters
+    ----------
+    data : dict
+        Positivity and the blocks.
+    p : System
+    blocks : Blocks
+    v : ndarray, shape (n,)
+        A Lyapunov vector.
+    """
+    levels = found_levels(p, blocks)
+    if levels is None:
+        return None
+    return StructuredGainCertificate.settle(**data, lower=0.0, upper=0.0, p=v, **levels) or None
 
 
 def between(data: Fields, p: System, above: Any, below: Any) -> StructuredGainCertificate:
@@ -145,13 +167,15 @@ class RobustMargin(Answer):
     ----------
     lower : float
         Proven: the loop is stable for all causal Delta whose blocks have gains below `lower`, if it is well posed.
+        inf: for all of finite gain, because the gain of the system is 0.
     upper : float
         Proven: some constant Delta >= 0 whose blocks have gains of at most `upper` makes the loop unstable, or not well
         posed.  inf: none is known.
     scaling : ndarray, shape (blocks,), or None
         Weights d of the blocks in the proof of `lower`.
     delta : ndarray, shape (m, q), or None
-        Such a worst Delta, rounded; None if `upper` is inf.
+        Such a worst Delta, rounded; None if `upper` is inf, and for more than 5000 x 5000 signals, where its blocks are
+        a_b y_b' / |y_b|^2 for the a and y of the certificate.
     certificate : StructuredGainCertificate
         `lower` is 1 / certificate.upper, rounded down, and `upper` 1 / certificate.lower, rounded up.
     """
@@ -219,11 +243,12 @@ def robust_margin_of(cert: StructuredGainCertificate) -> RobustMargin:
     if not cert:
         return RobustMargin(status=cert.status, certificate=cert, message="No margin is proven.")
     blocks = Blocks(np.array(cert.input_blocks), np.array(cert.output_blocks))
+    moderate = len(cert.input_blocks) * len(cert.output_blocks) <= _LARGEST**2
     return RobustMargin(
         status=cert.status,
         certificate=cert,
-        lower=float(np.nextafter(1 / cert.upper, 0)),
+        lower=float(np.nextafter(1 / cert.upper, 0)) if cert.upper else float("inf"),
         upper=float(np.nextafter(1 / cert.lower, np.inf)) if cert.lower else float("inf"),
         scaling=cert.d,
-        delta=blocks.worst(cert.y, cert.a) if cert.lower else None,
+        delta=blocks.worst(cert.y, cert.a) if cert.lower and moderate else None,
     )

@@ -19,6 +19,8 @@ prove mu <= g: the strict inequality makes p a Lyapunov vector, so that G(0) w <
 With y = G(0) a, y_j^2 <= g u_j sum_i G_ji a_i^2 / w_i by Cauchy and Schwarz, hence
 sum_b d_b |y_b|^2 <= sum_j (z_j / u_j) y_j^2 <= g^2 sum_i (r_i / w_i) a_i^2 <= g^2 sum_b d_b |a_b|^2.
 
+If no input comes back to its block, mu = 0 is shown by levels, see `zero_gain`, and p with p'x_i > 0 > p'A x_i.
+
 From below: A x + B a in X, 0 <= y <= C x + D a, c >= g a >= 0 and |y_b| >= |c_b| in every block prove mu >= g.
 In discrete time A - I takes the place of A.
 """
@@ -44,15 +46,17 @@ from ..proof.inclusion import PositivityViolation
 from ..proof.weights import Prover, drift
 from ..proof.weights import product as exact_product
 from ..systems.system import System
-from .blocks import is_diagonal
+from .blocks import Blocks, is_diagonal
+from .decay_rates import drift_forms
 from .dissipativity import motion_forms, state_forms
 from .positivity import ClaimOnPositivity
 from .stability import LyapunovCertificate
+from .zero_gain import level_conditions
 
 _WEIGHTS, _SCALED = "w, u, d > 0", "d w - r >= 0, z - d u >= 0"
 _INPUT_SIDE, _OUTPUT_SIDE = "C x + D w - upper u <= 0", "p'B + z'D - upper r' <= 0"
 _LEAST = "c - lower a >= 0"
-_ABOVE, _BELOW = "wudrzxp", "acys"
+_ABOVE, _BELOW, _LEVELS = "wudrzxp", "acys", ("levels", "block_levels")
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -72,6 +76,8 @@ class StructuredGainCertificate(ClaimOnPositivity):
         for the states.
     a, c, y, s : ndarray or None
         The proof from below: inputs a, c >= lower a, outputs y, and the state s.  None if lower is 0.
+    levels, block_levels : ndarray or None
+        If upper is 0: the proof of that, with p; see `theorems.zero_gain`.
     witness : PositivityViolation, InstabilityDirection or None
         Why the gain is not finite, or not known: the system is not stable, or not positive.
     """
@@ -94,6 +100,8 @@ class StructuredGainCertificate(ClaimOnPositivity):
     c: Vector = Vector()
     y: Vector = Vector()
     s: Vector = Vector()
+    levels: Vector = Vector()
+    block_levels: Vector = Vector()
 
     @property
     def n_blocks(self) -> int:
@@ -101,9 +109,11 @@ class StructuredGainCertificate(ClaimOnPositivity):
         return max(self.input_blocks, default=-1) + 1
 
     def conditions(self) -> Sequence[Condition]:
-        """The inequalities of the bound from above, and of the bound from below if it is not 0."""
+        """The inequalities of the bound from above, and of the bound from below if it is not 0; or those of 0."""
         system = self.positivity.system()
         _require_fit(self, system)
+        if self.upper == 0:
+            return self.without_gain(system)
         return [*self.from_above(system), *([] if self.lower == 0 else self.from_below(system))]
 
     def _row(self, name: str) -> Matrix:
@@ -135,6 +145,17 @@ class StructuredGainCertificate(ClaimOnPositivity):
             Condition(_OUTPUT_SIDE, _entries(Matrix.join([p, z, r], -1), outward), "<="),
         ]
 
+    def without_gain(self, system: System) -> list[Condition]:
+        """What shows that the gain is 0, for the system of the certificate."""
+        p, rays = self._row("p"), system.X.exact_rays
+        blocks = Blocks(np.array(self.input_blocks), np.array(self.output_blocks))
+        levels, of_blocks = (dense(self._row(name).values)[0] for name in _LEVELS)
+        return [
+            Condition("p'x_i > 0", BilinearForms(p, None, rays), ">"),
+            Condition("p'A x_i < 0", drift_forms(p, system.A, rays, system.discrete), "<"),
+            *level_conditions(system, levels, of_blocks, blocks),
+        ]
+
     def from_below(self, system: System) -> list[Condition]:
         """The inequalities of the bound from below, for the system of the certificate."""
         a, c, y, s = map(self._row, _BELOW)
@@ -155,7 +176,7 @@ class StructuredGainCertificate(ClaimOnPositivity):
         ]
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
-        if self.witness is None and self.w is None:
+        if self.witness is None and self.p is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
         return super()._evaluate()
 
@@ -163,7 +184,7 @@ class StructuredGainCertificate(ClaimOnPositivity):
         """The inequalities on the witness: those of `PositivityCertificate` or `LyapunovCertificate`."""
         _require_blocks(self, self.positivity.system())
         if not (np.isnan(self.lower) and np.isnan(self.upper)) or any(
-            vars(self)[name] is not None for name in _ABOVE + _BELOW
+            vars(self)[name] is not None for name in (*_ABOVE, *_BELOW, *_LEVELS)
         ):
             return None  # a witness says nothing about bounds
         return self._unstable().refutation()
@@ -176,7 +197,7 @@ class StructuredGainCertificate(ClaimOnPositivity):
         if self.witness is not None:
             return self._unstable().evidence()
         out, system, prover = self.positivity.evidence(), self.positivity.system(), Prover()
-        if system.X.is_simplicial:  # weights follow
+        if system.X.is_simplicial:  # weights follow; and so it is if the gain is 0
             return out
         out["wz"] = prover.vector(system.X, -_motion(system, exactly(self, "x"), exactly(self, "w")))
         if self.lower != 0:
@@ -193,6 +214,11 @@ class StructuredGainCertificate(ClaimOnPositivity):
             return (
                 "Undecided: no bound of the gain was proven; the system may be too close to the edge of stability, "
                 "or of positivity."
+            )
+        if self.upper == 0:
+            return (
+                f"Proved: the system is positive and exponentially stable, and {self._what()} is 0: "
+                f"{'no input reaches an output' if self.n_blocks == 1 else 'no signal comes back to its own block'}."
             )
         return (
             f"Proved: the system is positive and exponentially stable, and {self._what()} "
@@ -232,8 +258,11 @@ def _require_fit(c: StructuredGainCertificate, system: System) -> None:
     _require_blocks(c, system)
     if not (is_orthant(system.U) and is_orthant(system.Y)):
         raise DataError("U and Y must be nonnegative orthants.")
-    if not (0 <= c.lower < np.inf and 0 < c.upper < np.inf):
+    if not (0 <= c.lower < np.inf and 0 <= c.upper < np.inf):
         raise DataError("lower and upper must be finite, and not negative.")
+    unused = _LEVELS if c.upper else _ABOVE[:-1]
+    if any(vars(c)[name] is not None for name in unused) or c.lower > c.upper:
+        raise DataError("a gain of 0 is shown by levels and p, any other by vectors without levels.")
     if c.lower == 0 and any(vars(c)[name] is not None for name in _BELOW):
         raise DataError("a bound of 0 from below needs no proof.")
 
