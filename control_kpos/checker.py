@@ -672,7 +672,7 @@ def structured_gain(s: System, e: Said) -> None:
         expect(lower == 0, "lower is not above upper")
         without_gain(s, e, ins, outs)
         return
-    expect(lower >= 0 and upper > 0, "lower is not negative, and upper is positive")
+    expect(min(lower, upper) >= 0, "a bound is negative")
     lengths = dict(zip("wudrzxp", (m, q, count, m, q, n, n), strict=True))
     w, u, d, r, z, x, p = (entries(array(e[name]), length) for name, length in lengths.items())
     need(

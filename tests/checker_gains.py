@@ -43,11 +43,62 @@ def pair(inputs=(0, 0), outputs=(0, 0), **changes):
     return gain(1, "9/4", **data, **above | below | changes, more=more)
 
 
+LEVELLED = {"upper": 0, "lower": 0, **dict.fromkeys("wudrzx")}
+
+
+def without(levels=(0, 0), own=(1,), inputs=(0, 0), outputs=(0, 0), C=((1, 0), (0, 1)), B=((0, 0), (0, 0)), **changes):
+    """x' = A x, A = [[-1, 0], [1, -1]], with inputs and outputs that do not meet in their blocks."""
+    data = {"A": [[-1, 0], [1, -1]], "B": [list(row) for row in B], "C": [list(row) for row in C], "D": [[0, 0], [0, 0]]}
+    more = dict.fromkeys("XUY", QUARTER) | {"input_blocks": tupled(*inputs), "output_blocks": tupled(*outputs)}
+    more |= {"levels": listed(list(levels)), "block_levels": listed(list(own))}
+    return gain(**LEVELLED | {"p": [2, 1]} | data | changes, more=more)
+
+
+def on_a_pyramid():
+    """No gain, on a cone of four generators."""
+    rays = [[1, 1, 1], [1, -1, 1], [-1, -1, 1], [-1, 1, 1]]
+    wedge = {"cone": [[1, {"rays": rays, "w": [0, 0, 1], "Z": [[f"{a}/4" for a in x] for x in rays]}]]}
+    zero = {"matrix": [[0, 0, 0]]}
+    out = gain(**LEVELLED, p=[0, 0, 1], more={"levels": listed([0, 0, 0]), "block_levels": listed([1])})
+    out["data"] |= {"X": wedge, "A": {"matrix": [[-1, 0, 0], [0, -1, 0], [0, 0, -1]]}, "C": zero}
+    out["data"] |= {"B": {"matrix": [[0], [0], [0]]}}
+    eye = {"matrix": [[-1 * (i == j) for j in range(4)] for i in range(4)]}
+    return out | {"proof": {"P": eye, "N": {"sparse": [], "shape": [4, 1]}}}
+
+
+APART, IN_TURN = {"inputs": (0, 1), "outputs": (0, 1)}, ((1, 0), (0, 0))
+ZERO = {
+    "no gain, no inputs": (without(), "PROVED"),
+    "no gain, no outputs": (without((1, 1), (1,), C=((0, 0), (0, 0)), B=((1, 0), (0, 1))), "PROVED"),
+    "no gain, but some": (without((1, 1), (1,), B=((1, 0), (0, 0))), "WRONG"),
+    "no gain, inputs above states": (without((0, 0), (1,), C=((0, 0), (0, 0)), B=((1, 0), (0, 0))), "WRONG"),
+    "no gain, input 2 above state 2": (without((1, 0), (1,), C=((0, 0), (0, 0)), B=((0, 0), (0, 1))), "WRONG"),
+    "no gain, states that fall": (without((0, -1)), "WRONG"),
+    "no gain, states that rise": (without((0, "1/2")), "PROVED"),
+    "no gain, states as high as outputs": (without((0, 1)), "WRONG"),
+    "no gain, one after the other": (without((0, 0), (0, 1), C=((0, 0), (0, 1)), B=IN_TURN, **APART), "PROVED"),
+    "no gain, all on one level": (without((0, 0), (0, 0), C=((0, 0), (0, 1)), B=IN_TURN, **APART), "WRONG"),
+    "no gain, one before the other": (without((1, 1), (1, 0), C=((0, 0), (0, 1)), B=IN_TURN, **APART), "WRONG"),
+    "no gain, feedthrough": (without((0, 0), (1, 2), D=[[0, 0], [1, 0]], **APART), "PROVED"),
+    "no gain, feedthrough on one level": (without((0, 0), (1, 1), D=[[0, 0], [1, 0]], **APART), "WRONG"),
+    "no gain, feedthrough to a lower one": (without((0, 0), (1, 2), D=[[0, 1], [0, 0]], **APART), "WRONG"),
+    "no gain, a level too few": (without((0,)), "UNREADABLE"),
+    "no gain, a level too many": (without((0, 0, 0)), "UNREADABLE"),
+    "no gain, a block too few": (without((0, 0), (1,), **APART), "UNREADABLE"),
+    "no gain, a block too many": (without((0, 0), (1, 1)), "UNREADABLE"),
+    "no gain, not stable": (without(A=[[0, 0], [1, -1]]), "WRONG"),
+    "no gain, p is 0": (without(p=[0, 0]), "WRONG"),
+    "no gain, but a bound from below": (without(lower=1), "UNREADABLE"),
+    "no gain, w beside it": (without(w=[1, 1]), "UNREADABLE"),
+    "no gain, four generators": (on_a_pyramid(), "UNREADABLE"),
+    "gain, levels beside it": (gain(more={"levels": listed(0)}), "UNREADABLE"),
+}
 CASES = {
     "gain": (gain(), "PROVED"),
     "gain, upper at the value": (gain(upper="1/2", p="1/2"), "WRONG"),  # p'A + z'C is not negative then
     "gain, upper too low": (gain(upper="9/16"), "WRONG"),
     "gain, upper zero": (gain(upper=0), "UNREADABLE"),
+    "gain, upper negative": (gain(upper=-1), "UNREADABLE"),
     "gain, lower too high": (gain(lower="5/8"), "WRONG"),
     "gain, lower negative": (gain(lower="-1/2"), "UNREADABLE"),
     "gain, nothing from below": (gain(lower=0), "PROVED"),
@@ -116,3 +167,4 @@ CASES = {
     "no gain of no blocks": (refuted(input_blocks=tupled()), "UNREADABLE"),
     "gain of a system with other claims": (scalar("structured gain"), "UNREADABLE"),
 }
+CASES |= ZERO

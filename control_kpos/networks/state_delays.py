@@ -171,6 +171,8 @@ def with_delays(model: NetworkModel, blocks: Sequence[Matrix]) -> NetworkModel:
 
 def _with_ports(s: NodeStack, block: Matrix) -> NodeStack:
     count, (n, m, q) = len(s), s.sizes
+    if not n:
+        return s
     eye = Matrix(np.broadcast_to(np.eye(n), (count, n, n)))
     C = Matrix.join([s.C, eye], -2) if q else eye
     B = Matrix.join([s.B, block], -1) if m else block
@@ -220,7 +222,8 @@ def _require_delays(model: NetworkModel) -> None:
     for s in model.stacks:
         n, m, q = s.sizes
         C, D = _numbers(s.C), _numbers(s.D)
-        if min(m, q) < n or (C[:, -n:] != np.eye(n, dtype=int)).any() or D[:, -n:].any() or D[:, :, -n:].any():
+        states = C[:, q - n :], D[:, q - n :], D[:, :, m - n :]
+        if min(m, q) < n or (states[0] != np.eye(n, dtype=int)).any() or any(part.any() for part in states[1:]):
             raise DataError("the last outputs of a node are not its states.")
         if not (_ends_with(s.U, s.X) and _ends_with(s.Y, s.X)):
             raise DataError("the cones of the delayed states are not those of the states.")
@@ -241,6 +244,8 @@ def _numbers(M: Matrix) -> Any:
 def _ends_with(cone: Any, X: Any) -> bool:
     """True if the cone is a product with X as its last factor."""
     head = cone.dim - X.dim
+    if not X.dim:
+        return True
     rays = cone.exact_rays.plain().fractions()
     last, first = (rays[:, head:] != 0).any(axis=1), (rays[:, :head] != 0).any(axis=1)
     return not (last & first).any() and PolyhedralCone(rays[last][:, head:]) == X

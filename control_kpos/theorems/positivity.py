@@ -309,7 +309,8 @@ def cone_positivity(
 
 
 def positivity_of(s: System) -> PositivityCertificate:
-    """Theorem 1 for a system that has been read, on proper cones."""
+    """Theorem 1 for a system that has been read, on proper cones; a system without states gets an idle one."""
+    s = s.moving()
     A, B, C, D = s.matrices
     return _decided(A=A, B=B, C=C, D=D, X=s.X, U=s.U, Y=s.Y, discrete=s.discrete)
 

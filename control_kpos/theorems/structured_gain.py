@@ -261,7 +261,7 @@ def _require_fit(c: StructuredGainCertificate, system: System) -> None:
     if not (0 <= c.lower < np.inf and 0 <= c.upper < np.inf):
         raise DataError("lower and upper must be finite, and not negative.")
     unused = _LEVELS if c.upper else _ABOVE[:-1]
-    if any(vars(c)[name] is not None for name in unused) or c.lower > c.upper:
+    if any(vars(c)[name] is not None for name in unused) or (c.lower and not c.upper):
         raise DataError("a gain of 0 is shown by levels and p, any other by vectors without levels.")
     if c.lower == 0 and any(vars(c)[name] is not None for name in _BELOW):
         raise DataError("a bound of 0 from below needs no proof.")
