@@ -96,3 +96,4 @@ DELAYED = {
     "network with delays, not stable": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [[[2]], [[1]]]),
     "network with delays, not positive": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [["-1/8"]]),
 }
+SWITCHED |= DELAYED  # all families

@@ -48,7 +48,12 @@ LEVELLED = {"upper": 0, "lower": 0, **dict.fromkeys("wudrzx")}
 
 def without(levels=(0, 0), own=(1,), inputs=(0, 0), outputs=(0, 0), C=((1, 0), (0, 1)), B=((0, 0), (0, 0)), **changes):
     """x' = A x, A = [[-1, 0], [1, -1]], with inputs and outputs that do not meet in their blocks."""
-    data = {"A": [[-1, 0], [1, -1]], "B": [list(row) for row in B], "C": [list(row) for row in C], "D": [[0, 0], [0, 0]]}
+    data = {
+        "A": [[-1, 0], [1, -1]],
+        "B": [list(row) for row in B],
+        "C": [list(row) for row in C],
+        "D": [[0, 0], [0, 0]],
+    }
     more = dict.fromkeys("XUY", QUARTER) | {"input_blocks": tupled(*inputs), "output_blocks": tupled(*outputs)}
     more |= {"levels": listed(list(levels)), "block_levels": listed(list(own))}
     return gain(**LEVELLED | {"p": [2, 1]} | data | changes, more=more)

@@ -1,6 +1,7 @@
 """Systems on orthants with structured gains, for tests of gains and of files."""
 
 import numpy as np
+import scipy.sparse as sp
 
 import control_kpos as kp
 
@@ -10,6 +11,16 @@ STEPS = kp.ConeStateSpace([["1/5", "1/10"], ["1/10", "1/3"]], EYE, EYE, [[0, 1],
 PYRAMID = kp.PolyhedralCone([[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]])
 SLANTED = kp.ConeStateSpace(np.diag([-1, -1, -0.5]), [[0], [0], [1]], [[0.5, 0, 1]], [[1]], X=PYRAMID)
 CHAIN = kp.ConeStateSpace([[-1, 0], [1, -1]], EYE, [[0, 0], [1, 0]], 0)  # y2 = x1, so that G(0)^2 = 0
+
+
+# z1' = -2 z1, z2' = z1 - 3 z2 + u, y = z1 in the coordinates of the generators (0, 1), (1, -2).
+TILTED = kp.ConeStateSpace([[-1, 1], [-2, -4]], [[1], [-2]], [[2, 1]], 0, X=[[0, 1], [1, -2]])
+
+
+def ring(n, **ports):
+    """Nodes of one state on a ring, x_j' = -2 x_j + x_(j+1) / 2 + u_j: a network that is kept in sparse matrices."""
+    W = sp.csr_array((np.full(n, 0.5), (np.arange(n), (np.arange(n) + 1) % n)), shape=(n, n))
+    return kp.feedback_interconnect(kp.stack(np.full((n, 1, 1), -2.0), B=[[1]], C=[[1]]), W, **ports)
 
 
 def random_system(rng, discrete=False, zeros=0.4):
@@ -33,6 +44,8 @@ GAINS = {
     "L2 gain, discrete": lambda: kp.structured_gain(STEPS),
     "L2 gain, four generators": lambda: kp.structured_gain(SLANTED),
     "structured gain, zero": lambda: kp.structured_gain(CHAIN, [1, 1]),
+    "structured gain, zero, slanted": lambda: kp.structured_gain(TILTED),
+    "L2 gain, network": lambda: kp.structured_gain(ring(301)),
     "no L2 gain, unstable": lambda: kp.structured_gain(kp.ConeStateSpace([[1, 1], [1, -3]], EYE, EYE, 0)),
     "no L2 gain, not positive": lambda: kp.structured_gain(kp.ConeStateSpace([[-2, -1], [1, -3]], EYE, EYE, 0)),
 }
