@@ -1,4 +1,4 @@
-"""L2 gains and margins of networks by sparse solves, and gains that are zero, against singular values and eigenvalues."""
+"""L2 gains of networks by sparse solves, and gains that are zero, against singular values and eigenvalues."""
 
 from dataclasses import replace
 

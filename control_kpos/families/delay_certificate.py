@@ -165,8 +165,8 @@ class DelayCertificate(Certificate):
             raise DataError("a rate is positive and finite.")
         out.append(Condition(_RATE, self._drift(v, rays, self.rate, self.factor), "<"))
         spare = self.factor - growth(Fraction(self.rate), self.max_delay, self.terms, discrete=self.discrete)
-        one = Matrix.identity(1)
-        return [*out, Condition(_FACTOR, BilinearForms(Matrix(np.array([[float(np.sign(spare))]])), None, one), ">=")]
+        sign = Matrix(np.array([[float((spare > 0) - (spare < 0))]]))
+        return [*out, Condition(_FACTOR, BilinearForms(sign, None, Matrix.identity(1)), ">=")]
 
     def _drift(
         self, row: Matrix, points: Matrix, rate: Rate = 0, factor: Rate = 1, *, transposed: bool = False
@@ -247,14 +247,14 @@ class DelayCertificate(Certificate):
         kept = "maps X into X" if self.discrete else "keeps X (e^{At} X in X)"
         if isinstance(self.refuted_by, FailingTerm):
             return (
-                f"Refuted: not positive on X: {self.witness}. X is left for some initial function if the delays are "
-                "constant, positive and different from each other. Choose another cone."
+                f"Refuted: not positive on X: {self.witness}. If the delays are constant, positive and different from "
+                "each other, X is left from some initial function in X. Choose another cone."
             )
         if self.refuted_by is not None:
             return (
-                f"Refuted: X is kept, but no delays make the system stable: there is {self.witness} under the sum S of "
-                "all matrices; a state that was x at all times before stays above x, in the order of X, whatever the "
-                "delays are, constant or not."
+                f"Refuted: X is kept, but no delays make the system stable, constant or not: there is {self.witness} "
+                "under the sum of all matrices. A state that was x at all times before stays above x, in the order "
+                "of X."
             )
         if not self:
             return (
@@ -263,7 +263,7 @@ class DelayCertificate(Certificate):
             )
         law = "(1 - {})^k" if self.discrete else "exp(-{} t)"
         rate = (
-            f"For delays of at most {floored(self.max_delay)} the state decays at least as "
+            f"For delays up to {floored(self.max_delay)} the state decays at least like "
             f"{law.format(floored(self.rate))}."
             if self.rate is not None and self.max_delay is not None
             else "The decay rate depends on the delays; none is claimed. Give the longest one as max_delay to have one."

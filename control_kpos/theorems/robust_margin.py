@@ -142,10 +142,10 @@ def between(data: Fields, p: System, above: Any, below: Any) -> StructuredGainCe
     above, below : iterable of dict
         Fields of proofs, the best first.
     """
-    upper = _first(data, above, p, "from_above")
+    upper = _first(data, above, p, "_from_above")
     if upper is None:
         return StructuredGainCertificate.settle(**data)
-    lower = _first(data, below, p, "from_below") or {"lower": 0.0}
+    lower = _first(data, below, p, "_from_below") or {"lower": 0.0}
     return StructuredGainCertificate.settle(**data, **upper, **lower)
 
 

@@ -113,13 +113,13 @@ class StructuredGainCertificate(ClaimOnPositivity):
         system = self.positivity.system()
         _require_fit(self, system)
         if self.upper == 0:
-            return self.without_gain(system)
-        return [*self.from_above(system), *([] if self.lower == 0 else self.from_below(system))]
+            return self._without_gain(system)
+        return [*self._from_above(system), *([] if self.lower == 0 else self._from_below(system))]
 
     def _row(self, name: str) -> Matrix:
         return exactly(self, name)[None]
 
-    def from_above(self, system: System) -> list[Condition]:
+    def _from_above(self, system: System) -> list[Condition]:
         """The inequalities of the bound from above, for the system of the certificate."""
         w, u, d, r, z, x, p = map(self._row, _ABOVE)
         m, q = w.shape[1], u.shape[1]
@@ -145,7 +145,7 @@ class StructuredGainCertificate(ClaimOnPositivity):
             Condition(_OUTPUT_SIDE, _entries(Matrix.join([p, z, r], -1), outward), "<="),
         ]
 
-    def without_gain(self, system: System) -> list[Condition]:
+    def _without_gain(self, system: System) -> list[Condition]:
         """What shows that the gain is 0, for the system of the certificate."""
         p, rays = self._row("p"), system.X.exact_rays
         blocks = Blocks(np.array(self.input_blocks), np.array(self.output_blocks))
@@ -156,7 +156,7 @@ class StructuredGainCertificate(ClaimOnPositivity):
             *level_conditions(system, levels, of_blocks, blocks),
         ]
 
-    def from_below(self, system: System) -> list[Condition]:
+    def _from_below(self, system: System) -> list[Condition]:
         """The inequalities of the bound from below, for the system of the certificate."""
         a, c, y, s = map(self._row, _BELOW)
         m, q = a.shape[1], y.shape[1]
