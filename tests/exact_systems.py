@@ -1,5 +1,7 @@
 """Rows for methods of systems and networks: arguments that are no doubles, what is made of them, and what should be."""
 
+from fractions import Fraction
+
 from exact_plants import LAG, THIRD, THIRDS, plant
 
 import control_kpos as kp
@@ -8,7 +10,14 @@ CONE, SAME = [["1/3", "1/7"], [0, 1]], kp.PolyhedralCone([[7, 3], [0, 1]])
 SIDE, SIDES = [["1/3"]], [[THIRD]]
 MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
 LOOP = kp.feedback_interconnect([THIRDS], [[0]])
+LATE = {"A": [["-1/3"]], "A_delay": [["1/7"]]}
 ROWS = {
+    "delayed": {
+        "A": lambda: (kp.delayed(**LATE).A, [[-THIRD]]),
+        "A_delay": lambda: (kp.delayed(**LATE).A_delay[0], [[Fraction(1, 7)]]),
+        "X": lambda: (kp.delayed([[-1, 0], [0, -1]], [[0, 0], [0, 0]], CONE).X, SAME),
+        "max_delay": lambda: (kp.delayed(**LATE, max_delay="1/3").max_delay, THIRD),
+    },
     "ConeStateSpace": {
         "args": lambda: (kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, [["1/9"]]).exact.D, [["1/9"]]),
         "X": lambda: (plant(MINUS, X=CONE).exact.X, SAME),

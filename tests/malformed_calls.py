@@ -213,6 +213,11 @@ CALLS |= {  # families
         by_a_chain,
         {"chain": [[-1, 1], [2, -2]], "jumps": {(0, 1): [[1, 1], [0, 1]]}, "rate": "max"},
     ),
+    "delayed": (
+        kp.delayed,
+        {"A": A, "A_delay": [[0.1, 0], [0, 0.1]], "X": X2, "discrete": False, "max_delay": 1.0, "time_limit": 2.0},
+    ),
+    "delayed of a network": (kp.delayed, {"A": NETWORK, "A_delay": 0.01 * np.eye(2), "time_limit": 2.0}),
 }
 CALLS |= {  # cone finding, nonlinear systems
     "find_cone": (

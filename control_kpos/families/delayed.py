@@ -98,10 +98,11 @@ def delayed(
                 )
         seconds(time_limit)
         return delayed_network(A, A_delay)
-    system = System.read(A, "A")
+    is_system = isinstance(A, (StateSpace, System))
+    system = System.read(A if is_system else exact_matrix(A, "A"), "A")
     if not system.sizes[0]:
         raise ShapeError("A has no states; there is nothing to delay.")
-    n, known = system.sizes[0], [(0, system)] if isinstance(A, (StateSpace, System)) else []
+    n, known = system.sizes[0], [(0, system)] if is_system else []
     cone, steps = cone_and_time(known, X, discrete, n, "A", "A")
     matrices = _delayed_matrices(A_delay, n)
     longest = None if max_delay is None else exact_number(max_delay, "max_delay", nonnegative=True)
