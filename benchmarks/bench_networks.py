@@ -240,3 +240,45 @@ def test_simulation(contest, slow_contest, size, graph, who, solver):
     data = {"A": A, "x0": x0, "times": times, "rows": rows, "last": last}
     outcome = slow_contest(question, who, solver, data, at_most=1)
     assert outcome.remark or outcome.judgement < 1e-5
+
+
+def two_states(n):
+    """A directed ring of nodes of two states, with an input and an output each."""
+    rng = np.random.default_rng(0)
+    A = np.zeros((n, 2, 2))
+    A[:, 0, 0], A[:, 0, 1], A[:, 1, 0], A[:, 1, 1] = -2 - rng.random(n), 1, 0.3, -2 - rng.random(n)
+    W = sp.csr_array((np.full(n, 0.8), (np.arange(n), (np.arange(n) + 1) % n)), shape=(n, n))
+    return kp.feedback_interconnect(kp.stack(A, [[0], [1]], [[1, 0]]), W, progress=False)
+
+
+def largest_singular_value(net):
+    """sigma_max(G(0)) by ARPACK on the factored closed loop; without proof."""
+    lu = spla.splu(sp.csc_array(net.sparse_A))
+    B, C = net.sparse_B, net.sparse_C
+    G = spla.LinearOperator(
+        (net.noutputs, net.ninputs),
+        matvec=lambda w: -(C @ lu.solve(B @ np.ravel(w))),
+        rmatvec=lambda z: -(B.T @ lu.solve(C.T @ np.ravel(z), "T")),
+        dtype=float,
+    )
+    return float(spla.svds(G, 1, tol=1e-10, return_singular_vectors=False)[0])
+
+
+@pytest.mark.parametrize("who", ["ours", "scipy svds with a sparse LU, without proof", "its certificate of stability"])
+def test_l2_gain_of_a_ring(contest, size, who):
+    n = size(10**5, 10**3)
+    net = two_states(n)
+    run = {
+        "o": lambda: kp.structured_gain(net).upper,
+        "s": lambda: largest_singular_value(net),
+        "i": lambda: proved(net),
+    }[who[0]]
+    contest(f"L2 gain of a ring, both bounds to 1e-11, N = {n}", who, run, rounds=2)
+
+
+@pytest.mark.parametrize("who", ["ours", "the certificate without delays"])
+def test_delays_in_the_nodes_of_a_ring(contest, size, who):
+    n = size(10**5, 10**3)
+    net = two_states(n)
+    run = (lambda: kp.delayed(net, [[0.1, 0], [0.05, 0.1]])) if who == "ours" else (lambda: proved(net))
+    contest(f"delayed states at all nodes of a ring, N = {n}", who, run, at_most=4, rounds=2)

@@ -110,6 +110,12 @@ def test_rates_in_steps_are_exact():
     assert 1 - c.decay_rate == pytest.approx(np.abs(roots).max(), rel=1e-8)
 
 
+def test_delays_beyond_doubles():
+    c = kp.delayed(A, LATER, max_delay=Fraction(10) ** 400)
+    assert c and c.check() and np.isnan(c.decay_rate)
+    assert kp.delayed(A, LATER, max_delay=10**6).decay_rate == pytest.approx(np.log(2) / 1e6, rel=1e-5)
+
+
 def test_no_delay_has_the_rate_of_the_sum():
     c = kp.delayed(A, LATER, max_delay=0)
     assert c.decay_rate == pytest.approx(kp.linear_lyapunov(np.add(A, LATER), kp.orthant(2), rate="max").decay_rate)

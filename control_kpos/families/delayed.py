@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from fractions import Fraction
 from math import ceil
 from typing import Any
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone
 from ..errors import DataError, ShapeError
-from ..exact.budget import OutOfBudgetError, budget
+from ..exact.budget import OutOfBudgetError, budget, spend
 from ..exact.intake import dimensions, exact_matrix, exact_number, found, items, require_shape, seconds
 from ..exact.matrix import Matrix, is_sparse
 from ..networks.network import ConeNetwork
@@ -34,6 +35,8 @@ _EXACT_ENTRIES = 10**6
 # Halvings of the interval that holds the rate; relative distances from it that are tried.
 _HALVINGS = 60
 _BELOW = (1e-9, 1e-6, 1e-3, 0.1)
+# Longer delays are as long as this in floating point.
+_FOREVER = Fraction(10) ** 300
 # Digits of the factor, and the least terms of an exponential series.
 _DIGITS, _TERMS = 60, 25
 
@@ -63,7 +66,8 @@ def delayed(
     max_delay : number, optional
         A decay rate for all delays of at most this one is proven besides.  In discrete time a number of steps.
     time_limit : float, optional
-        Seconds; what is not settled by then is UNDECIDED.
+        Seconds; what is not settled by then is UNDECIDED, and a rate is as good as it was found.  Networks take their
+        few solves, whatever it is.
 
     Returns
     -------
@@ -137,12 +141,12 @@ def _decided(own: PositivityCertificate, matrices: list[Matrix], longest: Fracti
         return DelayCertificate.settle(**known)
     try:
         found = next((proof for proof in _sums(known) if proof.status is not Status.UNDECIDED), None)
-        with_rate = None if longest is None or not found else _with_rate(found, longest)
     except OutOfBudgetError:
-        found = with_rate = None
-    if with_rate is not None:
-        return with_rate
-    return DelayCertificate.settle(**known) if found is None else found
+        found = None
+    if found is None:
+        return DelayCertificate.settle(**known)
+    with_rate = None if longest is None or not found else _with_rate(found, longest)
+    return found if with_rate is None else with_rate
 
 
 def _sums(known: dict[str, Any]) -> Iterator[DelayCertificate]:
@@ -183,12 +187,14 @@ def _sum(A: Matrix, others: list[Matrix]) -> Iterator[Matrix]:
 
 
 def _with_rate(found: DelayCertificate, longest: Fraction) -> DelayCertificate | None:
-    """The certificate with the largest rate that some v proves, or None."""
-    problem = _Rates(found, float(longest))
+    """The certificate with the largest rate that some v proves, or None; a time limit ends the search for more."""
+    problem = _Rates(found, float(min(longest, _FOREVER)))
     low, high = 0.0, problem.most
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if problem.vector(middle) is not None else (low, middle)
+    with suppress(OutOfBudgetError):
+        for _ in range(_HALVINGS):
+            spend()
+            middle = (low + high) / 2
+            low, high = (middle, high) if problem.vector(middle) is not None else (low, middle)
     for part in _BELOW:
         rate = low * (1 - part)
         v = problem.vector(rate)
@@ -201,7 +207,7 @@ def _with_rate(found: DelayCertificate, longest: Fraction) -> DelayCertificate |
 
 
 def _at_rate(found: DelayCertificate, rate: float, longest: Fraction, v: Floats) -> DelayCertificate | None:
-    terms = () if found.discrete else (max(_TERMS, ceil(4 * rate * float(longest))),)
+    terms = () if found.discrete else (max(_TERMS, ceil(4 * rate * float(min(longest, _FOREVER)))),)
     try:
         least = growth(Fraction(rate), longest, terms, discrete=found.discrete)
     except DataError:
@@ -223,9 +229,7 @@ class _Rates:
             parts = [sp.csc_array(M) for M in parts]
         self.A, self.rest = parts[0], sum(parts[1:])
         self.inside = np.asarray(self.X.dual.interior_point, dtype=float)
-        own = np.max(np.abs(self.A.diagonal()), initial=0.0)  # no rate exceeds the largest of X on any cone of A alone
-        size = abs(self.A).sum(axis=0).max()
-        self.most = 1.0 if self.discrete else float(max(own, size)) or 1.0
+        self.most = 1.0 if self.discrete else float(abs(self.A).sum(axis=0).max()) or 1.0  # a norm of A, at least
 
     def vector(self, rate: float) -> Floats | None:
         """A v for this rate, or None."""
