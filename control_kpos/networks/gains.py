@@ -16,8 +16,8 @@ Nothing here is trusted: `theorems.structured_gain` proves what is proposed, or 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -36,10 +36,10 @@ from ..theorems.stability import LyapunovCertificate
 from ..theorems.structured_gain import StructuredGainCertificate, require_orthants
 from .blocks import Floats, Index
 from .model import NetworkModel
-from .spectrum.port_solves import PortSystem
+from .spectrum.port_solves import PortSystem, same_graph
 
-# Relative distances from the value found at which bounds from above are tried.
-_FROM_ABOVE = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)
+# Relative distances from the value found at which bounds are tried: smaller ones would be left to integers.
+_APART = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 # Parts of the largest state that nodes have in proofs from below.
 _REACHED = (1e-6, 1e-3, 0.0)
 # Products with G that find where to begin; then steps towards the largest gain, and how close ends them.
@@ -65,6 +65,7 @@ class NetworkPlant(Plant):
     system: PortSystem
     external: tuple[Index, Index]
     kept: tuple[NDArray[np.bool_], PortSystem] | None = None
+    room: ClassVar[float] = 2.0**-45
 
     @classmethod
     def of(cls, p: System, blocks: Blocks, model: NetworkModel, external: tuple[Index, Index]) -> NetworkPlant:
@@ -172,7 +173,7 @@ def upper_gain(cert: StructuredGainCertificate | None) -> float:
 
 def _from_above(loops: _Loops, value: float) -> Iterator[Fields]:
     """Fields of proofs of an upper bound, the lowest first."""
-    for part in _FROM_ABOVE:
+    for part in _APART:
         upper = value * (1 + part) if value > 0 else part
         pair = loops.pair(upper)
         if all((x > 0).all() and np.isfinite(x).all() for x in pair):
@@ -182,7 +183,7 @@ def _from_above(loops: _Loops, value: float) -> Iterator[Fields]:
 def _from_below(plant: NetworkPlant, w: Floats) -> Iterator[Fields]:
     """Fields of proofs of a lower bound, from inputs that are amplified."""
     for least in _REACHED:
-        yield from from_below(*plant.around(w, least))
+        yield from from_below(*plant.around(w, least), parts=_APART)
 
 
 @dataclass(frozen=True)
@@ -190,6 +191,7 @@ class _Loops:
     """H and the equations z = c + H z / sigma."""
 
     plant: NetworkPlant
+    known: dict[str, NetworkModel] = field(default_factory=dict)
 
     @classmethod
     def of(cls, plant: NetworkPlant) -> _Loops:
@@ -230,8 +232,9 @@ class _Loops:
             best = now
         return best, z
 
-    def _solve(self, model: NetworkModel, c: Floats) -> tuple[Floats, Floats]:
-        """Inputs of all nodes for the external ones c, and outputs."""
+    def _solve(self, model: NetworkModel, c: Floats, kind: str = "") -> tuple[Floats, Floats]:
+        """Inputs of all nodes for the external ones c, and outputs; networks of one kind differ in weights only."""
+        same_graph(self.known.setdefault(kind, model), model)
         loop = PortSystem(model, float(model.discrete)).loop
         inputs = loop.solve(c, False, _ACCURACY)
         return inputs, loop.model.apply(loop.G, inputs, 1, 2)
@@ -261,20 +264,23 @@ class _SingleLoops(_Loops):
     def solve(self, sigma: float, c: Floats) -> Floats:
         return self._fed_back(self.plant.system.model, self.plant.external, self.plant.blocks.partner, sigma, c)
 
-    def _fed_back(self, model: NetworkModel, external: Any, partner: Index, sigma: float, c: Floats) -> Floats:
+    def _fed_back(
+        self, model: NetworkModel, external: Any, partner: Index, sigma: float, c: Floats, kind: str = ""
+    ) -> Floats:
         """External inputs, for outputs that come back to them with the weight 1 / sigma."""
         ins, outs = external[0], external[1][partner]
         links = sp.csr_array((np.full(len(ins), 1 / sigma), (ins, outs)), shape=model.coupling.shape)
         given = np.zeros(model.totals[1])
         given[ins] = c
-        _, outputs = self._solve(model.with_coupling(Matrix(sp.csr_array(model.W + links))), given)
+        closed = model.with_coupling(Matrix(sp.csr_array(model.W + links)))
+        _, outputs = self._solve(closed, given, kind)
         return c + outputs[outs] / sigma
 
     def pair(self, upper: float) -> tuple[Floats, Floats, Floats]:
         plant, blocks, ones = self.plant, self.plant.blocks, np.ones(len(self.plant.blocks.inputs))
         w, u = self.solve(upper, ones), np.empty(len(ones))
         back = np.argsort(blocks.partner)  # the input in the block of every output
-        left = self._fed_back(transposed(plant.system.model), plant.external[::-1], back, upper, ones)
+        left = self._fed_back(transposed(plant.system.model), plant.external[::-1], back, upper, ones, "transposed")
         u[blocks.partner] = w
         d = np.empty(len(ones))
         d[blocks.inputs] = left[blocks.partner] / w

@@ -10,11 +10,11 @@ Nothing here is trusted: `structured_gain` proves what is proposed, or drops it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -72,6 +72,8 @@ class Plant(ABC):
     D: Any
     up: Floats
     down: Floats
+    # relative distance of numbers that inequalities are about, so that doubles tell them apart in long sums
+    room: ClassVar[float] = 0.0
 
     @abstractmethod
     def after(self, x: Floats) -> Floats:
@@ -166,7 +168,8 @@ def from_above(plant: DensePlant) -> Iterator[Fields]:
 def upper_fields(plant: Plant, pair: tuple[Floats, Floats, Floats], upper: float) -> Fields:
     """Fields of a proof of an upper bound from w, u, d > 0 with G w < upper u and G'(d u) < upper d w, by block."""
     (w, u, d), blocks = pair, plant.blocks
-    r, z = np.nextafter(d[blocks.inputs] * w, 0), np.nextafter(d[blocks.outputs] * u, np.inf)
+    r = np.nextafter(d[blocks.inputs] * w * (1 - plant.room), 0)
+    z = np.nextafter(d[blocks.outputs] * u * (1 + plant.room), np.inf)
     x, p = plant.state(w), plant.costate(z)
     x = x + plant.up * _share(upper * u - plant.C @ x - plant.D @ w, plant.C @ plant.up, x, plant.up)
     p = p + plant.down * _share(upper * r - p @ plant.B - z @ plant.D, plant.down @ plant.B, p, plant.down)
@@ -205,20 +208,24 @@ def _solved(M: Floats) -> Floats:
         return np.full(len(M), np.nan)
 
 
-def from_below(plant: Plant, inputs: Floats) -> Iterator[Fields]:
-    """Fields of proofs of a lower bound, the highest first, from inputs that are amplified; none if 0 is all."""
+def from_below(plant: Plant, inputs: Floats, parts: Sequence[float] = _FROM_BELOW) -> Iterator[Fields]:
+    """Fields of proofs of a lower bound, the highest first, from inputs that are amplified; none if 0 is all.
+
+    `parts` are relative distances from the value found.
+    """
     worst = _worst_inputs(plant, inputs)
     if worst is None:
         return
     x = plant.state(worst)
     later = plant.after(x)  # in the face that the inputs reach, and inside it
     later = later * float(np.abs(x).max(initial=0.0) / np.abs(later).max(initial=np.finfo(float).tiny))
-    for part in _FROM_BELOW:
+    for part in parts:
         s = x - part * later
         y = np.maximum((plant.C @ s + plant.D @ worst) * (1 - 4 * part), 0.0)
-        lower = plant.blocks.quotient(y, worst) * (1 - 2.0**-50)
+        lower = plant.blocks.quotient(y, worst) * (1 - 2.0**-50 - 4 * plant.room)
         if 0 < lower < np.inf:
-            yield {"lower": lower, "a": worst, "c": np.nextafter(lower * worst, np.inf) * (worst > 0), "y": y, "s": s}
+            c = np.nextafter(lower * worst * (1 + plant.room), np.inf) * (worst > 0)
+            yield {"lower": lower, "a": worst, "c": c, "y": y, "s": s}
 
 
 def _worst_inputs(plant: Plant, a: Floats) -> Floats | None:
