@@ -2136,8 +2136,7 @@ def not_stable_with_delays(e: Said, limit: int) -> None:
     kind, w = record(e, "witness", "FailingTerm", "InstabilityDirection")
     systems = delayed_members(e, limit)
     if kind == "FailingTerm":
-        inner = record(w, "violation", "PositivityViolation")[1]
-        crossed(systems[index(w["term"])], e, "PositivityViolation", inner)
+        crossed(systems[index(w["term"])], e, *record(w, "violation", "PositivityViolation", "PlaneViolation"))
         return
     S = undelayed(e, systems)
     unstable(S, e, motion(S, kind, w))

@@ -24,6 +24,12 @@ def failing(matrices, term, condition="A X in X", **more):
     return several(matrices, "delayed", witness=shown("FailingTerm", term=term, violation=violation), **more)
 
 
+def plane(matrices, term, normal):
+    fields = {"condition": "A X in X", "ray": 0, "normal_exact": {"fractions": [normal]}}
+    violation = {"record": "PlaneViolation", "fields": fields}
+    return several(matrices, "delayed", witness=shown("FailingTerm", term=term, violation=violation))
+
+
 def wedge(A, status="PROVED", **data):
     """A, and twice the identity delayed, on the cone of four generators."""
     out = pyramid(A, "delayed", status, P=diagonal(A), **data)
@@ -163,6 +169,9 @@ CASES = {
     "not with delays, four generators, no growth": (rooted(-3, (1, 0, 0, 0)), "WRONG"),
     "a delayed matrix fails": (failing([-3, 1, -1], 2), "REFUTED"),
     "a delayed matrix does not": (failing([-3, 1, -1], 1), "WRONG"),
+    "a delayed matrix fails at a plane": (plane([-3, 1, -1], 2, 3), "REFUTED"),
+    "a delayed matrix does not fail at a plane": (plane([-3, 1, -1], 1, 3), "WRONG"),
+    "a delayed matrix fails at no plane": (plane([-3, 1, -1], 1, -3), "WRONG"),
     "A does not fail": (failing([-3, -1], 0), "WRONG"),
     "A fails, discrete": (failing([-3, 1], 0, discrete=True), "REFUTED"),
     "a matrix fails that is not there": (failing([-3, -1], 2), "UNREADABLE"),

@@ -41,7 +41,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Certificate, Fractions, Status, Vector, exactly
 from ..proof.encoding import register_record
-from ..proof.inclusion import PositivityViolation
+from ..proof.inclusion import PlaneViolation, PositivityViolation
 from ..proof.weights import Prover, crossed_facet, drift, product
 from ..theorems.decay_rates import Rate, at_rate
 from ..theorems.growing_direction import InstabilityDirection
@@ -203,7 +203,18 @@ class DelayCertificate(Certificate):
         """The matrices, their cone and time, and the fields."""
         rest = {name: x for name, x in self.data().items() if name not in ("own", "delayed") and x is not None}
         rest = {name: x for name, x in rest.items() if name != "terms" or x}
+        w = self.witness
+        if isinstance(w, FailingTerm) and isinstance(w.violation, PlaneViolation):
+            rest["witness"] = self._by_extreme_ray(w, w.violation)
         return {"A": (self.A, *self.A_delay), "X": self.X, "discrete": self.discrete, **rest}
+
+    def _by_extreme_ray(self, w: FailingTerm, plane: PlaneViolation) -> FailingTerm:
+        """The witness at one of the extreme rays, which files hold: what leaves through a plane has one that does."""
+        part, rays, h = self.parts()[w.term], self.X.exact_rays.dense(), plane.exact_normal()
+        leaves = BilinearForms(h, part.A, rays).signs()[0] == -1  # type: ignore[attr-defined]
+        on = BilinearForms(h, None, rays).signs()[0] == 0 if not part.discrete else leaves  # type: ignore[attr-defined]
+        found = np.flatnonzero(leaves & on)
+        return replace(w, violation=replace(plane, ray=int(found[0]))) if found.size else w
 
     @classmethod
     def restore(cls, contents: dict[str, Any]) -> DelayCertificate:
@@ -231,7 +242,7 @@ class DelayCertificate(Certificate):
         """Weights of A x and A_k x in X, and those of a witness; or the normal that is crossed."""
         w, prover, X = self.witness, Prover(), self.X
         if isinstance(w, FailingTerm):
-            return crossed_facet(X, w.violation.facet)
+            return {} if isinstance(w.violation, PlaneViolation) else crossed_facet(X, w.violation.facet)
         pairs = zip((self.A, *self.A_delay), (not self.discrete, *[False] * len(self.delayed)), strict=True)
         out: dict[str, Any] = {"P": [prover.inclusion(X, M, X, invariance=flow) for M, flow in pairs]}
         if isinstance(w, InstabilityDirection):
