@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from gain_systems import ring
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from control_kpos.exact.matrix import Matrix
 from control_kpos.families.delay_certificate import growth
@@ -111,7 +112,7 @@ def test_rates_in_steps_are_exact():
 
 
 def test_delays_beyond_doubles():
-    c = kp.delayed(A, LATER, max_delay=Fraction(10) ** 400)
+    c = kp.delayed(A, LATER, max_delay=1e308)
     assert c and c.check() and np.isnan(c.decay_rate)
     assert kp.delayed(A, LATER, max_delay=10**6).decay_rate == pytest.approx(np.log(2) / 1e6, rel=1e-5)
 
@@ -282,6 +283,22 @@ def test_a_network_that_no_delay_makes_stable():
     assert c.status == "REFUTED" and c.check() and "no delays of these states make" in c.explain()
     c = kp.delayed(NET, [["-1/8"]])
     assert c.status == "REFUTED" and "not positive" in c.explain()
+
+
+def test_networks_with_vertices_are_refused():
+    several = kp.stack([[[[-2.0]]], [[[-3.0]]]], [[1]], [[1]])
+    with pytest.raises(DataError, match="vertices"):
+        kp.delayed(kp.feedback_interconnect(several, [[0]]), [[0.5]])
+
+
+def test_cones_with_open_facets(tmp_path):
+    """66 rays in 9 dimensions: positivity from generators, and a plane in the place of a facet."""
+    rng = np.random.default_rng(0)
+    X = kp.PolyhedralCone(np.hstack([rng.integers(-5, 6, (67, 8)), np.full((67, 1), 9)]))
+    c = kp.delayed(-2 * np.eye(9), np.diag([0.5] + [-0.3] * 7 + [0.1]), X)
+    assert c.status == "REFUTED" and c.check() and isinstance(c.witness.violation, kp.PlaneViolation)
+    c.save(tmp_path / "file.json")
+    assert checker.main(tmp_path / "file.json") == 1
 
 
 def test_static_nodes_have_no_delays():

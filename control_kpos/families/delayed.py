@@ -35,8 +35,6 @@ _EXACT_ENTRIES = 10**6
 # Halvings of the interval that holds the rate; relative distances from it that are tried.
 _HALVINGS = 60
 _BELOW = (1e-9, 1e-6, 1e-3, 0.1)
-# Longer delays are as long as this in floating point.
-_FOREVER = Fraction(10) ** 300
 # Digits of the factor, and the least terms of an exponential series.
 _DIGITS, _TERMS = 60, 25
 
@@ -188,7 +186,7 @@ def _sum(A: Matrix, others: list[Matrix]) -> Iterator[Matrix]:
 
 def _with_rate(found: DelayCertificate, longest: Fraction) -> DelayCertificate | None:
     """The certificate with the largest rate that some v proves, or None; a time limit ends the search for more."""
-    problem = _Rates(found, float(min(longest, _FOREVER)))
+    problem = _Rates(found, float(longest))
     low, high = 0.0, problem.most
     with suppress(OutOfBudgetError):
         for _ in range(_HALVINGS):
@@ -207,7 +205,7 @@ def _with_rate(found: DelayCertificate, longest: Fraction) -> DelayCertificate |
 
 
 def _at_rate(found: DelayCertificate, rate: float, longest: Fraction, v: Floats) -> DelayCertificate | None:
-    terms = () if found.discrete else (max(_TERMS, ceil(4 * rate * float(min(longest, _FOREVER)))),)
+    terms = () if found.discrete else (max(_TERMS, ceil(4 * rate * float(longest))),)
     try:
         least = growth(Fraction(rate), longest, terms, discrete=found.discrete)
     except DataError:
