@@ -98,7 +98,13 @@ if TYPE_CHECKING:
     )
     from .nonlinear import (
         DifferentialCertificate,
+        DifferentialNetworkCertificate,
+        NonlinearNetwork,
+        OrderViolation,
         differential_positivity,
+        links,
+        nonlinear_interconnect,
+        nonlinear_nodes,
     )
     from .plotting import (
         phase_portrait,
@@ -131,6 +137,7 @@ __all__ = [
     "DelayedNetworkCertificate",
     "DesignResult",
     "DifferentialCertificate",
+    "DifferentialNetworkCertificate",
     "DissipativityCertificate",
     "DwellCertificate",
     "DwellCycle",
@@ -155,11 +162,13 @@ __all__ = [
     "NoWeights",
     "NodeNotDissipative",
     "NodeViolation",
+    "NonlinearNetwork",
     "NotProperConeError",
     "OptimalCostCertificate",
     "OptimalFeedback",
     "OrderInterval",
     "OrderIntervalCertificate",
+    "OrderViolation",
     "OutWeightCertificate",
     "PlaneViolation",
     "PolyhedralCone",
@@ -193,9 +202,12 @@ __all__ = [
     "induced_gain",
     "interval",
     "linear_lyapunov",
+    "links",
     "load_certificate",
     "lorentz",
     "network_feedback",
+    "nonlinear_interconnect",
+    "nonlinear_nodes",
     "observer_gain",
     "optimal_feedback",
     "order_interval",
@@ -240,7 +252,10 @@ _ON_DEMAND = {
             "NodeViolation OutWeightCertificate UncertainNetworkCertificate feedback_interconnect interval "
             "scale_free_certificate stack"
         ),
-        ".nonlinear": "DifferentialCertificate differential_positivity",
+        ".nonlinear": (
+            "DifferentialCertificate DifferentialNetworkCertificate NonlinearNetwork OrderViolation "
+            "differential_positivity links nonlinear_interconnect nonlinear_nodes"
+        ),
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_poles plot_tradeoff",
     }.items()
     for name in names.split()

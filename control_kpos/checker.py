@@ -1467,7 +1467,7 @@ def together(part: Json, X: Cone, closed: list[Matrix], discrete: bool, limit: i
     expect(own.dim == X.dim and all(above(f, X) for f in own.rays), "the dual cone is nonnegative on the cone")
     edges = len(X.rays) > X.dim or all(len(pullback(f, X.rays)) == 1 for f in own.rays)
     expect(edges, "the dual cone is the whole of it")
-    turned = [transposed(A) for A in closed]
+    turned = [transposed(A, len(A)) for A in closed]
     if claim == "common vector":
         expect(matrices == turned, "all closed loops have the vector")
     else:
@@ -1479,9 +1479,13 @@ def directions(C: Cone) -> list[list[tuple[int, Fraction]]]:
     return sorted(sorted(total((1 / sum(sizes(x).values(), Fraction(0)), x)).items()) for x in C.rays)
 
 
-def transposed(M: Matrix) -> Matrix:
-    """M' of a square matrix."""
-    return [{j: column[i] for j, column in enumerate(M) if i in column} for i in range(len(M))]
+def transposed(M: Matrix, m: int) -> Matrix:
+    """M' of a matrix with m rows."""
+    out: Matrix = [{} for _ in range(m)]
+    for j, column in enumerate(M):
+        for i, a in column.items():
+            out[i][j] = a
+    return out
 
 
 def any_size(e: Said, limit: int) -> None:
@@ -2352,6 +2356,129 @@ def stabilising_switching(e: Said, limit: int) -> None:
     f = total(*((a, pullback(v, s.A)) for a, s in zip(lam, systems, strict=True)), (-systems[0].discrete, v))
     need(all(dot(f, x) < 0 for x in X.rays), "v'(sum w A) x < 0")
     need(all(dot(f, x) + rate * dot(v, x) <= 0 for x in X.rays), "v'(sum w A) x + rate v'x <= 0")
+# -- nonlinear networks, from ends of their Jacobians
+
+
+@dataclass
+class Slopes:
+    """Ends of the Jacobians A, B, C of all nodes and of the slopes W and S of links; own outputs of inputs with S."""
+
+    sizes: tuple[int, int, int]
+    upper: list[Matrix]
+    lower: list[Matrix]
+    own: list[Fraction]
+
+
+def slopes(e: Said, limit: int) -> Slopes:
+    """Lower ends below upper ends, entry by entry."""
+    high, low, own = sequence(e["upper"]), sequence(e["lower"]), array(e["own"])
+    expect(len(high) == len(low) == 5, "there are five matrices at both ends")
+    expect(all("sparse" in M for M in high + low), "the matrices at the ends are sparse")
+    n, m, q = (index(M["shape"][side]) for M, side in ((high[0], 0), (high[1], 1), (high[2], 0)))
+    expect(max(n, m, q) <= limit, "a size is absurd for this file")
+    shapes = (n, n), (n, m), (q, n), (m, q), (m, q)
+    upper, lower = ([given(M, *shape) for M, shape in zip(end, shapes, strict=True)] for end in (high, low))
+    expect(len(own) == m and all(k.denominator == 1 for k in own), "own has a whole number for every input")
+    expect(all(0 <= own[i] < q for x in upper[4] for i in x), "own names an output that does not exist")
+    pairs = [columns for M, N in zip(upper, lower, strict=True) for columns in zip(M, N, strict=True)]
+    need(all(nonnegative(total((1, x), (-1, y))) for x, y in pairs), "lower ends are below upper ends")
+    return Slopes((n, m, q), upper, lower, own)
+
+
+def own_part(s: Slopes) -> Matrix:
+    """A- - B+ s+ C+, with the sum s_i of the slopes of differences at input i, and its own output."""
+    n, m, q = s.sizes
+    to = transposed(s.upper[2], q)
+    sums = total(*((1, x) for x in s.upper[4]))
+    share = [{} if i not in sums else total((sums[i], to[int(s.own[i])])) for i in range(m)]
+    lost = chained(s.upper[1], transposed(share, n))
+    return [total((1, x), (-1, y)) for x, y in zip(s.lower[0], lost, strict=True)]
+
+
+def differentially_positive_network(e: Said, limit: int) -> None:
+    """A nonlinear network keeps the order of nonnegative orthants, and contracts with e or v, given these ends.
+
+    B-, C-, W-, S- >= 0 and A- - B+ s+ C+ >= 0 off the diagonal.  Any two solutions differ by d with d' = J(t) d, J(t)
+    between the ends.  max |d_i| / e_i falls at the decay_rate c if e > 0 and, with y >= C+ e, y_lower <= C- e,
+
+        u >= W+ y + sum max over s in [s-, s+] of s (y_l - y_lower_own),   A+ e + B+ max(u, 0) + B- min(u, 0) + c e <= 0,
+
+    and sum v_i |d_i| if v > 0, r >= B+'v, p >= W+'r, A+'v + C+'p + c v <= 0 and there are no differences.
+    The region is invariant if rates are >= 0 at its lower corner, and <= 0 at the upper one, given these bounds.
+    """
+    s = slopes(e, limit)
+    need(all(nonnegative(x) for M in s.lower[1:] for x in M), "lower ends are not negative")
+    kept_off = ((i, j, a) for j, x in enumerate(own_part(s)) for i, a in x.items())
+    need(all(a >= 0 for i, j, a in kept_off if i != j), "A- - B+ s+ C+ >= 0 off the diagonal")
+    rate = decay_rate(e)
+    contracts = e["e"] is not None or e["v"] is not None
+    expect((rate > 0) == contracts, "a decay rate is positive with vectors that prove it, and else 0")
+    all_or_none(e, ("e", "y", "y_lower", "u"), by_e, s, rate)
+    all_or_none(e, ("v", "r", "p"), by_v, s, rate)
+    all_or_none(e, ("rates_at_lower", "rates_at_upper"), inwards_at_corners, s, rate)
+
+
+def all_or_none(e: Said, names: tuple[str, ...], proof: Callable[..., None], s: Slopes, rate: Fraction) -> None:
+    """All of these vectors are there, and prove something, or none."""
+    there = {e[name] is not None for name in names}
+    expect(len(there) == 1, f"some of {', '.join(names)} are missing")
+    if True in there:
+        n, m, q = s.sizes
+        length = {"y": q, "y_lower": q, "u": m, "r": m, "p": q}
+        proof(s, rate, *(entries(array(e[name]), length.get(name, n)) for name in names))
+
+
+def by_e(s: Slopes, c: Fraction, x: Vector, y: Vector, least: Vector, u: Vector) -> None:
+    """The inequalities on e, y, y_lower and u."""
+    A, B, C, W, S = s.upper
+    need(len(x) == s.sizes[0] and nonnegative(x), "e > 0")
+    need(nonnegative(total((1, y), (-1, image(C, x)))), "y >= C e")
+    need(nonnegative(total((1, image(s.lower[2], x)), (-1, least))), "y_lower <= C e")
+    pushed: Vector = {}
+    for k, column in enumerate(S):
+        for i, high in column.items():
+            d = y.get(k, 0) - least.get(int(s.own[i]), Fraction(0))
+            pushed[i] = pushed.get(i, Fraction(0)) + max(high * d, s.lower[4][k].get(i, Fraction(0)) * d)
+    need(nonnegative(total((1, u), (-1, image(W, y)), (-1, pushed))), "u >= W y + S d")
+    more, less = ({i: a for i, a in u.items() if (a > 0) == side} for side in (True, False))
+    drift = total((1, image(A, x)), (1, image(B, more)), (1, image(s.lower[1], less)), (c, x))
+    need(nonnegative(total((-1, drift))), "A e + B u + c e <= 0")
+
+
+def by_v(s: Slopes, c: Fraction, v: Vector, r: Vector, p: Vector) -> None:
+    """The inequalities on v, r and p."""
+    A, B, C, W, S = s.upper
+    expect(not any(S), "v is for networks without links of differences")
+    need(len(v) == s.sizes[0] and nonnegative(v), "v > 0")
+    need(nonnegative(total((1, r), (-1, pullback(v, B)))), "r >= B'v")
+    need(nonnegative(total((1, p), (-1, pullback(r, W)))), "p >= W'r")
+    drift = total((1, pullback(v, A)), (1, pullback(p, C)), (c, v))
+    need(nonnegative(total((-1, drift))), "A'v + C'p + c v <= 0")
+
+
+def inwards_at_corners(s: Slopes, c: Fraction, lower: Vector, upper: Vector) -> None:
+    """Rates at the corners of the region point into it."""
+    need(nonnegative(lower), "rates at the lower corner are not negative")
+    need(nonnegative(total((-1, upper))), "rates at the upper corner are not positive")
+
+
+def order_violated(e: Said, limit: int) -> None:
+    """An entry of the Jacobian at a state, at most `value` < 0, where the order asks for a nonnegative one.
+
+    It is one of A with the own share (block 0, off the diagonal), B, C, W or S, and not below what the ends allow.
+    """
+    s, (_, w) = slopes(e, limit), record(e, "witness", "OrderViolation")
+    block, i, j, value = index(w["block"]), index(w["row"]), index(w["column"]), double(w["value"])
+    n, m, q = s.sizes
+    expect(block < 5, "there is no such block")
+    rows, columns = ((n, n), (n, m), (q, n), (m, q), (m, q))[block]
+    expect(i < rows and j < columns and (block > 0 or i != j), "there is no such entry")
+    if w["x"] is not None:
+        entries(array(w["x"]), n)
+    least = s.lower[block] if block else own_part(s)
+    need(value < 0, "the slope is negative")
+    need(value >= least[j].get(i, Fraction(0)), "the slope is within the ends")
+    absent(e, "decay_rate", "nan")
 
 
 # -- files
@@ -2409,6 +2536,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("network interval", "REFUTED"): no_network_interval,
     ("uncertain network", "PROVED"): uncertain_network,
     ("uncertain network", "REFUTED"): no_uncertain_network,
+    ("differentially-positive network", "PROVED"): differentially_positive_network,
+    ("differentially-positive network", "REFUTED"): order_violated,
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
     ("finite-horizon cost", "PROVED"): finite_cost,
@@ -2456,6 +2585,7 @@ def verify(c: Json, limit: int) -> str:
     note = None
     if (claim, status) in ALONE:
         ALONE[claim, status](e, limit)
+        note = "given the bounds on the Jacobians" if claim == "differentially-positive network" else None
     else:
         note = proved(claim, e, limit) if status == "PROVED" else refuted(claim, e, limit)
     left = unread(e, UNREAD)

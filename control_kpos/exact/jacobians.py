@@ -78,11 +78,21 @@ def jacobian_blocks(function: Callable[[Any], Any], lower: Array, upper: Array, 
     >>> low.shape, low[0].tolist(), high[0].tolist()
     ((3, 1, 2), [[-1.0, 0.25]], [[-1.0, 1.0]])
     """
+    return values_and_blocks(function, lower, upper, n)[2:]
+
+
+def values_and_blocks(
+    function: Callable[[Any], Any], lower: Array, upper: Array, n: int
+) -> tuple[Array, Array, Array, Array]:
+    """Bounds of the values, shape (N, k) each, and then those of `jacobian_blocks`."""
     lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     values = [_known(y, n) for y in watched(function, Rows(_arguments(lower, upper, n)))[0]]
-    shape = lower.shape[1], n
-    low, high = ([np.broadcast_to(y.gradient[side], shape) for y in values] for side in (0, 1))
-    return np.stack(low, axis=1), np.stack(high, axis=1)
+    count = lower.shape[1]
+    ends = ([np.broadcast_to(y.value[side], count) for y in values] for side in (0, 1))
+    slopes = ([np.broadcast_to(y.gradient[side], (count, n)) for y in values] for side in (0, 1))
+    below, above = (np.stack(end, axis=-1) for end in ends)
+    low, high = (np.stack(slope, axis=1) for slope in slopes)
+    return below, above, low, high
 
 
 def jacobian_enclosure(

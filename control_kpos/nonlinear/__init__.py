@@ -1,10 +1,21 @@
-"""Nonlinear systems that keep a cone of displacements."""
+"""Nonlinear systems and networks that keep a cone of displacements."""
 
 from .certificate import DifferentialCertificate, DifferentialViolation
+from .contraction import DifferentialNetworkCertificate, OrderViolation
 from .differential import differential_positivity
+from .network import NonlinearNetwork, nonlinear_interconnect
+from .nodes import Links, NonlinearNodes, links, nonlinear_nodes
 
 __all__ = [
     "DifferentialCertificate",
+    "DifferentialNetworkCertificate",
     "DifferentialViolation",
+    "Links",
+    "NonlinearNetwork",
+    "NonlinearNodes",
+    "OrderViolation",
     "differential_positivity",
+    "links",
+    "nonlinear_interconnect",
+    "nonlinear_nodes",
 ]

@@ -47,16 +47,21 @@ from ..exact.unreadable import UnboundedError, Unreadable, UnsupportedError
 from ..proof.certificate import Status
 from ..systems.system import System
 from ..theorems.lyapunov_candidates import common_vector
+from .certify_network import certify_network
 from .certificate import (
     DifferentialCertificate,
     DifferentialViolation,
     extreme_products,
     invariance,
 )
+from .contraction import DifferentialNetworkCertificate
+from .network import NonlinearNetwork
 
 Array = NDArray[np.float64]
 
 _SAMPLES = 200
+# Boxes that a region is cut into at most, if nothing else is asked for.
+_PIECES = 256
 # Points where values are compared with their enclosures, and the relative difference that rounding may make.
 _COMPARED, _DIFFERENCE = 4, 1e-6
 # Operations of a decision without a time limit: a minute or so.
@@ -71,26 +76,30 @@ _PER_ENCLOSURE, _PER_JACOBIAN = 1e6, 3e5
 @np.errstate(all="ignore")
 def differential_positivity(
     jacobians: Any,
-    X: Cone | ArrayLike,
+    X: Cone | ArrayLike | None = None,
     region: ArrayLike | None = None,
     *,
     inputs: ArrayLike | None = None,
+    equilibrium: ArrayLike | None = None,
     discrete: bool | None = None,
-    pieces: int = 256,
+    pieces: int = _PIECES,
     time_limit: float | None = None,
-) -> DifferentialCertificate:
+) -> DifferentialCertificate | DifferentialNetworkCertificate:
     """Decide whether a nonlinear system keeps the cone X of displacements.
 
     Parameters
     ----------
-    jacobians : NonlinearIOSystem, StateSpace, matrix or sequence of matrices
-        A system, with `region`; or the vertices of a set of Jacobians, each (n, n).
+    jacobians : NonlinearIOSystem, StateSpace, NonlinearNetwork, matrix or sequence of matrices
+        A system or a network, with `region`; or the vertices of a set of Jacobians, each (n, n).
     X : Cone, or array_like of its generators, shape (p, n)
-        Polyhedral and proper, in R^n.
+        Polyhedral and proper, in R^n.  Not for a network, whose nodes have cones.
     region : array_like, shape (n, 2), optional
-        Box of states: lower and upper bound of each.
+        Box of states: lower and upper bound of each.  For a network the order interval between both, in the order of
+        the cones; (1, 2) if all states have the same.
     inputs : array_like, shape (m, 2), optional
-        Box of inputs of a system; zero if omitted.
+        Box of (external) inputs; zero if omitted.
+    equilibrium : array_like, shape (n,), optional
+        Of a network: a point at rest that the region is to hold; refused if it does not.
     discrete : bool, optional
         For matrices: x[k+1] = f(x[k]).  Systems know.
     pieces : int
@@ -102,7 +111,7 @@ def differential_positivity(
 
     Returns
     -------
-    DifferentialCertificate
+    DifferentialCertificate, or DifferentialNetworkCertificate for a network
         `explain()` says what follows.  A system whose function cannot be called with intervals, or looks at its
         arguments, is sampled, which is stated and never PROVED.  Functions are called inside the region only, and at
         an end of it, or at a kink of `abs`, `np.maximum`, `np.minimum` and `np.clip`, slopes from inside count.
@@ -111,7 +120,7 @@ def differential_positivity(
     ------
     ShapeError, ConeMismatchError, DataError, NotProperConeError
         Sizes that do not fit; a region that is not a box; a Jacobian that is unbounded on the region; a system
-        that depends on time, or whose function fails at a point of the region.
+        that depends on time, or whose function fails at a point of the region; an equilibrium outside of it.
 
     Examples
     --------
@@ -124,6 +133,14 @@ def differential_positivity(
     >>> cert.status.name, cert.source
     ('PROVED', 'enclosed')
     """
+    if isinstance(jacobians, NonlinearNetwork):
+        if X is not None or discrete is not None or time_limit is not None or pieces != _PIECES:
+            raise DataError("X, discrete, pieces and time_limit are not for networks; leave them out.")
+        return certify_network(jacobians, region, inputs, equilibrium)
+    if equilibrium is not None:
+        raise DataError("equilibrium is for networks; leave it out.")
+    if X is None:
+        raise DataError("X is missing: give the cone of displacements, or its generators.")
     X = as_cone(X, "X")
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")

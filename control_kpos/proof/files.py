@@ -54,6 +54,7 @@ _REFUSALS = (
 _FOR_PROOFS = ("v", "sigma", "slow_direction", "rays", "multipliers", "pointing", "right_inverse", "shares")
 # Claims that are about no system.
 _TIMELESS = ("delayed network", "feedback", "gain bound", "out-weight")
+_TIMELESS = ("feedback", "gain bound", "out-weight", "differentially-positive network")
 # Data that stand there as numbers or text.
 _BARE = ("dt", "source")
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}

@@ -1,0 +1,170 @@
+"""Differential positivity and contraction of a nonlinear network: enclosed, proposed, settled."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from ..errors import DataError, ShapeError
+from ..exact.intake import exact_matrix, vector
+from ..exact.matrix import Matrix
+from ..proof.certificate import Status
+from .contraction import DifferentialNetworkCertificate, OrderViolation
+from .enclosed import Blocks, Coordinates, block_matrix, boxes, enclose, own_shares, require_agreement, taken_off
+from .network import NonlinearNetwork
+from .weights import ROOM, contractions, own_output
+
+Array = NDArray[np.float64]
+
+# Corners of the region that are looked at for a violation, besides the middle and the two of the order.
+_CORNERS = 8
+# At an equilibrium rates are no larger than this, relative to states and rates nearby.
+_AT_REST = 1e-6
+
+
+@np.errstate(all="ignore")
+def certify_network(
+    net: NonlinearNetwork, region: ArrayLike | None, inputs: ArrayLike | None, equilibrium: ArrayLike | None
+) -> DifferentialNetworkCertificate:
+    """Decide whether a nonlinear network keeps the order of its cones on a region, and whether it contracts there.
+
+    Costs one enclosure of all Jacobians, two or three solves as for the certificate of one linear network, and the
+    proof, which is linear in the data.
+    """
+    n, m, _ = net.totals
+    if region is None:
+        raise DataError(f"region is missing: give the lower and upper end of each of {n} states, shape ({n}, 2).")
+    low, high = box_of(region, n, "region")
+    w_low, w_high = (np.zeros(m), np.zeros(m)) if inputs is None else box_of(inputs, m, "inputs")
+    if equilibrium is not None:
+        _require_inside(net, vector(equilibrium, "equilibrium", n), low, high, 0.5 * w_low + 0.5 * w_high)
+    blocks = enclose(net, boxes(net, low, high), (w_low, w_high))
+    middle = 0.5 * low + 0.5 * high, 0.5 * w_low + 0.5 * w_high
+    require_agreement(net, *middle, _at(net, *middle))
+    data = _ends(net, blocks)
+    positive = DifferentialNetworkCertificate.settle(**data)
+    if positive.status is not Status.PROVED:
+        return _refuted(net, data, (low, high), (w_low, w_high)) or positive
+    data |= _corners(net, (low, high), (w_low, w_high))
+    for vectors in contractions(net, blocks, data):
+        found = DifferentialNetworkCertificate.settle(**data, **vectors)
+        if found:
+            return found
+    return DifferentialNetworkCertificate.settle(**data)
+
+
+def box_of(data: ArrayLike, n: int, name: str) -> tuple[Array, Array]:
+    """Lower and upper ends of n quantities, each the smallest doubles around what was given."""
+    exact = exact_matrix(data, name)
+    if exact.shape not in ((n, 2), (1, 2)):
+        raise ShapeError(
+            f"{name} has shape {exact.shape}, but must be ({n}, 2): lower and upper end of each of {n}; or (1, 2) for "
+            "all alike."
+        )
+    low, high = exact.rounded(up=False)[:, 0], exact.rounded(up=True)[:, 1]
+    if (low > high).any():
+        row = int(np.argmax(low > high))
+        raise DataError(f"{name}[{row}] is [{low[row]}, {high[row]}]: the lower end exceeds the upper one.")
+    return np.array(np.broadcast_to(low, n)), np.array(np.broadcast_to(high, n))
+
+
+def _require_inside(net: NonlinearNetwork, x: Array, low: Array, high: Array, w: Array) -> None:
+    """Refuse an equilibrium outside of the region, or a point that is none."""
+    parts = zip(net.kinds, *(net.model.split(part, 0) for part in (x, low, high)), net.model.members, strict=True)
+    for kind, x_k, a, b, members in parts:
+        T = Coordinates.of(kind)
+        if T is not None:
+            x_k, a, b = (part @ T.inverse[0].T for part in (x_k, a, b))
+        outside = (x_k < a) | (x_k > b)
+        if outside.any():
+            row, i = (int(k) for k in np.argwhere(outside)[0])
+            raise DataError(
+                f"equilibrium: {net.model.name_of(int(members[row]))} has {x_k[row, i]:.6g} as its "
+                f"coordinate {i}, which is outside of the region, [{a[row, i]:.6g}, {b[row, i]:.6g}]. Extend the "
+                "region, or look for an equilibrium inside of it."
+            )
+    if net.is_ranged:
+        return
+    rates = net.dynamics(x, w)
+    size = 1 + np.abs(x).max(initial=0.0) + np.abs(net.dynamics(high, w)).max(initial=0.0)
+    if not np.abs(rates).max(initial=0.0) <= _AT_REST * size:
+        i = int(np.argmax(np.abs(rates)))
+        raise DataError(f"equilibrium: state {i} still changes at the rate {rates[i]:.6g}; give a point at rest.")
+
+
+def _at(net: NonlinearNetwork, x: Array, w: Array, *, slopes: bool = False) -> Blocks:
+    """The rates at one state of the network, and the slopes there."""
+    return enclose(net, [(part, part) for part in net.model.split(x, 0)], (w, w), slopes=slopes)
+
+
+def _ends(net: NonlinearNetwork, blocks: Blocks) -> dict[str, Any]:
+    """Both ends as block diagonal matrices, and the own outputs."""
+    ends = []
+    for side in (0, 1):
+        nodes = [
+            block_matrix(net.model, getattr(blocks, name), side, *kinds)
+            for name, kinds in (("A", (0, 0)), ("B", (0, 1)), ("C", (2, 0)))
+        ]
+        ends.append(tuple(Matrix(M) for M in (*nodes, _without_zeros(blocks.W[side]), _without_zeros(blocks.S[side]))))
+    return {"upper": ends[1], "lower": ends[0], "own": own_output(net).astype(float)}
+
+
+def _without_zeros(M: sp.csr_array) -> sp.csr_array:
+    out = M.copy()
+    out.eliminate_zeros()
+    return out
+
+
+def _corners(net: NonlinearNetwork, region: tuple[Array, Array], inputs: tuple[Array, Array]) -> dict[str, Any]:
+    """Bounds of the rates at the corners of the region, if they point into it."""
+    ends = [_at(net, x, w).rates for x, w in zip(region, inputs, strict=True)]
+    lower = net.model.join([rates[0] for rates in ends[0]], 0)
+    upper = net.model.join([rates[1] for rates in ends[1]], 0)
+    if (lower < 0).any() or (upper > 0).any():
+        return {}
+    return {"rates_at_lower": lower, "rates_at_upper": upper}
+
+
+def _refuted(
+    net: NonlinearNetwork, data: dict[str, Any], region: tuple[Array, Array], inputs: tuple[Array, Array]
+) -> DifferentialNetworkCertificate | None:
+    """The certificate with an entry that is negative at a state of the network, if one is seen."""
+    low, high = region
+    for part in _parts(len(low)):
+        x = np.clip((1 - part) * low + part * high, low, high)
+        w = 0.5 * inputs[0] + 0.5 * inputs[1]
+        here = _at(net, x, w, slopes=True)
+        shares = own_shares(net, here.S[0])
+        A = []
+        for g in range(len(net.kinds)):
+            lost = taken_off(np.zeros_like(here.A[g][1]), here.B[g][0], here.C[g][0], shares[g])
+            A.append((here.A[g][0], here.A[g][1] + lost * (1 - ROOM)))
+        found = _ends(net, replace(here, A=A))["upper"]
+        for block, M in enumerate(found):
+            rows, columns, values = _entries_of(M)
+            bad = (values < 0) & ((rows != columns) | (block != 0))
+            if bad.any():
+                k = int(np.argmin(np.where(bad, values, np.inf)))
+                w_ = OrderViolation(block, int(rows[k]), int(columns[k]), float(values[k]), x)
+                certificate = DifferentialNetworkCertificate.settle(**data, witness=w_)
+                if certificate.status is Status.REFUTED:
+                    return certificate
+    return None
+
+
+def _parts(n: int) -> Iterator[Any]:
+    """Where in the region to look: middle, corners, and corners at random."""
+    yield from (0.5, 0.0, 1.0)
+    rng = np.random.default_rng(0)
+    for _ in range(_CORNERS):
+        yield rng.integers(0, 2, n)
+
+
+def _entries_of(M: Matrix) -> tuple[Any, Any, Array]:
+    coo = sp.coo_array(M.values)
+    return coo.coords[0], coo.coords[1], coo.data
