@@ -15,21 +15,27 @@ from ..exact.intake import exact_matrix, vector
 from ..exact.matrix import Matrix
 from ..proof.certificate import Status
 from .contraction import DifferentialNetworkCertificate, OrderViolation
-from .enclosed import Blocks, Coordinates, block_matrix, boxes, enclose, own_shares, require_agreement, taken_off
+from .enclosed import Blocks, Coordinates, between, block_matrix, boxes, enclose, own_shares, require_agreement, taken_off
 from .network import NonlinearNetwork
 from .weights import ROOM, contractions, own_output
 
 Array = NDArray[np.float64]
 
+# Boxes of all nodes together, times states, up to which boxes are cut where that may help.
+_MOST_BOXES = 2 * 10**6
 # Corners of the region that are looked at for a violation, besides the middle and the two of the order.
-_CORNERS = 8
+_CORNERS, _INSIDE = 8, 1e-6
 # At an equilibrium rates are no larger than this, relative to states and rates nearby.
 _AT_REST = 1e-6
 
 
 @np.errstate(all="ignore")
 def certify_network(
-    net: NonlinearNetwork, region: ArrayLike | None, inputs: ArrayLike | None, equilibrium: ArrayLike | None
+    net: NonlinearNetwork,
+    region: ArrayLike | None,
+    inputs: ArrayLike | None,
+    equilibrium: ArrayLike | None,
+    pieces: int,
 ) -> DifferentialNetworkCertificate:
     """Decide whether a nonlinear network keeps the order of its cones on a region, and whether it contracts there.
 
@@ -43,14 +49,29 @@ def certify_network(
     w_low, w_high = (np.zeros(m), np.zeros(m)) if inputs is None else box_of(inputs, m, "inputs")
     if equilibrium is not None:
         _require_inside(net, vector(equilibrium, "equilibrium", n), low, high, 0.5 * w_low + 0.5 * w_high)
-    blocks = enclose(net, boxes(net, low, high), (w_low, w_high))
+    states = boxes(net, low, high)
     middle = 0.5 * low + 0.5 * high, 0.5 * w_low + 0.5 * w_high
     require_agreement(net, *middle, _at(net, *middle))
+    corners = _corners(net, (low, high), (w_low, w_high))
+    most = min(pieces, max(1, _MOST_BOXES // n))
+    for cut in sorted({1, most}):
+        blocks = enclose(net, states, (w_low, w_high), pieces=cut)
+        found = _settled(net, blocks, corners)
+        if found.contracts:
+            return found
+    if found.status is Status.PROVED:
+        return found
+    refuted = _refuted(net, _ends(net, blocks), (low, high), (w_low, w_high))
+    return found if refuted is None else refuted
+
+
+def _settled(net: NonlinearNetwork, blocks: Blocks, corners: dict[str, Any]) -> DifferentialNetworkCertificate:
+    """The certificate for these ends, with vectors that prove contraction if there are any."""
     data = _ends(net, blocks)
     positive = DifferentialNetworkCertificate.settle(**data)
     if positive.status is not Status.PROVED:
-        return _refuted(net, data, (low, high), (w_low, w_high)) or positive
-    data |= _corners(net, (low, high), (w_low, w_high))
+        return positive
+    data |= corners
     for vectors in contractions(net, blocks, data):
         found = DifferentialNetworkCertificate.settle(**data, **vectors)
         if found:
@@ -134,9 +155,8 @@ def _refuted(
     net: NonlinearNetwork, data: dict[str, Any], region: tuple[Array, Array], inputs: tuple[Array, Array]
 ) -> DifferentialNetworkCertificate | None:
     """The certificate with an entry that is negative at a state of the network, if one is seen."""
-    low, high = region
-    for part in _parts(len(low)):
-        x = np.clip((1 - part) * low + part * high, low, high)
+    for part in _parts(net.totals[0]):
+        x = between(net, *region, part)
         w = 0.5 * inputs[0] + 0.5 * inputs[1]
         here = _at(net, x, w, slopes=True)
         shares = own_shares(net, here.S[0])
@@ -150,8 +170,8 @@ def _refuted(
             bad = (values < 0) & ((rows != columns) | (block != 0))
             if bad.any():
                 k = int(np.argmin(np.where(bad, values, np.inf)))
-                w_ = OrderViolation(block, int(rows[k]), int(columns[k]), float(values[k]), x)
-                certificate = DifferentialNetworkCertificate.settle(**data, witness=w_)
+                found_at = OrderViolation(block, int(rows[k]), int(columns[k]), float(values[k]), x)
+                certificate = DifferentialNetworkCertificate.settle(**data, witness=found_at)
                 if certificate.status is Status.REFUTED:
                     return certificate
     return None
@@ -159,10 +179,10 @@ def _refuted(
 
 def _parts(n: int) -> Iterator[Any]:
     """Where in the region to look: middle, corners, and corners at random."""
-    yield from (0.5, 0.0, 1.0)
+    yield from (np.full(n, part) for part in (0.5, 0.0, 1.0))
     rng = np.random.default_rng(0)
-    for _ in range(_CORNERS):
-        yield rng.integers(0, 2, n)
+    for _ in range(_CORNERS):  # a little inside, so that rounding does not leave the region
+        yield np.where(rng.random(n) < 0.5, _INSIDE, 1 - _INSIDE)
 
 
 def _entries_of(M: Matrix) -> tuple[Any, Any, Array]:

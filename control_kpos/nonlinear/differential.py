@@ -60,8 +60,6 @@ from .network import NonlinearNetwork
 Array = NDArray[np.float64]
 
 _SAMPLES = 200
-# Boxes that a region is cut into at most, if nothing else is asked for.
-_PIECES = 256
 # Points where values are compared with their enclosures, and the relative difference that rounding may make.
 _COMPARED, _DIFFERENCE = 4, 1e-6
 # Operations of a decision without a time limit: a minute or so.
@@ -82,7 +80,7 @@ def differential_positivity(
     inputs: ArrayLike | None = None,
     equilibrium: ArrayLike | None = None,
     discrete: bool | None = None,
-    pieces: int = _PIECES,
+    pieces: int = 256,
     time_limit: float | None = None,
 ) -> DifferentialCertificate | DifferentialNetworkCertificate:
     """Decide whether a nonlinear system keeps the cone X of displacements.
@@ -103,7 +101,7 @@ def differential_positivity(
     discrete : bool, optional
         For matrices: x[k+1] = f(x[k]).  Systems know.
     pieces : int
-        Largest number of boxes the region may be cut into to tighten the enclosure.
+        Largest number of boxes the region, in networks that of every node, may be cut into to tighten the enclosure.
     time_limit : float, optional
         Seconds, inf for no limit; what is not settled by then is UNDECIDED.  Without it operations are counted
         instead, and the answer is the same on every machine; they last for about a minute.  Boxes are cut while the
@@ -134,9 +132,10 @@ def differential_positivity(
     ('PROVED', 'enclosed')
     """
     if isinstance(jacobians, NonlinearNetwork):
-        if X is not None or discrete is not None or time_limit is not None or pieces != _PIECES:
-            raise DataError("X, discrete, pieces and time_limit are not for networks; leave them out.")
-        return certify_network(jacobians, region, inputs, equilibrium)
+        if X is not None or discrete is not None or time_limit is not None:
+            raise DataError("X, discrete and time_limit are not for networks; leave them out.")
+        most = whole_number(pieces, "pieces", least=1)
+        return certify_network(jacobians, region, inputs, equilibrium, most)
     if equilibrium is not None:
         raise DataError("equilibrium is for networks; leave it out.")
     if X is None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from ..errors import DataError, ShapeError
 from ..exact.intake import exact_matrix
 from ..exact.interval_arithmetic import difference, product, sum_of
-from ..exact.jacobians import values_and_blocks
+from ..exact.jacobians import on_pieces, values_and_blocks
 from ..exact.matrix import Matrix
 from ..exact.rounding import HALF_ULP
 from ..exact.unreadable import UnboundedError, UnsupportedError
@@ -133,15 +133,28 @@ def boxes(net: NonlinearNetwork, low: Array, high: Array) -> list[Ends]:
     return out
 
 
-def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes: bool = True) -> Blocks:
+def between(net: NonlinearNetwork, low: Array, high: Array, part: Array) -> Array:
+    """The state whose coordinates by generators are at these parts of the way from one end to the other."""
+    out = []
+    for kind, a, b, t in zip(net.kinds, *(net.model.split(x, 0) for x in (low, high, part)), strict=True):
+        T = Coordinates.of(kind)
+        if T is None:
+            out.append(np.clip((1 - t) * a + t * b, a, b))
+        else:
+            out.append(a + (t * ((b - a) @ T.inverse[0].T)) @ T.T[0].T)
+    return net.model.join(out, 0)
+
+
+def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes: bool = True, pieces: int = 1) -> Blocks:
     """Ends of all Jacobians and rates while states and external inputs are in their boxes; or of the rates alone.
 
-    Costs one call of every f, g and link function, and for each of their operations a few passes over arrays.
+    Costs one call of every f and g for each piece that boxes of nodes are cut into, and one of every link function; for
+    each of their operations a few passes over arrays.
     """
     y_parts, C = [], []
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         q, n = kind.sizes[2], kind.sizes[0]
-        found = _called(net, k, lambda z, p, kind=kind: kind.outputs(z, p), box, n * slopes, q, "g")
+        found = _called(net, k, lambda z, p, kind=kind: kind.outputs(z, p), box, n * slopes, q, "g", pieces)
         y_parts.append(found[:2])
         C.append(found[2:])
     y = tuple(net.model.join([part[side] for part in y_parts], 2) for side in (0, 1))
@@ -151,7 +164,7 @@ def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         n, m, _ = kind.sizes
         whole = tuple(np.concatenate([box[side], inputs[side][k]], axis=1) for side in (0, 1))
-        found = _called(net, k, lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p), whole, (n + m) * slopes, n, "f")
+        found = _called(net, k, lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p), whole, (n + m) * slopes, n, "f", pieces)
         J, values, T = found[2:], found[:2], Coordinates.of(kind)
         a, b, c = (J[0][:, :, :n], J[1][:, :, :n]), (J[0][:, :, n:], J[1][:, :, n:]), C[k]
         if T is not None and not slopes:
@@ -168,13 +181,13 @@ def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes
 
 
 def _called(
-    net: NonlinearNetwork, k: int, function: Callable[..., Any], box: Ends, n: int, rows: int, name: str
+    net: NonlinearNetwork, k: int, function: Callable[..., Any], box: Ends, n: int, rows: int, name: str, pieces: int
 ) -> tuple[Array, Array, Array, Array]:
     """Values and slopes of f or g of a kind of nodes, or an error that names the node."""
     kind = net.kinds[k]
     where = f"{name} of nodes {net.model.members[k][0]} to {net.model.members[k][-1]}"
     try:
-        found = values_and_blocks(lambda z: function(z, kind.params), box[0].T, box[1].T, n)
+        found = on_pieces(lambda z: function(z, kind.params), box[0].T, box[1].T, n, pieces)
     except UnsupportedError as error:
         raise DataError(
             f"{where} cannot be enclosed: {error}. Write it with arithmetic and functions of numpy that act entry by "
