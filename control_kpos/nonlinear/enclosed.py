@@ -158,7 +158,7 @@ def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes
         y_parts.append(found[:2])
         C.append(found[2:])
     y = tuple(net.model.join([part[side] for part in y_parts], 2) for side in (0, 1))
-    u, W, S = _received(net, y, external)
+    u, W, S = _received(net, y, external, slopes)
     inputs = [net.model.split(u[side], 1) for side in (0, 1)]
     A, B, rates, turned = [], [], [], []
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
@@ -221,7 +221,7 @@ def _first_unbounded(kind: NonlinearNodes, function: Callable[..., Any], box: En
     return first
 
 
-def _received(net: NonlinearNetwork, y: Ends, external: Ends) -> tuple[Ends, Ends, Ends]:
+def _received(net: NonlinearNetwork, y: Ends, external: Ends, with_slopes: bool) -> tuple[Ends, Ends, Ends]:
     """Inputs that links bring and external ones, and the slopes of both kinds of links."""
     m, q = net.totals[1:]
     both = sp.coo_array(abs(net.lower) + abs(net.upper))
@@ -237,6 +237,8 @@ def _received(net: NonlinearNetwork, y: Ends, external: Ends) -> tuple[Ends, End
         arriving.append((each.targets, values))
         (plain if own is None else differences).append((each.targets, each.sources, slopes))
     u = _summed(arriving, external, m)
+    if not with_slopes:
+        plain, differences = [], []
     return u, _collected(plain, (m, q)), _collected(differences, (m, q))
 
 
