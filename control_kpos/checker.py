@@ -2470,14 +2470,12 @@ def order_violated(e: Said, limit: int) -> None:
     s, (_, w) = slopes(e, limit), record(e, "witness", "OrderViolation")
     block, i, j, value = index(w["block"]), index(w["row"]), index(w["column"]), double(w["value"])
     n, m, q = s.sizes
-    expect(block < 5, "there is no such block")
-    rows, columns = ((n, n), (n, m), (q, n), (m, q), (m, q))[block]
-    expect(i < rows and j < columns and (block > 0 or i != j), "there is no such entry")
+    expect(i < (n, n, q, m, m)[block] and (block > 0 or i != j), "there is no such entry")
     if w["x"] is not None:
         entries(array(w["x"]), n)
-    least = s.lower[block] if block else own_part(s)
+    least = (s.lower[block] if block else own_part(s))[j]
     need(value < 0, "the slope is negative")
-    need(value >= least[j].get(i, Fraction(0)), "the slope is within the ends")
+    need(value >= least.get(i, Fraction(0)), "the slope is within the ends")
     absent(e, "decay_rate", "nan")
 
 

@@ -19,6 +19,7 @@ import checker_delays
 import checker_families
 import checker_gains
 import checker_intervals
+import checker_nonlinear
 import checker_pieces
 import checker_uncertain
 import numpy as np
@@ -34,11 +35,12 @@ from control_kpos.proof.portable_cones import encode_cone
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
-LIMITS = SIZES + checker_costs.PAIRS
+LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES
 HAND |= checker_delays.CASES
+HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES | checker_nonlinear.CASES
 
 
 @pytest.fixture(scope="module")
@@ -263,6 +265,9 @@ EQUIVALENT = {
     "at: value * x + a -> value * x - a": "p(x) and its opposite",
     "touching_response: 0 < low < high <= 1 -> 0 < low <= high <= 1": "no root is between a number and itself",
     "any_size: ratio >= 0 -> ratio > 0": "p'D u <= t'u, and D is not 0",
+    "slopes: 0 <= own[i] < q -> 0 <= own[i] <= q": "there is no output q: an error either way",
+    "differentially_positive_network: a >= 0 -> a > 0": "entries that are zero are not stored",
+    "by_e: a > 0 -> a >= 0": "entries that are zero are not stored",
     "applied: x + a * y -> x - a * y": "p(M) V and its opposite",
     "dwells_long_enough: dot(v, x) > 0 -> dot(v, x) >= 0": "v'M x >= 0, so that v'A x < 0 needs v'x > 0",
     "mean_stable: dot(v, x) > 0 -> dot(v, x) >= 0": "where v'x = 0, (L'v)'x >= 0 as the cone is kept",

@@ -245,11 +245,11 @@ class DifferentialNetworkCertificate(Certificate):
         self._require_sizes()
         n, m, q = self.sizes
         shapes = ((n, n), (n, m), (q, n), (m, q), (m, q))
-        if not isinstance(w, OrderViolation) or not 0 <= w.block < len(NAMES):
+        if not isinstance(w, OrderViolation):
             return None
-        rows, columns = shapes[w.block]
+        rows, columns = shapes[w.block] if 0 <= w.block < len(NAMES) else (0, 0)
         if not (0 <= w.row < rows and 0 <= w.column < columns) or (w.block == 0 and w.row == w.column):
-            return None
+            raise DataError("a violation is about an entry that does not exist, or about one of the diagonal.")
         if w.x is not None and np.shape(w.x) != (n,):
             raise DataError("the state of a violation does not fit the network.")
         if w.block == 0:
