@@ -2410,7 +2410,7 @@ def differentially_positive_network(e: Said, limit: int) -> None:
     need(all(nonnegative(x) for M in s.lower[1:] for x in M), "lower ends are not negative")
     kept_off = ((i, j, a) for j, x in enumerate(own_part(s)) for i, a in x.items())
     need(all(a >= 0 for i, j, a in kept_off if i != j), "A- - B+ s+ C+ >= 0 off the diagonal")
-    rate = decay_rate(e)
+    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
     contracts = e["e"] is not None or e["v"] is not None
     expect((rate > 0) == contracts, "a decay rate is positive with vectors that prove it, and else 0")
     all_or_none(e, ("e", "y", "y_lower", "u"), by_e, s, rate)

@@ -1,5 +1,6 @@
-"""A certificate of every kind about networks with vertices; part of `certified`."""
+"""A certificate of every kind about networks with vertices, and nonlinear ones; part of `certified`."""
 
+import certified_nonlinear
 import numpy as np
 
 import control_kpos as kp
@@ -55,3 +56,4 @@ CERTIFICATES = {
     "not for any vertices, mixed": crossed,
     "not for any vertices, mixed directly": lambda: crossed([[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]),
 }
+CERTIFICATES |= certified_nonlinear.CERTIFICATES

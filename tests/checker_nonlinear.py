@@ -177,4 +177,7 @@ CASES = {
 _unknown = violated()
 _unknown["data"]["witness"]["fields"]["block"] = 5
 CASES["a slope of a sixth block"] = (_unknown, "UNREADABLE")
+_silent = one(**NOTHING)
+del _silent["data"]["decay_rate"]
+CASES["slopes, nothing of a rate"] = (_silent, GIVEN)
 PAIRS = [(one(), 1, GIVEN), (one(), 0, "UNREADABLE")]
