@@ -41,6 +41,13 @@ HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES |
 HAND |= checker_chains.CASES
 HAND |= checker_delays.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES | checker_nonlinear.CASES
+HAND |= (
+    checker_cones.CASES
+    | checker_families.CASES
+    | checker_uncertain.CASES
+    | checker_gains.CASES
+    | checker_nonlinear.CASES
+)
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,17 @@ from ..exact.intake import exact_matrix, vector
 from ..exact.matrix import Matrix
 from ..proof.certificate import Status
 from .contraction import DifferentialNetworkCertificate, OrderViolation
-from .enclosed import Blocks, Coordinates, between, block_matrix, boxes, enclose, own_shares, require_agreement, taken_off
+from .enclosed import (
+    Blocks,
+    Coordinates,
+    between,
+    block_matrix,
+    boxes,
+    enclose,
+    own_shares,
+    require_agreement,
+    taken_off,
+)
 from .network import NonlinearNetwork
 from .weights import ROOM, contractions, own_output
 

@@ -72,8 +72,7 @@ class OrderViolation:
         sides = (("state", "state"), ("state", "input"), ("output", "state"), ("input", "output"), ("input", "output"))
         of, by = sides[self.block]
         return (
-            f"more of {by} {self.column} lowers {of} {self.row}: the slope is at most "
-            f"{about(self.value, digits=3)} < 0"
+            f"more of {by} {self.column} lowers {of} {self.row}: the slope is at most {about(self.value, digits=3)} < 0"
         )
 
 
@@ -199,7 +198,9 @@ class DifferentialNetworkCertificate(Certificate):
         factor = np.repeat(total, np.diff(out.indptr))
         product = out.data * factor
         exact = (factor == 0) | (out.data == 0) | (np.abs(np.frexp(out.data)[0]) == 0.5) & (product > 1e-300)
-        return sp.csr_array((np.where(exact, product, np.nextafter(product, np.inf)), out.indices, out.indptr), out.shape)
+        return sp.csr_array(
+            (np.where(exact, product, np.nextafter(product, np.inf)), out.indices, out.indptr), out.shape
+        )
 
     @cached_property
     def _differences(self) -> tuple[Array, ...]:

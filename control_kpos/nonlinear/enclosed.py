@@ -145,7 +145,9 @@ def between(net: NonlinearNetwork, low: Array, high: Array, part: Array) -> Arra
     return net.model.join(out, 0)
 
 
-def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes: bool = True, pieces: int = 1) -> Blocks:
+def enclose(
+    net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes: bool = True, pieces: int = 1
+) -> Blocks:
     """Ends of all Jacobians and rates while states and external inputs are in their boxes; or of the rates alone.
 
     Costs one call of every f and g for each piece that boxes of nodes are cut into, and one of every link function; for
@@ -164,7 +166,9 @@ def enclose(net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         n, m, _ = kind.sizes
         whole = tuple(np.concatenate([box[side], inputs[side][k]], axis=1) for side in (0, 1))
-        found = _called(net, k, lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p), whole, (n + m) * slopes, n, "f", pieces)
+        found = _called(
+            net, k, lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p), whole, (n + m) * slopes, n, "f", pieces
+        )
         J, values, T = found[2:], found[:2], Coordinates.of(kind)
         a, b, c = (J[0][:, :, :n], J[1][:, :, :n]), (J[0][:, :, n:], J[1][:, :, n:]), C[k]
         if T is not None and not slopes:
