@@ -2401,7 +2401,8 @@ def differentially_positive_network(e: Said, limit: int) -> None:
     B-, C-, W-, S- >= 0 and A- - B+ s+ C+ >= 0 off the diagonal.  Any two solutions differ by d with d' = J(t) d, J(t)
     between the ends.  max |d_i| / e_i falls at the decay_rate c if e > 0 and, with y >= C+ e, y_lower <= C- e,
 
-        u >= W+ y + sum max over s in [s-, s+] of s (y_l - y_lower_own),   A+ e + B+ max(u, 0) + B- min(u, 0) + c e <= 0,
+        u >= W+ y + sum max over s in [s-, s+] of s (y_l - y_lower_own),
+        A+ e + B+ max(u, 0) + B- min(u, 0) + c e <= 0,
 
     and sum v_i |d_i| if v > 0, r >= B+'v, p >= W+'r, A+'v + C+'p + c v <= 0 and there are no differences.
     The region is invariant if rates are >= 0 at its lower corner, and <= 0 at the upper one, given these bounds.

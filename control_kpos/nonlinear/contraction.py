@@ -203,7 +203,7 @@ class DifferentialNetworkCertificate(Certificate):
         )
 
     @cached_property
-    def _differences(self) -> tuple[Array, ...]:
+    def _differences(self) -> tuple[Any, Any, Array, Array]:
         """Targets, sources, lower and upper slopes of links of differences."""
         S = sp.coo_array(self.upper[4].values)
         S.eliminate_zeros()

@@ -47,13 +47,13 @@ from ..exact.unreadable import UnboundedError, Unreadable, UnsupportedError
 from ..proof.certificate import Status
 from ..systems.system import System
 from ..theorems.lyapunov_candidates import common_vector
-from .certify_network import certify_network
 from .certificate import (
     DifferentialCertificate,
     DifferentialViolation,
     extreme_products,
     invariance,
 )
+from .certify_network import certify_network
 from .contraction import DifferentialNetworkCertificate
 from .network import NonlinearNetwork
 

@@ -64,7 +64,13 @@ class Coordinates:
         products = facets @ rays.T
         order = [int(np.flatnonzero(products[:, k])[0]) for k in range(len(rays))]
         inverse = np.array([facets[h] / products[h, k] for k, h in enumerate(order)], dtype=object)
-        return cls(*(tuple(Matrix.from_fractions(M).rounded(up=up) for up in (False, True)) for M in (rays.T, inverse)))
+        T, back = Matrix.from_fractions(rays.T), Matrix.from_fractions(inverse)
+        return cls(both(lambda side: T.rounded(up=bool(side))), both(lambda side: back.rounded(up=bool(side))))
+
+
+def both(make: Callable[[int], Any]) -> Ends:
+    """What is made for the lower side (0) and for the upper one (1)."""
+    return make(0), make(1)
 
 
 def mixed(M: Ends, x: Ends) -> Ends:
@@ -159,16 +165,15 @@ def enclose(
         found = _called(net, k, lambda z, p, kind=kind: kind.outputs(z, p), box, n * slopes, q, "g", pieces)
         y_parts.append(found[:2])
         C.append(found[2:])
-    y = tuple(net.model.join([part[side] for part in y_parts], 2) for side in (0, 1))
+    y = both(lambda side: net.model.join([part[side] for part in y_parts], 2))
     u, W, S = _received(net, y, external, slopes)
     inputs = [net.model.split(u[side], 1) for side in (0, 1)]
     A, B, rates, turned = [], [], [], []
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         n, m, _ = kind.sizes
-        whole = tuple(np.concatenate([box[side], inputs[side][k]], axis=1) for side in (0, 1))
-        found = _called(
-            net, k, lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p), whole, (n + m) * slopes, n, "f", pieces
-        )
+        whole = both(lambda side, k=k, box=box: np.concatenate([box[side], inputs[side][k]], axis=1))
+        rhs: Any = lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p)  # noqa: E731
+        found = _called(net, k, rhs, whole, (n + m) * slopes, n, "f", pieces)
         J, values, T = found[2:], found[:2], Coordinates.of(kind)
         a, b, c = (J[0][:, :, :n], J[1][:, :, :n]), (J[0][:, :, n:], J[1][:, :, n:]), C[k]
         if T is not None and not slopes:
@@ -228,9 +233,9 @@ def _first_unbounded(kind: NonlinearNodes, function: Callable[..., Any], box: En
 def _received(net: NonlinearNetwork, y: Ends, external: Ends, with_slopes: bool) -> tuple[Ends, Ends, Ends]:
     """Inputs that links bring and external ones, and the slopes of both kinds of links."""
     m, q = net.totals[1:]
-    both = sp.coo_array(abs(net.lower) + abs(net.upper))
-    rows, columns = (index.astype(np.intp) for index in both.coords)
-    w = tuple(_at(end, rows, columns) for end in (net.lower, net.upper))
+    joint = sp.coo_array(abs(net.lower) + abs(net.upper))
+    rows, columns = (index.astype(np.intp) for index in joint.coords)
+    w = both(lambda side: _at((net.lower, net.upper)[side], rows, columns))
     arriving = [(rows, product(w, (y[0][columns], y[1][columns])))]
     plain, differences = [(rows, columns, w)], []
     for each, own in zip(net.links, net.own, strict=True):
@@ -300,7 +305,7 @@ def _collected(parts: list[tuple[Index, Index, Ends]], shape: tuple[int, int]) -
     key, place = np.unique(rows * shape[1] + columns, return_inverse=True)
     zero = np.zeros(len(key))
     ends = _summed([(place, (low, high))], (zero, zero), len(key))
-    return tuple(sp.csr_array((end, (key // shape[1], key % shape[1])), shape=shape) for end in ends)  # type: ignore[return-value]
+    return both(lambda side: sp.csr_array((ends[side], (key // shape[1], key % shape[1])), shape=shape))
 
 
 def require_agreement(net: NonlinearNetwork, x: Array, w: Array, blocks: Blocks) -> None:
@@ -344,7 +349,7 @@ def at_point(net: NonlinearNetwork, x: Array, w: Array | None) -> ConeNetwork:
         T = Coordinates.of(kind)
         if T is not None:
             A, B, C = T.T[0] @ A @ T.inverse[0], T.T[0] @ B, C @ T.inverse[0]
-        stacks.append(NodeStack(*map(Matrix, (A, B, C)), s.D, s.X, s.U, s.Y, 0, s.names))
+        stacks.append(NodeStack(Matrix(A), Matrix(B), Matrix(C), s.D, s.X, s.U, s.Y, 0, s.names))
     W = sp.csr_array(0.5 * (blocks.W[0] + blocks.W[1]) + 0.5 * (blocks.S[0] + blocks.S[1]))
     return ConeNetwork(NetworkModel(tuple(stacks), net.model.members, Matrix(W), 0))
 

@@ -31,13 +31,25 @@ class NonlinearNetwork:
 
     States, inputs and outputs are counted node by node, those of one node after each other, as in `ConeNetwork`.
 
-    Attributes
+    Parameters
     ----------
     kinds : tuple of NonlinearNodes
         The nodes of the first kind are the first ones, and so on.
+    model : NetworkModel
+        Where states and signals stand.
+    ends : tuple of csr_array, shape (sum m_j, sum q_k)
+        Upper and lower end of the linear coupling; equal unless it was given by ranges, or by numbers that are no
+        doubles.
     links : tuple of Links
-    lower, upper : csr_array, shape (sum m_j, sum q_k)
-        Ends of the linear coupling; equal unless it was given by ranges, or by numbers that are no doubles.
+    has_ranges : bool
+        The linear coupling is known by ranges.
+
+    Attributes
+    ----------
+    kinds, model, links
+        As given.
+    lower, upper : csr_array
+        The ends of the linear coupling.
     n_nodes : int
     totals : tuple of int
         All states, inputs and outputs.
@@ -137,7 +149,13 @@ class NonlinearNetwork:
         return self.model.join([_evaluated(k, k.f(x.T, u.T, k.params), k.sizes[0], "f") for k, x, u in parts], 0)
 
     def outputs(self, states: list[Array]) -> Array:
-        """The outputs of all nodes for states (N, n) of every kind."""
+        """The outputs of all nodes.
+
+        Parameters
+        ----------
+        states : list of ndarray, shapes (N, n)
+            The states of every kind of nodes.
+        """
         parts = zip(self.kinds, states, strict=True)
         return self.model.join([_evaluated(k, k.outputs(x.T, k.params), k.sizes[2], "g") for k, x in parts], 2)
 
@@ -226,8 +244,9 @@ def nonlinear_interconnect(
     if wrong is not None:
         raise ShapeError(f"nodes holds a {type(wrong).__name__}; give what kp.nonlinear_nodes returns.")
     model = _skeleton(kinds)
-    mixed = isinstance(coupling, (list, tuple)) and any(isinstance(part, Links) for part in coupling)
-    parts = list(coupling) if mixed else [] if coupling is None else [coupling]
+    parts: list[Any] = [] if coupling is None else [coupling]
+    if isinstance(coupling, (list, tuple)) and any(isinstance(part, Links) for part in coupling):
+        parts = list(coupling)
     found = tuple(part for part in parts if isinstance(part, Links))
     matrices = [part for part in parts if not isinstance(part, Links)]
     if len(matrices) > 1:
@@ -258,10 +277,8 @@ def _skeleton(kinds: tuple[NonlinearNodes, ...]) -> NetworkModel:
     stacks, members, first = [], [], 0
     for kind in kinds:
         n, m, q = kind.sizes
-        zeros = (
-            Matrix(np.broadcast_to(0.0, (kind.count, *shape)).copy()) for shape in ((n, n), (n, m), (q, n), (q, m))
-        )
-        stacks.append(NodeStack(*zeros, kind.X, orthant(m), orthant(q), 0, kind.names))
+        A, B, C, D = (Matrix(np.zeros((kind.count, *shape))) for shape in ((n, n), (n, m), (q, n), (q, m)))
+        stacks.append(NodeStack(A, B, C, D, kind.X, orthant(m), orthant(q), 0, kind.names))
         members.append(np.arange(first, first + kind.count))
         first += kind.count
     W = Matrix(sp.csr_array((sum(len(k) * k.sizes[1] for k in kinds), sum(len(k) * k.sizes[2] for k in kinds))))

@@ -43,9 +43,11 @@ def contractions(net: NonlinearNetwork, blocks: Blocks, data: Vectors) -> Iterat
     e = _improved(lambda d, last: _upper(net, blocks, d, last), lambda x: _rate_of_e(data, x), net.totals[0])
     if e is None:
         return
-    model = None if blocks.S[1].nnz else _model(net, *_ends(blocks), blocks.W[1], transposed=False)
-    solver = None if model is None else PortSystem(model, 0.0)
-    v = solver and _improved(lambda d, _: _lower(solver, d), lambda x: _rate_of_v(data, x), net.totals[0])
+    v = None
+    if not blocks.S[1].nnz:
+        A, B, C = _ends(blocks)
+        solver = PortSystem(_model(net, A, B, C, blocks.W[1], transposed=False), 0.0)
+        v = _improved(lambda d, _: _lower(solver, d), lambda x: _rate_of_v(data, x), net.totals[0])
     for part in _RATES:
         if v:
             yield {**e, **v, "decay_rate": part * min(_rate_of_e(data, e), _rate_of_v(data, v))}
@@ -83,9 +85,10 @@ def _model(net: NonlinearNetwork, A: Any, B: Any, C: Any, W: Any, *, transposed:
     stacks = []
     for parts in zip(A, B, C, strict=True):
         a, b, c = (np.swapaxes(M, 1, 2) for M in (parts[0], parts[2], parts[1])) if transposed else parts
-        sizes = a.shape[1], b.shape[2], c.shape[1]
-        zero = Matrix(np.zeros((len(a), sizes[2], sizes[1])))
-        stacks.append(NodeStack(*(Matrix(np.ascontiguousarray(M)) for M in (a, b, c)), zero, *map(orthant, sizes), 0))
+        n, m, q = a.shape[1], b.shape[2], c.shape[1]
+        A_j, B_j, C_j = (Matrix(np.ascontiguousarray(M)) for M in (a, b, c))
+        D_j = Matrix(np.zeros((len(a), q, m)))
+        stacks.append(NodeStack(A_j, B_j, C_j, D_j, orthant(n), orthant(m), orthant(q)))
     coupling = sp.csr_array(W.T if transposed else W, copy=True)
     coupling.sort_indices()
     return NetworkModel(tuple(stacks), net.model.members, Matrix(coupling), 0)
@@ -103,7 +106,7 @@ def _lower(system: PortSystem, d: Array) -> Vectors | None:
 def _upper(net: NonlinearNetwork, blocks: Blocks, d: Array, last: Vectors | None) -> Vectors | None:
     """e with bounds of outputs and inputs, for the slopes of differences that are worst at e."""
     A, B, C = _ends(blocks)
-    S = blocks.S[1] if last is None else _worst(net, blocks, last)
+    S, out = blocks.S[1] if last is None else _worst(net, blocks, last), None
     for _ in range(_CHANGES):
         nodes = [taken_off(*parts) for parts in zip(A, B, C, own_shares(net, S), strict=True)]
         system = PortSystem(_model(net, nodes, B, C, blocks.W[1] + S, transposed=True), 0.0)
