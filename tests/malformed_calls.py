@@ -1,6 +1,7 @@
 """A valid call of every public function and method, argument by argument."""
 
 import control as ct
+import malformed_nonlinear
 import numpy as np
 
 import control_kpos as kp
@@ -247,6 +248,7 @@ CALLS |= {  # cone finding, nonlinear systems
             "X": X2,
             "region": [[0, 1], [0, 1]],
             "inputs": [[0, 1]],
+            "equilibrium": None,
             "discrete": None,
             "pieces": 4,
             "time_limit": 1.0,
@@ -283,3 +285,4 @@ CALLS |= {  # pictures, files, examples
     "examples.ring": (kp.examples.ring, {"n_nodes": 3}),
     "examples.random_regular": (kp.examples.random_regular, {"n_nodes": 8, "degree": 3, "seed": 0}),
 }
+CALLS |= malformed_nonlinear.CALLS

@@ -4,6 +4,7 @@ import dataclasses
 import inspect
 from fractions import Fraction
 
+import exact_nonlinear
 import exact_systems
 import numpy as np
 import pytest
@@ -336,7 +337,7 @@ EXACT = {
         "m": lambda: (kp.examples.mass_spring_node(m=3).exact.A, [[0, 1], ["-64/3", -13]]),
     },
 }
-EXACT |= exact_systems.ROWS
+EXACT |= exact_systems.ROWS | exact_nonlinear.ROWS
 EXACT["state_feedback"] |= BOUNDS
 EXACT["Cone.contains"], EXACT["Cone.transform"] = EXACT["PolyhedralCone.contains"], EXACT["PolyhedralCone.transform"]
 
@@ -345,11 +346,11 @@ _GAIN = "the answer is one double, correctly rounded: see test_gains_are_correct
 _SIMULATED = "a simulation in floating point"
 _EFFORT = "effort and tolerance of a search, which prove nothing"
 _DRAWN = "a picture"
-DOUBLES = {
+DOUBLES = exact_nonlinear.DOUBLES | {
     "induced_gain": dict.fromkeys(["A", "B", "C", "D", "X", "U", "Y", "e", "f"], _GAIN),
     "ConeStateSpace.gain": dict.fromkeys("ef", _GAIN),
     "differential_positivity": dict.fromkeys(
-        ["region", "inputs"], "ends of boxes, rounded outwards; see test_a_region_is_covered_to_its_ends"
+        ["region", "inputs", "equilibrium"], "ends of boxes, rounded outwards; see test_a_region_is_covered_to_its_ends"
     ),
     "ConeNetwork.delayed_response": dict.fromkeys(["T", "X0", "delays"], _SIMULATED),
     "ConeNetwork.forced_response": dict.fromkeys(["T", "U", "X0"], _SIMULATED),
@@ -380,31 +381,20 @@ for _method in ("gain", "linearize", "sample"):  # the same for networks
 # Arguments that are no data: what they are.
 NO_DATA = {
     "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"},
-    "yes or no": {
-        "discrete",
-        "uniform",
-        "ports",
-        "per_mode",
-        "strict",
-        "inverse",
-        "trusted",
-        "certify",
-        "dominant_direction",
-        "use_all",
-    }
-    | {"show_legend", "warn_infinite", "use_prefix_suffix", "states"},
+    "yes or no": {"discrete", "uniform", "ports", "per_mode", "strict", "inverse", "trusted", "certify", "use_all"}
+    | {"dominant_direction", "show_legend", "warn_infinite", "use_prefix_suffix", "states", "difference"},
     "whole numbers": {"n", "nu", "ny", "k", "max_rays", "seed", "restarts", "pieces", "refine", "node", "types"}
     | {"facets", "n_nodes", "degree", "groups", "horizon"},
     "seconds, and who hears of them": {"time_limit", "progress"},
     "signals by place or name": {"inputs", "outputs"},
     "a timebase, which python-control keeps in doubles": {"dt"},
     "patterns of zeros": {"structure"},
-    "code of the user": {"constraints", "objective", "solver"},
-    "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax"},
+    "code of the user": {"constraints", "objective", "solver", "f", "g", "function"},
+    "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax", "nodes"},
     "passed on": {"args", "kwargs"},
 }
 # Data classes are made by the functions above; what they hold is checked there.
-MADE_BY_OTHERS = {"Cone", "Certificate", "ConeNetwork"}
+MADE_BY_OTHERS = {"Cone", "Certificate", "ConeNetwork", "NonlinearNetwork", "NonlinearNetwork.outputs"}
 
 
 def arguments():

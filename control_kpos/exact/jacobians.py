@@ -96,16 +96,22 @@ def values_and_blocks(
 
 
 def on_pieces(
-    function: Callable[[Any], Any], lower: Array, upper: Array, n: int, pieces: int
+    function: Callable[[Any], Any],
+    lower: Array,
+    upper: Array,
+    n: int,
+    pieces: int = 1,
+    turned: Callable[..., tuple[Array, Array, Array, Array]] = lambda *found: found,
 ) -> tuple[Array, Array, Array, Array]:
-    """What `values_and_blocks` returns, with the box of every node cut into at most `pieces` boxes: the smallest bounds
-    that hold those of all pieces.  Only quantities on which slopes depend are cut, all into as many parts.
+    """What `turned` makes of what `values_and_blocks` returns, with the box of every node cut into at most `pieces`
+    boxes: the smallest bounds that hold those of all pieces.  Only quantities on which slopes depend are cut, all into
+    as many parts.
     """
     whole = values_and_blocks(function, lower, upper, n)
     sides = [i for i in range(len(lower)) if pieces > 1 and _bends(function, lower, upper, n, i, whole)]
     parts = int(pieces ** (1 / len(sides)) + 1e-9) if sides else 1
     if parts < 2:
-        return whole
+        return turned(*whole)
     edges = np.linspace(lower, upper, parts + 1)
     edges[0], edges[-1] = lower, upper
     ends: list[Array] = []
@@ -113,7 +119,7 @@ def on_pieces(
         low, high = lower.copy(), upper.copy()
         for i, k in zip(sides, cell, strict=True):
             low[i], high[i] = edges[k][i], edges[k + 1][i]
-        found = values_and_blocks(function, low, high, n)
+        found = turned(*values_and_blocks(function, low, high, n))
         joined = zip(ends, found, (np.minimum, np.maximum) * 2, strict=True)
         ends = [join(a, b) for a, b, join in joined] if ends else list(found)
     return ends[0], ends[1], ends[2], ends[3]

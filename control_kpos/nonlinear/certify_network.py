@@ -22,11 +22,13 @@ from .enclosed import (
     block_matrix,
     boxes,
     enclose,
+    least_in_ranges,
     own_shares,
     require_agreement,
     taken_off,
 )
 from .network import NonlinearNetwork
+from .nodes import is_orthant
 from .weights import ROOM, contractions, own_output
 
 Array = NDArray[np.float64]
@@ -55,8 +57,11 @@ def certify_network(
     n, m, _ = net.totals
     if region is None:
         raise DataError(f"region is missing: give the lower and upper end of each of {n} states, shape ({n}, 2).")
-    low, high = box_of(region, n, "region")
-    w_low, w_high = (np.zeros(m), np.zeros(m)) if inputs is None else box_of(inputs, m, "inputs")
+    low, high = ends_of(region, n, "region", exact=not all(is_orthant(kind.X) for kind in net.kinds))
+    w_low, w_high = (np.zeros(m), np.zeros(m)) if inputs is None else ends_of(inputs, m, "inputs")
+    if (w_low > w_high).any():
+        row = int(np.argmax(w_low > w_high))
+        raise DataError(f"inputs[{row}] is [{w_low[row]}, {w_high[row]}]: the lower end exceeds the upper one.")
     if equilibrium is not None:
         _require_inside(net, vector(equilibrium, "equilibrium", n), low, high, 0.5 * w_low + 0.5 * w_high)
     states = boxes(net, low, high)
@@ -64,11 +69,11 @@ def certify_network(
     require_agreement(net, *middle, _at(net, *middle))
     corners = _corners(net, (low, high), (w_low, w_high))
     most = min(pieces, max(1, _MOST_BOXES // n))
-    for cut in sorted({1, most}):
-        blocks = enclose(net, states, (w_low, w_high), pieces=cut)
+    blocks = enclose(net, states, (w_low, w_high))
+    found = _settled(net, blocks, corners)
+    if not found.contracts and most > 1:
+        blocks = enclose(net, states, (w_low, w_high), pieces=most)
         found = _settled(net, blocks, corners)
-        if found.contracts:
-            return found
     if found.status is Status.PROVED:
         return found
     refuted = _refuted(net, _ends(net, blocks), (low, high), (w_low, w_high))
@@ -89,18 +94,17 @@ def _settled(net: NonlinearNetwork, blocks: Blocks, corners: dict[str, Any]) -> 
     return DifferentialNetworkCertificate.settle(**data)
 
 
-def box_of(data: ArrayLike, n: int, name: str) -> tuple[Array, Array]:
-    """Lower and upper ends of n quantities, each the smallest doubles around what was given."""
-    exact = exact_matrix(data, name)
-    if exact.shape not in ((n, 2), (1, 2)):
+def ends_of(data: ArrayLike, n: int, name: str, *, exact: bool = False) -> tuple[Array, Array]:
+    """Lower and upper ends of n quantities, each the next double outwards of what was given."""
+    given = exact_matrix(data, name)
+    if given.shape not in ((n, 2), (1, 2)):
         raise ShapeError(
-            f"{name} has shape {exact.shape}, but must be ({n}, 2): lower and upper end of each of {n}; or (1, 2) for "
+            f"{name} has shape {given.shape}, but must be ({n}, 2): lower and upper end of each of {n}; or (1, 2) for "
             "all alike."
         )
-    low, high = exact.rounded(up=False)[:, 0], exact.rounded(up=True)[:, 1]
-    if (low > high).any():
-        row = int(np.argmax(low > high))
-        raise DataError(f"{name}[{row}] is [{low[row]}, {high[row]}]: the lower end exceeds the upper one.")
+    if exact and not given.is_double:
+        raise DataError(f"{name} holds numbers that are no doubles, which cannot be rounded in the order of the cones.")
+    low, high = given.rounded(up=False)[:, 0], given.rounded(up=True)[:, 1]
     return np.array(np.broadcast_to(low, n)), np.array(np.broadcast_to(high, n))
 
 
@@ -184,6 +188,18 @@ def _refuted(
                 certificate = DifferentialNetworkCertificate.settle(**data, witness=found_at)
                 if certificate.status is Status.REFUTED:
                     return certificate
+    return _in_ranges(net, data)
+
+
+def _in_ranges(net: NonlinearNetwork, data: dict[str, Any]) -> DifferentialNetworkCertificate | None:
+    """The certificate with a link that is known by a range with ends below zero, if there is one."""
+    for block, M in zip((3, 4), least_in_ranges(net), strict=True):
+        rows, columns, values = _entries_of(Matrix(M))
+        known = data["lower"][block].values
+        for k in np.argsort(values, kind="stable")[:1] if len(values) else ():
+            i, j, value = int(rows[k]), int(columns[k]), float(values[k])
+            if value < 0 and known[i, j] <= value:
+                return DifferentialNetworkCertificate.settle(**data, witness=OrderViolation(block, i, j, value))
     return None
 
 

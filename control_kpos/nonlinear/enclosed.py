@@ -125,15 +125,15 @@ def boxes(net: NonlinearNetwork, low: Array, high: Array) -> list[Ends]:
     for kind, a, b, members in parts:
         T = Coordinates.of(kind)
         if T is None:
-            out.append((a, b))
-            continue
+            eye = np.eye(a.shape[1])
+            T = Coordinates((eye, eye), (eye, eye))
         z_a, z_b = (vectors(T.inverse, (end, end)) for end in (a, b))
         below = z_b[1] < z_a[0]
         if below.any():
             node = int(members[int(np.argmax(below.any(axis=1)))])
             raise DataError(
-                f"region: the upper end of {net.model.name_of(node)} is not above its lower end in the order of its "
-                "cone; for such cones a region is an order interval."
+                f"region: the lower end of {net.model.name_of(node)} exceeds the upper one, or is not below it in the "
+                "order of its cone: a region is all that lies between two states in this order."
             )
         out.append(vectors(T.T, (z_a[0], z_b[1])))
     return out
@@ -160,43 +160,80 @@ def enclose(
     each of their operations a few passes over arrays.
     """
     y_parts, C = [], []
+    turns = [_Turn.of(kind, slopes=slopes) for kind in net.kinds]
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
-        q, n = kind.sizes[2], kind.sizes[0]
-        found = _called(net, k, lambda z, p, kind=kind: kind.outputs(z, p), box, n * slopes, q, "g", pieces)
+        n, _, q = kind.sizes
+        outputs: Any = lambda z, p, kind=kind: kind.outputs(z, p)  # noqa: E731
+        found = _called(net, k, outputs, box, (n * slopes, q), "g", pieces, turns[k].of_outputs)
         y_parts.append(found[:2])
         C.append(found[2:])
     y = both(lambda side: net.model.join([part[side] for part in y_parts], 2))
     u, W, S = _received(net, y, external, slopes)
     inputs = [net.model.split(u[side], 1) for side in (0, 1)]
-    A, B, rates, turned = [], [], [], []
+    A, B, rates = [], [], []
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         n, m, _ = kind.sizes
         whole = both(lambda side, k=k, box=box: np.concatenate([box[side], inputs[side][k]], axis=1))
         rhs: Any = lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p)  # noqa: E731
-        found = _called(net, k, rhs, whole, (n + m) * slopes, n, "f", pieces)
-        J, values, T = found[2:], found[:2], Coordinates.of(kind)
-        a, b, c = (J[0][:, :, :n], J[1][:, :, :n]), (J[0][:, :, n:], J[1][:, :, n:]), C[k]
-        if T is not None and not slopes:
-            values = vectors(T.inverse, values)
-        elif T is not None:
-            back = _turned(T.T)
-            a = _turned(mixed(back, _turned(mixed(T.inverse, a))))
-            b, c, values = mixed(T.inverse, b), _turned(mixed(back, _turned(c))), vectors(T.inverse, values)
-        A.append(a)
-        B.append(b)
-        turned.append(c)
-        rates.append(values)
-    return Blocks(A, B, turned, W, S, rates)
+        found = _called(net, k, rhs, whole, ((n + m) * slopes, n), "f", pieces, turns[k].of_rates)
+        A.append(both(lambda side, J=found[2:], n=n: J[side][:, :, :n]))
+        B.append(both(lambda side, J=found[2:], n=n: J[side][:, :, n:]))
+        rates.append(found[:2])
+    return Blocks(A, B, C, W, S, rates)
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """From the coordinates of a kind of nodes to those by generators; the same for an orthant."""
+
+    T: Coordinates | None
+    slopes: bool
+
+    @classmethod
+    def of(cls, kind: NonlinearNodes, *, slopes: bool) -> _Turn:
+        return cls(Coordinates.of(kind), slopes)
+
+    def of_outputs(self, low: Array, high: Array, below: Array, above: Array) -> tuple[Array, Array, Array, Array]:
+        """C T."""
+        if self.T is None or not self.slopes:
+            return low, high, below, above
+        return low, high, *_turned(mixed(_turned(self.T.T), _turned((below, above))))
+
+    def of_rates(self, low: Array, high: Array, below: Array, above: Array) -> tuple[Array, Array, Array, Array]:
+        """T^{-1} f and T^{-1} [A T, B]."""
+        T = self.T
+        if T is None:
+            return low, high, below, above
+        values = vectors(T.inverse, (low, high))
+        if not self.slopes:
+            return *values, below, above
+        n, J = len(T.T[0]), mixed(T.inverse, (below, above))
+        A = _turned(mixed(_turned(T.T), _turned((J[0][:, :, :n], J[1][:, :, :n]))))
+        return *values, *both(lambda side: np.concatenate([A[side], J[side][:, :, n:]], axis=2))
 
 
 def _called(
-    net: NonlinearNetwork, k: int, function: Callable[..., Any], box: Ends, n: int, rows: int, name: str, pieces: int
+    net: NonlinearNetwork,
+    k: int,
+    function: Callable[..., Any],
+    box: Ends,
+    shape: tuple[int, int],
+    name: str,
+    pieces: int,
+    turned: Callable[..., Any],
 ) -> tuple[Array, Array, Array, Array]:
-    """Values and slopes of f or g of a kind of nodes, or an error that names the node."""
+    """Values and slopes of f or g of a kind of nodes, by coordinates of generators, or an error that names the node."""
+    n, rows = shape
     kind = net.kinds[k]
     where = f"{name} of nodes {net.model.members[k][0]} to {net.model.members[k][-1]}"
+
+    def checked(*found: Array) -> Any:
+        if found[0].shape[1] != rows:
+            raise ShapeError(f"{where} returned {found[0].shape[1]} rows; the nodes need {rows}.")
+        return turned(*found)
+
     try:
-        found = on_pieces(lambda z: function(z, kind.params), box[0].T, box[1].T, n, pieces)
+        return on_pieces(lambda z: function(z, kind.params), box[0].T, box[1].T, n, pieces, checked)
     except UnsupportedError as error:
         raise DataError(
             f"{where} cannot be enclosed: {error}. Write it with arithmetic and functions of numpy that act entry by "
@@ -208,9 +245,6 @@ def _called(
             f"{where}: the enclosed Jacobian of {net.model.name_of(j)} is unbounded on its region: {error}; choose a "
             "smaller region."
         ) from None
-    if found[0].shape[1] != rows:
-        raise ShapeError(f"{where} returned {found[0].shape[1]} rows; the nodes need {rows}.")
-    return found
 
 
 def _first_unbounded(kind: NonlinearNodes, function: Callable[..., Any], box: Ends, n: int) -> int:
@@ -280,6 +314,17 @@ def _sent(each: Links, d: Ends) -> tuple[Ends, Ends]:
 def _end(number: Any, *, up: bool) -> float:
     """An end of a range as a double, rounded outwards."""
     return float(exact_matrix(number, "function", ndim=1).rounded(up=up)[0])
+
+
+def least_in_ranges(net: NonlinearNetwork) -> tuple[sp.csr_array, sp.csr_array]:
+    """Lower ends of the links that are known by ranges only: plain ones, and those of differences."""
+    shape = net.totals[1:]
+    out = [net.lower if net.has_ranges else sp.csr_array(shape), sp.csr_array(shape)]
+    for each in net.links:
+        if isinstance(each.function, Interval):
+            low = _end(each.function.lower, up=False) * each.weights
+            out[each.difference] = out[each.difference] + sp.csr_array((low, (each.targets, each.sources)), shape=shape)
+    return out[0], out[1]
 
 
 def _summed(parts: list[tuple[Index, Ends]], start: Ends, size: int) -> Ends:

@@ -19,7 +19,8 @@ from ..networks.coupling import read_ends
 from ..networks.model import NetworkModel
 from ..networks.network import ConeNetwork
 from ..networks.nodes import NodeStack
-from ..networks.ranges import Interval, has_ranges
+from ..networks.ranges import Interval
+from ..networks.ranges import has_ranges as holds_ranges
 from .enclosed import at_point
 from .nodes import Links, NonlinearNodes, own_outputs
 
@@ -46,7 +47,7 @@ class NonlinearNetwork:
 
     Attributes
     ----------
-    kinds, model, links
+    kinds, model, links, has_ranges
         As given.
     lower, upper : csr_array
         The ends of the linear coupling.
@@ -66,7 +67,7 @@ class NonlinearNetwork:
     def __init__(self, kinds: Any, model: NetworkModel, ends: Any, links: Any, has_ranges: bool) -> None:
         self.kinds, self.model, self.links = kinds, model, links
         self.upper, self.lower = ends
-        self._has_ranges = has_ranges
+        self.has_ranges = has_ranges
 
     @property
     def n_nodes(self) -> int:
@@ -105,7 +106,7 @@ class NonlinearNetwork:
         for kind, given in zip(self.kinds, rows, strict=True):
             if len(given) != kind.sizes[0]:
                 raise ShapeError(f"rows: {len(given)} rows for nodes of {kind.sizes[0]} states; give one for each.")
-            part = [vector(np.atleast_1d(np.asarray(row, dtype=object)), "rows") for row in given]
+            part = [vector(row, "rows") for row in given]
             if any(row.shape not in ((1,), (kind.count,)) for row in part):
                 raise ShapeError(f"rows: a row has neither 1 nor {kind.count} numbers; give one for each node.")
             parts.append(np.column_stack([np.broadcast_to(row, kind.count) for row in part]))
@@ -171,7 +172,7 @@ class NonlinearNetwork:
     @property
     def is_ranged(self) -> bool:
         """True if some link is known by a range only."""
-        return self._has_ranges or any(isinstance(each.function, Interval) for each in self.links)
+        return self.has_ranges or any(isinstance(each.function, Interval) for each in self.links)
 
     @property
     def system(self) -> ct.NonlinearIOSystem:
@@ -261,7 +262,7 @@ def nonlinear_interconnect(
         for name, index, size in (("targets", each.targets, m), ("sources", each.sources, q)):
             if (index >= size).any():
                 raise ShapeError(f"coupling: {name} holds {int(index.max())}, but there are {size} such ports.")
-    out = NonlinearNetwork(kinds, model, (upper, lower), found, bool(matrices) and has_ranges(matrices[0]))
+    out = NonlinearNetwork(kinds, model, (upper, lower), found, bool(matrices) and holds_ranges(matrices[0]))
     _ = out.own  # refuses differences without an own output
     return out
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone, Orthant, as_cone, orthant
 from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError
-from ..exact.intake import exact_matrix, flag, places, vector, whole_number
+from ..exact.intake import exact_matrix, flag, places, whole_number
 from ..networks.ranges import Interval
 
 Array = NDArray[np.float64]
@@ -240,7 +240,10 @@ def links(
     i, k = _places(targets, "targets"), _places(sources, "sources")
     if len(i) != len(k):
         raise ShapeError(f"targets has {len(i)} entries, but sources has {len(k)}; a link has one of each.")
-    w = np.ones(1) if weights is None else vector(np.atleast_1d(np.asarray(weights, dtype=object)), "weights")
+    read = exact_matrix([1.0] if weights is None else weights, "weights", ndim=1)
+    if not read.is_double:
+        raise DataError("weights holds a number that is no double; nonlinear links compute with doubles. Give floats.")
+    w = read.values
     if w.shape not in ((1,), (len(i),)):
         raise ShapeError(f"weights has {w.size} entries; give one number, or one for each of {len(i)} links.")
     return Links(function, i, k, np.array(np.broadcast_to(w, len(i))), flag(difference, "difference"))
