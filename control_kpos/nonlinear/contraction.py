@@ -71,9 +71,7 @@ class OrderViolation:
     def __str__(self) -> str:
         sides = (("state", "state"), ("state", "input"), ("output", "state"), ("input", "output"), ("input", "output"))
         of, by = sides[self.block]
-        return (
-            f"more of {by} {self.column} lowers {of} {self.row}: the slope is at most {about(self.value, digits=3)} < 0"
-        )
+        return f"more of {by} {self.column} lowers {of} {self.row}: the slope is {about(self.value, digits=3)} or less"
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -132,7 +130,7 @@ class DifferentialNetworkCertificate(Certificate):
         return out
 
     @property
-    def sizes(self) -> tuple[int, int, int]:
+    def _sizes(self) -> tuple[int, int, int]:
         """All states, inputs and outputs."""
         A, B, C = self.upper[:3]
         return A.shape[0], B.shape[1], C.shape[0]
@@ -140,7 +138,7 @@ class DifferentialNetworkCertificate(Certificate):
     def _require_sizes(self) -> None:
         if len(self.upper) != len(NAMES) or len(self.lower) != len(NAMES):
             raise DataError("there are five matrices at both ends.")
-        n, m, q = self.sizes
+        n, m, q = self._sizes
         shapes = ((n, n), (n, m), (q, n), (m, q), (m, q))
         for pair in zip(self.upper, self.lower, shapes, strict=True):
             if pair[0].shape != pair[2] or pair[1].shape != pair[2]:
@@ -175,12 +173,12 @@ class DifferentialNetworkCertificate(Certificate):
         """The order is kept at the lower ends."""
         for name, low in zip(NAMES[1:], self.lower[1:], strict=True):
             yield _entries(f"{name}- >= 0", low.values.data)
-        yield self.cross_positive
+        yield self._cross_positive
 
     @cached_property
-    def cross_positive(self) -> Condition:
+    def _cross_positive(self) -> Condition:
         """A- - B+ s+ C+ >= 0 off the diagonal."""
-        n = self.sizes[0]
+        n = self._sizes[0]
         left = sp.csr_array(sp.hstack([self.lower[0].values, -self.upper[1].values], format="csr"))
         middle = sp.csr_array(sp.vstack([sp.eye_array(n, format="csr"), self._own_share()], format="csr"))
         forms = BilinearForms(Matrix(left), Matrix(middle), Matrix.identity(n, sparse=True))
@@ -213,7 +211,7 @@ class DifferentialNetworkCertificate(Certificate):
 
     def _by_e(self) -> Iterator[Condition]:
         A, B, C, W, _ = (M.values for M in self.upper)
-        n, m, q = self.sizes
+        n, m, q = self._sizes
         e, y, y_lower, u = (np.asarray(x, dtype=float) for x in (self.e, self.y, self.y_lower, self.u))
         yield _entries("e > 0", e, ">")
         yield _total("y - C+ e >= 0", (sp.eye_array(q), y), (-C, e))
@@ -228,7 +226,7 @@ class DifferentialNetworkCertificate(Certificate):
 
     def _by_v(self) -> Iterator[Condition]:
         A, B, C, W, _ = (M.values for M in self.upper)
-        n, m, q = self.sizes
+        n, m, q = self._sizes
         v, r, p = (np.asarray(x, dtype=float) for x in (self.v, self.r, self.p))
         if self._differences[0].size:
             raise DataError("v is for networks without links of differences.")
@@ -244,7 +242,7 @@ class DifferentialNetworkCertificate(Certificate):
         """The inequalities on the witness."""
         w = self.witness
         self._require_sizes()
-        n, m, q = self.sizes
+        n, m, q = self._sizes
         shapes = ((n, n), (n, m), (q, n), (m, q), (m, q))
         if not isinstance(w, OrderViolation):
             return None
@@ -254,7 +252,7 @@ class DifferentialNetworkCertificate(Certificate):
         if w.x is not None and np.shape(w.x) != (n,):
             raise DataError("the state of a violation does not fit the network.")
         if w.block == 0:
-            least = self.cross_positive.forms
+            least = self._cross_positive.forms
             at = slice(least.pattern.indptr[w.row], least.pattern.indptr[w.row + 1])
             found = least.values.data[at][least.pattern.indices[at] == w.column]
             known = float(found[0]) if found.size else 0.0
@@ -300,7 +298,7 @@ class DifferentialNetworkCertificate(Certificate):
         return " and ".join(names)
 
     @property
-    def has_differences(self) -> bool:
+    def _has_differences(self) -> bool:
         """True if there are links of differences."""
         return bool(self._differences[0].size)
 
@@ -325,7 +323,7 @@ class DifferentialNetworkCertificate(Certificate):
 
     def explain(self) -> str:
         """What follows, and under which conditions."""
-        n = self.sizes[0]
+        n = self._sizes[0]
         what = f"the nonlinear network of {n} states"
         if self.refuted_by is not None:
             where = "" if self.witness.x is None else f" at x = {shown(self.witness.x)}"
@@ -338,20 +336,19 @@ class DifferentialNetworkCertificate(Certificate):
                 f"Undecided: the enclosed Jacobians of {what} are too wide for its cones. Try a smaller region, or "
                 "write functions with fewer occurrences of each quantity."
             )
-        order = (
-            f"Proved: {what} keeps the order of its cones: solutions that start ordered stay ordered, while they "
-            "remain in the region."
-        )
         stays = " The region is invariant: no solution leaves it." if self.invariant else ""
-        if not self.contracts:
-            return (
-                f"{order}{stays} Contraction is not proven, which says nothing against it: the slopes are taken "
-                "anywhere between their ends, each on its own. A smaller region brings the ends together."
-            )
-        return f"{order}{stays} {self._contraction}"
+        return (
+            f"Proved: {what} keeps the order of its cones: solutions that start ordered stay ordered, while they "
+            f"remain in the region.{stays} {self._contraction}"
+        )
 
     @property
     def _contraction(self) -> str:
+        if not self.contracts:
+            return (
+                "Contraction is not proven, which says nothing against it: the slopes are taken anywhere between their "
+                "ends, each on its own. A smaller region brings the ends together."
+            )
         rate = floored(self.decay_rate, 4)
         text = (
             f"It contracts: any two solutions under the same inputs approach each other at least like "
@@ -360,10 +357,10 @@ class DifferentialNetworkCertificate(Certificate):
         )
         if self.invariant:
             text += (
-                " So for constant inputs there is one equilibrium in the region, and all solutions in it converge to "
-                "it; under periodic inputs all converge to one solution of the same period."
+                " So for constant external inputs within their box there is one equilibrium in the region, and all "
+                "solutions in it converge to it; under periodic ones all converge to one solution of the same period."
             )
-        if not self.has_differences:
+        if not self._has_differences:
             text += (
                 " Constant delays of the links change neither that two solutions in the region approach each other, "
                 "nor the equilibrium; only the rate."

@@ -139,7 +139,7 @@ def differential_positivity(
     if equilibrium is not None:
         raise DataError("equilibrium is for networks; leave it out.")
     if X is None:
-        raise DataError("X is missing: give the cone of displacements, or its generators.")
+        raise DataError("X is missing: give the cone that jacobians are to keep, or its generators.")
     X = as_cone(X, "X")
     X.require_proper("X")
     timed = None if discrete is None else flag(discrete, "discrete")

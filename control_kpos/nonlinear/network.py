@@ -121,6 +121,7 @@ class NonlinearNetwork:
         """
         return [part.T for part in self.model.split(vector(x, "x", self.totals[0]), 0)]
 
+    @np.errstate(all="ignore")
     def dynamics(self, x: ArrayLike, w: ArrayLike | None = None) -> Array:
         """x' for states x and external inputs w, which are added to what links bring.
 
@@ -180,6 +181,7 @@ class NonlinearNetwork:
         n, m, _ = self.totals
         return ct.nlsys(lambda t, x, u, p: self.dynamics(x, u), None, inputs=m, outputs=n, states=n)
 
+    @np.errstate(all="ignore")
     def linearize(self, x: ArrayLike, w: ArrayLike | None = None) -> ConeNetwork:
         """The linear network of displacements at a point, on the cones of the nodes.
 
@@ -199,7 +201,11 @@ class NonlinearNetwork:
         ShapeError, DataError
             Vectors of another length; a derivative that is unbounded at this point.
         """
-        return at_point(self, vector(x, "x", self.totals[0]), None if w is None else vector(w, "w", self.totals[1]))
+        state, external = vector(x, "x", self.totals[0]), None if w is None else vector(w, "w", self.totals[1])
+        try:
+            return at_point(self, state, external)
+        except DataError as error:
+            raise DataError(f"at this x: {error}") from None
 
     def __repr__(self) -> str:
         n, m, q = self.totals
@@ -241,9 +247,9 @@ def nonlinear_interconnect(
     kinds = (nodes,) if isinstance(nodes, NonlinearNodes) else tuple(_list(nodes))
     if not kinds:
         raise ShapeError("nodes is empty; a network needs at least one node.")
-    wrong = next((k for k in kinds if not isinstance(k, NonlinearNodes)), None)
-    if wrong is not None:
-        raise ShapeError(f"nodes holds a {type(wrong).__name__}; give what kp.nonlinear_nodes returns.")
+    for kind in kinds:
+        if not isinstance(kind, NonlinearNodes):
+            raise ShapeError(f"nodes holds a {type(kind).__name__}; give what kp.nonlinear_nodes returns.")
     model = _skeleton(kinds)
     parts: list[Any] = [] if coupling is None else [coupling]
     if isinstance(coupling, (list, tuple)) and any(isinstance(part, Links) for part in coupling):

@@ -16,13 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone, Orthant, as_cone, orthant
-from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError
+from ..errors import ConeMismatchError, DataError, NotProperConeError, ShapeError, TooLargeError
 from ..exact.intake import exact_matrix, flag, places, whole_number
 from ..networks.ranges import Interval
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 Function = Callable[..., Any]
+
+# Nodes of one kind: their states alone would fill a gigabyte.
+_MOST_NODES = 10**8
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +113,9 @@ def nonlinear_nodes(
 
     Raises
     ------
-    DataError, ShapeError
-        f or g that cannot be called; numbers that are not positive; params or names of another length than N.
+    DataError, ShapeError, TooLargeError
+        f or g that cannot be called; numbers that are not positive; params or names of another length than N; more
+        than 10^8 nodes.
     ConeMismatchError, NotProperConeError
         X in another dimension, or not simplicial.
 
@@ -130,6 +134,8 @@ def nonlinear_nodes(
         if not callable(function) and not (name == "g" and function is None):
             raise DataError(f"{name} is a {type(function).__name__}; give a function.")
     count = whole_number(n_nodes, "n_nodes", least=1)
+    if count > _MOST_NODES:
+        raise TooLargeError(f"n_nodes is {count}; at most {_MOST_NODES} nodes are taken.")
     given = (("states", states), ("inputs", inputs), ("outputs", outputs))
     n, m, q = (whole_number(number, name, least=1) for name, number in given)
     if g is None and q > n:
@@ -145,7 +151,7 @@ def nonlinear_nodes(
         )
     labels = tuple(str(name) for name in places(names, "names")) if names is not None else ()
     if labels and len(labels) != count:
-        raise ShapeError(f"names has {len(labels)} entries; {count} nodes need {count} names.")
+        raise ShapeError(f"names has {len(labels)} entries, but n_nodes is {count}; give one name for each node.")
     return NonlinearNodes(f, g, (n, m, q), count, _numbers(params, count), cone, labels)
 
 
@@ -251,8 +257,9 @@ def links(
 
 def _places(data: Any, name: str) -> Index:
     read = exact_matrix(data, name, ndim=1).values
-    if (read != np.floor(read)).any() or (read < 0).any():
-        raise DataError(f"{name} holds {read[(read != np.floor(read)) | (read < 0)][0]}; give whole numbers from 0.")
+    wrong = (read != np.floor(read)) | (read < 0) | (read > 2**53)
+    if wrong.any():
+        raise DataError(f"{name} holds {read[wrong][0]}; give places, whole numbers from 0.")
     return read.astype(np.intp)
 
 
