@@ -97,7 +97,7 @@ def test_genes_with_hill_functions_contract_on_boxes_that_are_cut():
 def test_hopfield_network_is_entrained():
     net = examples.hopfield(SMALL)
     cert = kp.differential_positivity(net, region=[[-2, 2]], inputs=[[-0.5, 0.5]])
-    assert cert.contracts and cert.invariant and "periodic inputs" in cert.explain()
+    assert cert.contracts and cert.invariant and "under periodic ones" in cert.explain()
     approaches(net, cert, (np.full(12, -2.0), np.full(12, 2.0)), np.full(12, 0.3))
     assert kp.differential_positivity(net, region=[[-2, 2]], inputs=[[-3, 3]]).invariant is None
 

@@ -83,15 +83,13 @@ def certify_network(
 def _settled(net: NonlinearNetwork, blocks: Blocks, corners: dict[str, Any]) -> DifferentialNetworkCertificate:
     """The certificate for these ends, with vectors that prove contraction if there are any."""
     data = _ends(net, blocks)
-    positive = DifferentialNetworkCertificate.settle(**data)
-    if positive.status is not Status.PROVED:
-        return positive
-    data |= corners
+    if any((M.values.data < 0).any() for M in data["lower"][1:]):
+        return DifferentialNetworkCertificate.settle(**data)
     for vectors in contractions(net, blocks, data):
-        found = DifferentialNetworkCertificate.settle(**data, **vectors)
+        found = DifferentialNetworkCertificate.settle(**data, **corners, **vectors)
         if found:
             return found
-    return DifferentialNetworkCertificate.settle(**data)
+    return DifferentialNetworkCertificate.settle(**data, **corners)
 
 
 def ends_of(data: ArrayLike, n: int, name: str, *, exact: bool = False) -> tuple[Array, Array]:

@@ -269,7 +269,8 @@ def _received(net: NonlinearNetwork, y: Ends, external: Ends, with_slopes: bool)
     m, q = net.totals[1:]
     joint = sp.coo_array(abs(net.lower) + abs(net.upper))
     rows, columns = (index.astype(np.intp) for index in joint.coords)
-    w = both(lambda side: _at((net.lower, net.upper)[side], rows, columns))
+    low = _at(net.lower, rows, columns)
+    w = low, low if net.lower is net.upper else _at(net.upper, rows, columns)
     arriving = [(rows, product(w, (y[0][columns], y[1][columns])))]
     plain, differences = [(rows, columns, w)], []
     for each, own in zip(net.links, net.own, strict=True):

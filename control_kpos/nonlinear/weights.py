@@ -33,7 +33,7 @@ _RATES = (1 - 1e-9, 1 - 1e-4, 0.5)
 # Changes of the slopes of differences after which the search ends; it takes a handful.
 _CHANGES = 40
 # Rounds of inverse iteration, which end when the rate grows by less than this part; accuracy of their solves.
-_ROUNDS, _GAIN, _TOLERANCE = 5, 0.05, 1e-10
+_ROUNDS, _GAIN, _TOLERANCE = 4, 0.05, 1e-10
 # What is added to vectors before they take the place of d.
 _FLOOR = 1e-6
 
