@@ -220,6 +220,32 @@ def test_files_and_the_command(tmp_path):
         assert kp.load_certificate(tmp_path / f"{name}.npz") == cert
 
 
+def test_genes_that_repress_each_other_are_monotone_in_a_mixed_order():
+    """The second gene counts downwards: its cone is the negative half-line, and it sends its opposite."""
+    up = kp.nonlinear_nodes(lambda x, u, p: [4 / (1 + u[0] ** 2) - x[0]], n_nodes=1)
+    down = kp.nonlinear_nodes(
+        lambda x, u, p: [4 / (1 + u[0] ** 2) - x[0]], lambda x, p: [-x[0]], n_nodes=1, X=kp.PolyhedralCone([[-1]])
+    )
+    net = kp.nonlinear_interconnect([up, down], [[0, 1], [1, 0]])
+    cert = kp.differential_positivity(net, region=[[0.1, 4], [4, 0.1]])
+    assert cert and cert.invariant and not cert.contracts  # two stable equilibria
+    near = kp.differential_positivity(net, region=[[3.6, 3.9], [0.3, 0.2]])
+    assert near.contracts
+    with pytest.raises(DataError, match="in the order of its cone"):
+        kp.differential_positivity(net, region=[[0.1, 4], [0.1, 4]])
+
+
+def test_own_shares_refute_machines_that_swing():
+    """Damping 1 against a line of strength 2: no order of angles is kept, also at rest."""
+    machines = kp.nonlinear_nodes(
+        lambda x, u, p: [x[1], u[0] - x[1]], n_nodes=2, states=2, X=kp.PolyhedralCone([[0, 1], [1, -0.5]])
+    )
+    net = kp.nonlinear_interconnect(machines, kp.links(np.sin, [0, 1], [1, 0], weights=2, difference=True))
+    cert = kp.differential_positivity(net, region=np.array([[-1, 1], [0.4, -0.4]] * 2) * 0.1)
+    assert cert.status is kp.Status.REFUTED and cert.check() and cert.witness.block == 0
+    assert cert.witness.value == pytest.approx(0.25 - 2, abs=0.1)
+
+
 def test_ranges_of_links_and_of_differences():
     nodes = kp.nonlinear_nodes(lambda x, u, p: [u[0] - x[0]], n_nodes=2)
     ranged = kp.nonlinear_interconnect(nodes, [[0, kp.interval(0, 0.5)], [kp.interval("1/3", 1), 0]])
@@ -258,6 +284,7 @@ def test_a_network_is_a_system_of_python_control():
 
 NODES = kp.nonlinear_nodes(lambda x, u, p: [u[0] - x[0]], n_nodes=2)
 NET = kp.nonlinear_interconnect(NODES, [[0, 0.5], [0.5, 0]])
+ROOTS = kp.nonlinear_nodes(lambda x, u, p: [u[0] - np.sqrt(x[0])], n_nodes=2)
 
 
 def of_nodes(f, region=(0, 1), **more):
@@ -286,6 +313,8 @@ def of_nodes(f, region=(0, 1), **more):
             DataError,
             "state 0 still changes at the rate -0.5",
         ),
+        (lambda: kp.differential_positivity(NET, region=[[-1.7e308, 1.7e308]]), DataError, "region"),
+        (lambda: kp.nonlinear_interconnect(ROOTS, np.eye(2)).linearize([0, 1]), DataError, "at this x: f of nodes 0"),
         (lambda: of_nodes(lambda x, u, p: [u[0] - np.sqrt(x[0])]), DataError, "of node 0 is unbounded on its region"),
         (
             lambda: of_nodes(lambda x, u, p: [u[0] - 1 / (x[0] - p["a"])], params={"a": [2, 0.5, 3]}),

@@ -112,7 +112,7 @@ def on_pieces(
     parts = int(pieces ** (1 / len(sides)) + 1e-9) if sides else 1
     if parts < 2:
         return turned(*whole)
-    edges = np.linspace(lower, upper, parts + 1)
+    edges = np.clip(np.linspace(lower, upper, parts + 1), lower, upper)
     edges[0], edges[-1] = lower, upper
     ends: list[Array] = []
     for cell in np.ndindex(*[parts] * len(sides)):

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..errors import DataError, ShapeError
 from ..exact.intake import exact_matrix, vector
 from ..exact.matrix import Matrix
+from ..exact.unreadable import UnboundedError
 from ..proof.certificate import Status
 from .contraction import DifferentialNetworkCertificate, OrderViolation
 from .enclosed import (
@@ -64,19 +65,29 @@ def certify_network(
         raise DataError(f"inputs[{row}] is [{w_low[row]}, {w_high[row]}]: the lower end exceeds the upper one.")
     if equilibrium is not None:
         _require_inside(net, vector(equilibrium, "equilibrium", n), low, high, 0.5 * w_low + 0.5 * w_high)
-    states = boxes(net, low, high)
-    middle = 0.5 * low + 0.5 * high, 0.5 * w_low + 0.5 * w_high
-    require_agreement(net, *middle, _at(net, *middle))
-    corners = _corners(net, (low, high), (w_low, w_high))
-    most = min(pieces, max(1, _MOST_BOXES // n))
-    blocks = enclose(net, states, (w_low, w_high))
+    try:
+        return _decided(net, (low, high), (w_low, w_high), pieces)
+    except UnboundedError as error:
+        raise DataError(f"region: {error} on the region; choose a smaller region, or smaller inputs.") from None
+
+
+def _decided(
+    net: NonlinearNetwork, region: tuple[Array, Array], inputs: tuple[Array, Array], pieces: int
+) -> DifferentialNetworkCertificate:
+    """The certificate on a region, with more pieces if one does not show contraction."""
+    states = boxes(net, *region)
+    x, w = (0.5 * low + 0.5 * high for low, high in (region, inputs))
+    require_agreement(net, x, w, _at(net, x, w))
+    corners = _corners(net, region, inputs)
+    most = min(pieces, max(1, _MOST_BOXES // net.totals[0]))
+    blocks = enclose(net, states, inputs)
     found = _settled(net, blocks, corners)
     if not found.contracts and most > 1:
-        blocks = enclose(net, states, (w_low, w_high), pieces=most)
+        blocks = enclose(net, states, inputs, pieces=most)
         found = _settled(net, blocks, corners)
     if found.status is Status.PROVED:
         return found
-    refuted = _refuted(net, _ends(net, blocks), (low, high), (w_low, w_high))
+    refuted = _refuted(net, _ends(net, blocks), region, inputs)
     return found if refuted is None else refuted
 
 
@@ -171,11 +182,7 @@ def _refuted(
         x = between(net, *region, part)
         w = 0.5 * inputs[0] + 0.5 * inputs[1]
         here = _at(net, x, w, slopes=True)
-        shares = own_shares(net, here.S[0])
-        A = []
-        for g in range(len(net.kinds)):
-            lost = taken_off(np.zeros_like(here.A[g][1]), here.B[g][0], here.C[g][0], shares[g])
-            A.append((here.A[g][0], here.A[g][1] + lost * (1 - ROOM)))
+        A = _with_own_share(net, here)
         found = _ends(net, replace(here, A=A))["upper"]
         for block, M in enumerate(found):
             rows, columns, values = _entries_of(M)
@@ -187,6 +194,19 @@ def _refuted(
                 if certificate.status is Status.REFUTED:
                     return certificate
     return _in_ranges(net, data)
+
+
+def _with_own_share(net: NonlinearNetwork, here: Blocks) -> list[Any]:
+    """A at a state, with upper bounds of what remains when the own shares of differences are taken off."""
+    if any((end.data < 0).any() for end in (here.S[0], here.W[0])):
+        return here.A  # the link itself is what breaks the order
+    most = int(np.diff(here.S[0].indptr).max(initial=0))
+    shares, out = own_shares(net, here.S[0]), []
+    for (low, high), B, C, share in zip(here.A, here.B, here.C, shares, strict=True):
+        ends = np.maximum(B[0], 0.0), np.maximum(C[0], 0.0)
+        lost = taken_off(np.zeros_like(high), *ends, share * (1 - (most + 1) * ROOM))
+        out.append((low, high + lost + ROOM * (np.abs(high) + np.abs(lost))))
+    return out
 
 
 def _in_ranges(net: NonlinearNetwork, data: dict[str, Any]) -> DifferentialNetworkCertificate | None:

@@ -15,6 +15,7 @@ from ..cones import orthant
 from ..errors import DataError, ShapeError
 from ..exact.intake import vector
 from ..exact.matrix import Matrix
+from ..exact.unreadable import UnboundedError
 from ..networks.coupling import read_ends
 from ..networks.model import NetworkModel
 from ..networks.network import ConeNetwork
@@ -204,7 +205,7 @@ class NonlinearNetwork:
         state, external = vector(x, "x", self.totals[0]), None if w is None else vector(w, "w", self.totals[1])
         try:
             return at_point(self, state, external)
-        except DataError as error:
+        except (DataError, UnboundedError) as error:
             raise DataError(f"at this x: {error}") from None
 
     def __repr__(self) -> str:
