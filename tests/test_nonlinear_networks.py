@@ -172,6 +172,35 @@ def test_differences_take_the_worst_slope_of_every_link(seed):
     assert cert.contracts == bool((reaches > 0).all())
 
 
+@pytest.mark.parametrize(
+    ("net", "region"),
+    [
+        (examples.genes(SMALL), np.tile([0.0, 2.0], (24, 1))),
+        (examples.traffic(6), np.tile([0.0, 1.0], (6, 1))),
+        (examples.sir(SMALL), np.tile([0.2, 0.9], (12, 1))),
+        (examples.swing(), examples.angles(examples.swing(), 40)),
+    ],
+    ids=["genes", "traffic", "sir", "swing"],
+)
+def test_ends_hold_the_slopes_at_random_states(net, region):
+    """In coordinates by generators, all of M = A - B s C + B (W + S) C lies between the ends."""
+    cert = kp.differential_positivity(net, region=region, pieces=4)
+    T = net.model.blocks([np.array([np.asarray(k.X.rays).T] * k.count) for k in net.kinds], 0, 0).toarray()
+    ends = [[M.values.toarray() for M in end] for end in (cert.lower, cert.upper)]
+    own = np.eye(net.totals[2])[cert.own.astype(int)]
+    (A, B, C, W, S), (a, b, c, w, s) = ends[1], ends[0]
+    share = [np.diag(end[4].sum(axis=1)) @ own for end in ends]
+    most = A - b @ share[0] @ c + B @ (W + S) @ C
+    least = a - B @ share[1] @ C + b @ (w + s) @ c
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        low, high = np.linalg.solve(T, region).T
+        z = low + rng.random(len(low)) * (high - low)
+        M = np.linalg.solve(T, net.linearize(T @ z).A @ T)
+        room = 1e-9 * (1 + np.abs(least) + np.abs(most))
+        assert (least - room <= M).all() and (most + room >= M).all()
+
+
 # -- certificates
 
 
