@@ -2356,6 +2356,8 @@ def stabilising_switching(e: Said, limit: int) -> None:
     f = total(*((a, pullback(v, s.A)) for a, s in zip(lam, systems, strict=True)), (-systems[0].discrete, v))
     need(all(dot(f, x) < 0 for x in X.rays), "v'(sum w A) x < 0")
     need(all(dot(f, x) + rate * dot(v, x) <= 0 for x in X.rays), "v'(sum w A) x + rate v'x <= 0")
+
+
 # -- nonlinear networks, from ends of their Jacobians
 
 

@@ -40,7 +40,13 @@ HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COS
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES
 HAND |= checker_delays.CASES
-HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES | checker_nonlinear.CASES
+HAND |= (
+    checker_cones.CASES
+    | checker_families.CASES
+    | checker_uncertain.CASES
+    | checker_gains.CASES
+    | checker_nonlinear.CASES
+)
 HAND |= (
     checker_cones.CASES
     | checker_families.CASES

@@ -1,5 +1,4 @@
-"""Families of systems: arbitrary, slow, random and state-dependent switching, its growth, and what refutes it."""
-"""Families of systems: arbitrary switching, its growth, and what refutes it; systems with any delays."""
+"""Families of systems: arbitrary, slow, random and state-dependent switching, what refutes it; systems with delays."""
 
 from .chain import MeanDirection, MeanStabilityCertificate
 from .common_vector import CommonVectorCertificate, NoCommonVector
@@ -16,9 +15,9 @@ __all__ = [
     "DelayCertificate",
     "DwellCertificate",
     "DwellCycle",
+    "FailingTerm",
     "MeanDirection",
     "MeanStabilityCertificate",
-    "FailingTerm",
     "NextModeCertificate",
     "NoCommonVector",
     "StabilisingCertificate",
