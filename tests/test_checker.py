@@ -38,22 +38,7 @@ LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
-HAND |= checker_chains.CASES
-HAND |= checker_delays.CASES
-HAND |= (
-    checker_cones.CASES
-    | checker_families.CASES
-    | checker_uncertain.CASES
-    | checker_gains.CASES
-    | checker_nonlinear.CASES
-)
-HAND |= (
-    checker_cones.CASES
-    | checker_families.CASES
-    | checker_uncertain.CASES
-    | checker_gains.CASES
-    | checker_nonlinear.CASES
-)
+HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES
 
 
 @pytest.fixture(scope="module")
