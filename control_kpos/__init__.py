@@ -78,6 +78,7 @@ if TYPE_CHECKING:
     from .networks import (
         AbscissaCertificate,
         AlgebraicLoop,
+        BoundedNetworkCertificate,
         ConeNetwork,
         CouplingViolation,
         DelayedNetworkCertificate,
@@ -86,6 +87,7 @@ if TYPE_CHECKING:
         NetworkCertificate,
         NetworkInstability,
         NoCommonStorage,
+        NoCommonVectors,
         NodeNotDissipative,
         NodeViolation,
         NoWeights,
@@ -121,6 +123,7 @@ __all__ = [
     "AbscissaCertificate",
     "ActuatorLossWarning",
     "AlgebraicLoop",
+    "BoundedNetworkCertificate",
     "Certificate",
     "CertificateFileError",
     "CodesignResult",
@@ -159,6 +162,7 @@ __all__ = [
     "NextModeCertificate",
     "NoCommonStorage",
     "NoCommonVector",
+    "NoCommonVectors",
     "NoWeights",
     "NodeNotDissipative",
     "NodeViolation",
@@ -247,10 +251,10 @@ _ON_DEMAND = {
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (
-            "AbscissaCertificate AlgebraicLoop ConeNetwork CouplingViolation DelayedNetworkCertificate FailingEnd "
-            "FailingMember NetworkCertificate NetworkInstability NoCommonStorage NoWeights NodeNotDissipative "
-            "NodeViolation OutWeightCertificate UncertainNetworkCertificate feedback_interconnect interval "
-            "scale_free_certificate stack"
+            "AbscissaCertificate AlgebraicLoop BoundedNetworkCertificate ConeNetwork CouplingViolation "
+            "DelayedNetworkCertificate FailingEnd FailingMember NetworkCertificate NetworkInstability "
+            "NoCommonStorage NoCommonVectors NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
+            "UncertainNetworkCertificate feedback_interconnect interval scale_free_certificate stack"
         ),
         ".nonlinear": (
             "DifferentialCertificate DifferentialNetworkCertificate NonlinearNetwork OrderViolation "

@@ -1468,6 +1468,7 @@ def together(part: Json, X: Cone, closed: list[Matrix], discrete: bool, limit: i
     edges = len(X.rays) > X.dim or all(len(pullback(f, X.rays)) == 1 for f in own.rays)
     expect(edges, "the dual cone is the whole of it")
     turned = [transposed(A, len(A)) for A in closed]
+    turned = [transposed(A, X.dim) for A in closed]
     if claim == "common vector":
         expect(matrices == turned, "all closed loops have the vector")
     else:
@@ -1486,6 +1487,8 @@ def transposed(M: Matrix, m: int) -> Matrix:
         for i, a in column.items():
             out[i][j] = a
     return out
+    """M' of a matrix of m rows."""
+    return [{j: column[i] for j, column in enumerate(M) if i in column} for i in range(m)]
 
 
 def any_size(e: Said, limit: int) -> None:
@@ -1716,31 +1719,66 @@ def vertex_systems(e: Said, limit: int) -> list[tuple[System, Said]]:
     return [(s, Said(e | proof)) for s, proof in zip(systems, proofs, strict=True)]
 
 
-def lower_system(e: Said, s: System) -> System | None:
-    """The network at the lower ends of its ranges; s is the one at the upper ends."""
-    if e["lower"] is None:
+def end_system(e: Said, end: str, s: System) -> System | None:
+    """The network at the `lower` or `upper` ends of its ranges; s has the upper ends, or bounds of both."""
+    if e[end] is None:
         return None
-    ends = dict(zip("ABCDW", sequence(e["lower"]), strict=True))
+    ends = dict(zip("ABCDW", sequence(e[end]), strict=True))
     return system(Said(e | ends), ends["A"], None, [s.X, s.U, s.Y], "")
 
 
 def within(s: System, low: System, q: Vector) -> None:
     """Positive at the lower ends, which are below the upper ones, and q'y <= 0:  so the upper ends are the worst."""
     positive(low, Said({}))
+    apart(s, low, -1)
+    need(all(dot(q, y) <= 0 for y in s.Y.rays), "q'y <= 0")
+
+
+def apart(s: System, end: System, sign: int) -> None:
+    """M - L, or M + L, of all matrices of two networks map cones into cones; A + L as for positivity."""
     cones = s.cones()
     for name, (to, of) in SIGNALS.items():
-        apart = [total((1, x), (-1, y)) for x, y in zip(getattr(s, name), getattr(low, name), strict=True)]
-        maps(cones[of], apart, cones[to], None, "lower ends are below upper ends")
-    need(all(dot(q, y) <= 0 for y in s.Y.rays), "q'y <= 0")
+        columns = zip(getattr(s, name), getattr(end, name), strict=True)
+        flow = name == "A" and sign == 1 and not s.discrete
+        maps(cones[of], [total((1, x), (sign, y)) for x, y in columns], cones[to], None, "ranges", diagonal=flow)
 
 
 def uncertain_network(e: Said, limit: int) -> None:
     """A network is positive and exponentially stable whatever mixture of its vertices each node is, at any time.
 
-    As for `network`, at every vertex, with one V, R, Q and one p, t:  all of it is linear in (A, B, C, D) of a node.
     With the `lower` ends of ranges, also for what is between them and the first vertices, see `within`.
     """
     rate = decay_rate_or_none(e)
+    s, Q = proven_at_vertices(e, limit)
+    low = end_system(e, "lower", s)
+    if low is not None:
+        within(s, low, Q)
+
+
+def bounded_network(e: Said, limit: int) -> None:
+    """|x|_e of the network whose transposed matrices are in the file, on the dual cones, decays for every choice.
+
+    e, y and -u are V, R, Q of `uncertain_network` for the transposed one.  With `upper` ends of ranges beside `lower`
+    ones only the network M of the first vertices is positive:  for both ends L of all matrices  M - L, M + L  map cones
+    into cones (continuous time: M + L of A up to the generator itself), so that M bounds what is in between.
+    """
+    s, Q = proven_at_vertices(e, limit)
+    low, high = end_system(e, "lower", s), end_system(e, "upper", s)
+    if high is None and low is not None:
+        within(s, low, Q)
+    if high is not None:
+        expect(low is not None, "there are no lower ends")
+        for end in (low or high, high):
+            apart(s, end, -1)
+            apart(s, end, 1)
+
+
+def proven_at_vertices(e: Said, limit: int) -> tuple[System, Vector]:
+    """The network of the first vertices, and Q, with the conditions of `network` at every vertex.
+
+    One V, R, Q and one p, t:  all of it is linear in (A, B, C, D) of a node.
+    """
+    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
     systems, Q = vertex_systems(e, limit), Vector()
     for s, own in systems:
         positive(s, own)
@@ -1748,28 +1786,30 @@ def uncertain_network(e: Said, limit: int) -> None:
         V, Q = balanced(s, own, [Fraction(1)] * len(s.nodes))
         decreases(s, V, Q, rate)
         e.seen |= own.seen
-    low = lower_system(e, systems[0][0])
-    if low is not None:
-        within(systems[0][0], low, Q)
+    return systems[0][0], Q
 
 
 def no_uncertain_network(e: Said, limit: int) -> None:
     """A link leaves the cones; or the network of a choice of vertices is not positive, or grows, see `grows`.
 
-    Or a node or link at the lower ends of ranges leaves the cones.
-    Or no V, R, Q satisfy Theorem 4 at all vertices:  all are positive, loops contract,  x^s in X,  u^s in U,
-    sum x^s != 0,  sum (A^s x^s + B^s u^s) in X,  sum (C^s x^s + D^s u^s) - y in Y,  W y - sum u^s in U.
-    Or no p, t show that loops contract:  the same with x = 0 and y in Y, y != 0.
+    Or a node or link at the lower ends of ranges leaves the cones.  Or common V, R, Q, p, t of Theorem 4 exist neither
+    for the network nor for the transposed one, on simplicial cones:  all vertices are positive, and see `mixed`.
     """
-    kind, w = record(e, "witness", "FailingMember", "FailingEnd", "CouplingViolation", "NoCommonStorage")
+    kind, w = record(e, "witness", "FailingMember", "FailingEnd", "CouplingViolation", "NoCommonVectors")
     absent(e, "decay_rate", "nan")
-    if kind == "NoCommonStorage":
-        mixed(e, w, limit)
+    if kind == "NoCommonVectors":
+        systems = vertex_systems(e, limit)
+        for s, own in systems:
+            positive(s, own)
+            e.seen |= own.seen
+        end_system(e, "lower", systems[0][0])
+        mixed(e, [s for s, _ in systems], record(w, "storage", "NoCommonStorage")[1])
+        mixed(e, [turned(s) for s, _ in systems], record(w, "bound", "NoCommonStorage")[1])
         return
     single = {name: e.get(name) for name in "PNLK"}
     bare = Said({name: x for name, x in e.items() if name not in single})
     systems = [s for s, _ in vertex_systems(bare, limit)]
-    s, low = systems[0], lower_system(bare, systems[0])
+    s, low = systems[0], end_system(bare, "lower", systems[0])
     e.seen |= bare.seen
     if kind == "FailingEnd":
         expect(low is not None, "there are no lower ends")
@@ -1777,6 +1817,9 @@ def no_uncertain_network(e: Said, limit: int) -> None:
         s = low or s
     if kind == "FailingMember":
         s = chosen(systems, array(w["choice"]))
+        if w["signs"] is not None:
+            expect(low is not None, "there are no lower ends")
+            s = with_signs(s, low or s, array(w["signs"]))
         kind, w = record(w, "witness", "NodeViolation", "NetworkInstability", "AlgebraicLoop")
     shows = REFUTATIONS["network"][kind]
     if shows is crossed:
@@ -1786,6 +1829,26 @@ def no_uncertain_network(e: Said, limit: int) -> None:
     m = motion(s, kind, w)
     need(m.rate >= s.discrete, "the motion decays too fast")
     shows(s, e, m)
+
+
+def with_signs(s: System, low: System, signs: list[Fraction]) -> System:
+    """Links between nodes of one sign at their upper ends, others at the lower ones; all nodes times their signs."""
+    expect(len(signs) == len(s.nodes) and all(abs(x) == 1 for x in signs), "1 or -1 for every node")
+    _, to, of = s.owners()
+    W = list[Vector]()
+    for k, (high, below) in enumerate(zip(s.W, low.W, strict=True)):
+        alike = {i: a for i, a in high.items() if signs[to[i]] == signs[of[k]]}
+        W.append(alike | {i: -a for i, a in below.items() if signs[to[i]] != signs[of[k]]})
+    return replace(s, W=W)
+
+
+def turned(s: System) -> System:
+    """The network with A', C', B', D' and W' on the dual cones, of which the generators are the facets."""
+    expect(all(map(is_simplicial, s.cones())), "the cones are not simplicial")
+    A, B, C, D, W = (transposed(M, C.dim) for M, C in ((s.A, s.X), (s.B, s.X), (s.C, s.Y), (s.D, s.Y), (s.W, s.U)))
+    X, U, Y = (replace(K, rays=by_generator(K), Z=transposed(K.rays, K.dim)) for K in s.cones())
+    nodes = [(x, y, u) for x, u, y in s.nodes]
+    return replace(s, A=A, B=C, C=B, D=D, W=W, X=X, U=Y, Y=U, nodes=nodes)
 
 
 def chosen(systems: list[System], choice: list[Fraction]) -> System:
@@ -1802,28 +1865,24 @@ def chosen(systems: list[System], choice: list[Fraction]) -> System:
     return replace(first, **columns)
 
 
-def mixed(e: Said, w: Said, limit: int) -> None:
-    """The motion of a mixture."""
-    systems = vertex_systems(e, limit)
-    for s, own in systems:
-        positive(s, own)
-        e.seen |= own.seen
-    s = systems[0][0]
-    lower_system(e, s)
+def mixed(e: Said, systems: list[System], w: Said) -> None:
+    """No common V, R, Q, p, t of Theorem 4 for positive networks:  x^s in X,  u^s in U,  x^s not all 0,
+
+    sum (A^s x^s + B^s u^s) in X,  sum (C^s x^s + D^s u^s) - y in Y,  W y - sum u^s in U.  Or no p, t:  the same with
+    x^s = 0 and y in Y, y != 0.
+    """
+    s = systems[0]
     xs, us, (y,) = (
         [entries(part, C.dim) for part in split(array(w[name]), count)]
         for name, C, count in (("x", s.X, len(systems)), ("u", s.U, len(systems)), ("y", s.Y, 1))
     )
-    if any(xs):
-        for k, own in systems:
-            loop(k, own)
-    else:
+    if not any(xs):
         need(bool(y), "x or y is not zero")
         listed(e, "y", y, s.Y)
     for x, u in zip(xs, us, strict=True):
         listed(e, "x", x, s.X)
         listed(e, "u", u, s.U)
-    parts = [(k, x, u) for (k, _), x, u in zip(systems, xs, us, strict=True)]
+    parts = list(zip(systems, xs, us, strict=True))
     ahead = total(
         *((1, z) for k, x, u in parts for z in (image(k.A, x), image(k.B, u))), *((-s.discrete, x) for x in xs)
     )
@@ -2539,6 +2598,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("uncertain network", "REFUTED"): no_uncertain_network,
     ("differentially-positive network", "PROVED"): differentially_positive_network,
     ("differentially-positive network", "REFUTED"): order_violated,
+    ("bounded network", "PROVED"): bounded_network,
     ("optimal cost", "PROVED"): optimal_cost,
     ("optimal cost", "REFUTED"): infinite_cost,
     ("finite-horizon cost", "PROVED"): finite_cost,
@@ -2557,7 +2617,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
 }
 
 
-NETWORKS = ("network", "network abscissa", "network interval", "uncertain network")
+NETWORKS = ("network", "network abscissa", "network interval", "uncertain network", "bounded network")
 # Matrices that may be missing although the cones have sizes.
 FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 # Entries that mean something in some claims only.

@@ -39,6 +39,22 @@ def crossed(D=None):
     return kp.feedback_interconnect(nodes, [[0, 1], [1, 0]]).certificate
 
 
+def rows_alone(entries, W, outputs=1):
+    """Vertices with a common e and no common v, in a loop with a lag."""
+    made = [([[-1, 0], [3, -3]], "1/8"), ([[-5, 4], [4, -5]], 0.125)]
+    if outputs == 1:
+        node = [kp.ConeStateSpace(A, [[1], [0]], [[0, gain]], 0) for A, gain in made]
+        return kp.feedback_interconnect([node, lag(-2, *entries)], [[0, W], [1, 0]]).certificate
+    node = [kp.ConeStateSpace(A, [[1], [0]], [[0, 0], [0, 0], [0, gain]], 0, Y=SQUARE) for A, gain in made]
+    return kp.feedback_interconnect([node, lag(-2, *entries)], [[0, 0, 0, W], [0, 0, 1, 0]]).certificate
+
+
+def with_opposite_signs():
+    """A loop that is unstable if both links are below 0."""
+    W = [[0, kp.interval(-2, "1/3")], [kp.interval("-5/3", 0.5), 0]]
+    return kp.feedback_interconnect([lag(-1), lag(-1)], W).certificate
+
+
 TWO = np.eye(2)
 CERTIFICATES = {
     "vertices": lambda: in_a_loop(lag("-7/3"), lag(-0.75), lag(-3, D=0.25)),
@@ -50,7 +66,17 @@ CERTIFICATES = {
         ).certificate
     ),
     "vertices, four generators of everything": lambda: square(-2, "-7/3"),
-    "not for any range": lambda: kp.feedback_interconnect([lag(-1)], [[kp.interval("-1/3", 0.5)]]).certificate,
+    "bounded": lambda: rows_alone([1, 0.25], 1),
+    "bounded, a cone of four generators": lambda: rows_alone(["1/3"], 1, 3),
+    "bounded, in ranges": lambda: rows_alone([1], kp.interval("1/3", 0.5)),
+    "bounded, around 0": lambda: (
+        kp.feedback_interconnect(
+            [kp.stack(kp.interval([["-7/3"]], [[-2]]), [[1]], kp.interval([[-1]], [[0.5]])), [lag(-2), lag(-3)]],
+            [[0, kp.interval("-1/3", 1)], [0.5, 0]],
+        ).certificate
+    ),
+    "not for any range": lambda: kp.feedback_interconnect([lag(-1)], [[kp.interval("-5/3", 0.5)]]).certificate,
+    "not for any signs": with_opposite_signs,
     "not for any vertices": lambda: in_a_loop(lag(-1), lag("1/3")),
     "not for any vertices, positive": lambda: in_a_loop(lag(-1), lag(-1, "-1/3")),
     "not for any vertices, mixed": crossed,

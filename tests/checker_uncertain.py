@@ -42,10 +42,16 @@ def grows(x=1, u=1, y=1, rate=0):
     return shown("NetworkInstability", x=x, u=u, y=y, rate={"double": double(rate)})
 
 
+def parted(x, u, y, kind="NoCommonStorage"):
+    fields = {name: {"array": list(part)} for name, part in (("x", x), ("u", u), ("y", y))}
+    return {"record": kind, "fields": fields}
+
+
 def crossed(x=(1, 1, 0, 0), u=(1, 0, 0, 1), y=(1, 1), b=1, W=1, D=0, kind="NoCommonStorage", looping=False, **more):
     """p' = -p + b1 u1, q' = -q + b2 u2, u = W (q, p): (b1, b2) is (b, 0) or (0, b)."""
-    fields = {name: {"array": list(part)} for name, part in (("x", x), ("u", u), ("y", y))}
-    out = against({"record": kind, "fields": fields}, **more)
+    bound = more.pop("bound", parted((1, 0, 0, 1) if any(x) else x, (1, 0, 0, 1), (1, 1)))
+    fields = {"storage": parted(x, u, y, kind), "bound": bound}
+    out = against({"record": more.pop("both", "NoCommonVectors"), "fields": fields}, **more)
     out = with_nodes(out, [2, 2, 2])
     data = out["data"]
     one = {"matrix": [[1, 0], [0, 1]]}
@@ -57,9 +63,15 @@ def crossed(x=(1, 1, 0, 0), u=(1, 0, 0, 1), y=(1, 1), b=1, W=1, D=0, kind="NoCom
     return out
 
 
-def stepped(b):
+def still():
+    """Nothing moves."""
+    nothing = (0, 0, 0, 0), (0, 0, 0, 0), (0, 0)
+    return crossed(*nothing, bound=parted(*nothing))
+
+
+def stepped(b, x=2):
     """p+ = p / 2 + b1 u1 and so on."""
-    out = crossed(b=b)
+    out = crossed(b=b, bound=parted((x, 0, 0, x), (1, 0, 0, 1), (1, 1)))
     half = {"matrix": [["1/2", 0], [0, "1/2"]]}
     out["data"] |= {"A": half, "discrete": True, "dt": 1}
     out["data"]["vertices"]["tuple"][0]["tuple"][0] = half
@@ -85,7 +97,7 @@ NEGATIVE = {
 LEAVING = {"record": "CouplingViolation", "fields": {"source": 0, "target": 0, "ray": 0}}
 CASES = {
     "vertices, a mixture in steps": (stepped("1/2"), "REFUTED"),
-    "vertices, a mixture in steps that falls": (stepped("1/4"), "WRONG"),
+    "vertices, a mixture in steps that falls": (stepped("1/4", 4), "WRONG"),
     "ranges": (ranges(), "PROVED"),
     "ranges of nothing": (ranges((-2, 1, 1, 0, 1)), "PROVED"),
     "ranges and vertices": (ranges((-3, 0, 0, 0, 0), vertex()), "PROVED"),
@@ -143,13 +155,13 @@ CASES = {
     "a mixture that grows faster": (crossed(b="1.5"), "REFUTED"),
     "a mixture that decays": (crossed(b="0.9"), "WRONG"),
     "a mixture of weaker links": (crossed(W="0.9"), "WRONG"),
-    "a mixture that does not move": (crossed(x=(0, 0, 0, 0), u=(0, 0, 0, 0), y=(0, 0)), "WRONG"),
+    "a mixture that does not move": (still(), "WRONG"),
     "a mixture with an input below 0": (crossed(u=(2, -1, -1, 2)), "WRONG"),
     "a mixture outside of X": (crossed(x=(2, 1, -1, 0)), "WRONG"),
     "a mixture with more input than links bring": (crossed(u=(2, 0, 0, 2)), "WRONG"),
     "a mixture with more output than there is": (crossed(y=(2, 2)), "WRONG"),
     "a mixture of other lengths": (crossed(x=(1, 1, 0)), "UNREADABLE"),
-    "a mixture with a loop and no weights": (crossed(D="1/2"), "UNREADABLE"),
+    "a mixture with direct terms": (crossed(D="1/2"), "REFUTED"),
     "a mixture with a loop": (crossed((0, 0, 0, 0), D=1, looping=True), "REFUTED"),
     "a mixture with a loop of less gain": (crossed((0, 0, 0, 0), D="1/2", looping=True), "WRONG"),
     "a mixture with outputs below 0": (
@@ -157,4 +169,5 @@ CASES = {
         "WRONG",
     ),
     "a mixture of no kind": (crossed(kind="NoWeights"), "UNREADABLE"),
+    "a mixture for one of two proofs": (against(parted((1, 1, 0, 0), (1, 0, 0, 1), (1, 1))), "UNREADABLE"),
 }

@@ -12,6 +12,7 @@ from pathlib import Path
 import campaigns
 import certified
 import checker_chains
+import checker_bounded
 import checker_claims
 import checker_cones
 import checker_costs
@@ -39,6 +40,7 @@ LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES
+HAND |= checker_bounded.CASES
 
 
 @pytest.fixture(scope="module")

@@ -61,6 +61,12 @@ def largest_mixture(nodes, W, discrete):
     return np.linalg.eigvals(mixed).real.max()
 
 
+def transposed(nodes):
+    """The nodes of the transposed network on the dual cones."""
+    made = [[(s.A.T, s.C.T, s.B.T, s.D.T, s.X.dual, s.Y.dual, s.U.dual, s.dt) for s in node] for node in nodes]
+    return [[kp.ConeStateSpace(*s[:4], s[7], X=s[4], U=s[5], Y=s[6]) for s in node] for node in made]
+
+
 def linear_program(nodes, W, discrete):
     """The largest t for (v, r): w >= t and w'L^s <= -t on the generators of X and U, at all vertices."""
     whole = [large_matrix([made[s] for made in nodes], W, discrete) for s in range(len(nodes[0]))]
@@ -72,13 +78,20 @@ def linear_program(nodes, W, discrete):
 
 @pytest.mark.parametrize("seed", range(150))
 def test_random_networks_agree_with_all_mixtures_and_the_linear_program(seed):
-    """PROVED iff every mixture is Hurwitz (discrete: Schur) iff the program for v and r is feasible."""
+    """By v iff every mixture of columns is Hurwitz (Schur) iff a program for v and r is feasible; by e iff of rows."""
     nodes, W, discrete = random_vertices(np.random.default_rng(seed))
     net = kp.feedback_interconnect(nodes, W)
     found, most = net.certificate, largest_mixture(nodes, W, discrete)
-    assert abs(most) > 1e-5  # none is on the margin
-    assert found.check() and found.status == ("PROVED" if most < 0 else "REFUTED")
+    rows = transposed(nodes)
+    simplicial = all(node[0].U.is_simplicial for node in rows)
+    other = most if most < 0 or not simplicial else largest_mixture(rows, W.T, discrete)
+    assert abs(most) > 1e-5 and abs(other) > 1e-5  # none is on the margin
     assert (linear_program(nodes, W, discrete) > 1e-9) == (most < 0)
+    assert isinstance(found, kp.BoundedNetworkCertificate) == (bool(found) and most > 0)
+    if simplicial:
+        assert most < 0 or (linear_program(rows, W.T, discrete) > 1e-9) == (other < 0)
+        assert found.check() and found.status == ("PROVED" if min(most, other) < 0 else "REFUTED")
+    assert found.check() and found.status == ("PROVED" if found else "REFUTED")
     members = [net.member(choice) for choice in itertools.product(range(2), repeat=2)]
     if found:
         assert all(m.certificate for m in members)
@@ -88,7 +101,7 @@ def test_random_networks_agree_with_all_mixtures_and_the_linear_program(seed):
         assert chosen.certificate.status == "REFUTED"
     else:
         assert (
-            isinstance(found.witness, kp.NoCommonStorage)
+            isinstance(found.witness, kp.NoCommonVectors)
             and "about one set of vectors for all vertices" in found.explain()
         )
 
@@ -177,7 +190,7 @@ def test_algebraic_loops_of_mixtures_are_told_from_those_of_members():
     D = [[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]
     net = kp.feedback_interconnect(kp.stack([[[-9, 0], [0, -9]]], np.eye(2), np.eye(2), D), SWAP)
     found = net.certificate
-    assert isinstance(found.witness, kp.NoCommonStorage) and found.check() and not found.witness.x.any()
+    assert isinstance(found.witness, kp.NoCommonVectors) and found.check() and not found.witness.storage.x.any()
     assert "no vectors p, t show" in found.explain()
     assert all(net.member([s]).certificate for s in range(2))
     assert net.with_links(0.75 * np.array(SWAP)).certificate.check()
@@ -248,9 +261,11 @@ def test_perturbed_certificates_fail():
     assert not replace(failing, witness=replace(failing.witness, choice=np.zeros(2))).check()
     for choice in (np.full(2, 7.0), np.zeros(3), np.full(2, 0.5)):
         assert not replace(failing, witness=replace(failing.witness, choice=choice)).check()
-    w = mixed.witness
-    for change in ({"x": 0 * w.x}, {"x": -w.x}, {"u": 3 * w.u}, {"u": -w.u}, {"y": 0 * w.y}, {"x": w.x[:-1]}):
-        assert not replace(mixed, witness=replace(w, **change)).check()
+    for name in ("storage", "bound"):
+        w = getattr(mixed.witness, name)
+        for change in ({"x": 0 * w.x}, {"x": -w.x}, {"u": 3 * w.u}, {"u": -w.u}, {"y": 0 * w.y}, {"x": w.x[:-1]}):
+            assert not replace(mixed, witness=replace(mixed.witness, **{name: replace(w, **change)})).check()
+    assert replace(mixed, witness=mixed.witness.storage, status=kp.Status.UNDECIDED)._evaluate()[0] == "UNDECIDED"
 
 
 # -- what is refused
@@ -345,7 +360,9 @@ def test_other_cones_are_decided_by_a_linear_program(seed):
     nodes, W = random_squares(rng, discrete)
     net = kp.feedback_interconnect(nodes, W)
     found = net.certificate
-    assert found.check() and bool(found) == (program_on_rays(nodes, W, discrete) > 1e-9)
+    by_v = program_on_rays(nodes, W, discrete) > 1e-9
+    assert found.check() and bool(found) == (by_v or program_on_rays(transposed(nodes), W.T, discrete) > 1e-9)
+    assert not found or by_v == (found.e is None)
     members = [net.member(choice).certificate for choice in itertools.product(range(2), repeat=2)]
     assert all(members) or not found
     if not net.models[0].has_feedthrough and not net.models[1].has_feedthrough:
@@ -380,10 +397,11 @@ def test_a_motion_excludes_common_vectors_on_other_cones(tmp_path):
     assert crossing(0.7).certificate.check()
     net = crossing(0.8)
     found = net.certificate
-    assert isinstance(found.witness, kp.NoCommonStorage) and found.check()
+    assert isinstance(found.witness, kp.NoCommonVectors) and found.check()
     assert all(net.member([s]).certificate for s in range(2)) and "take different vertices" in found.explain()
-    w = found.witness
-    for change in ({"x": -w.x}, {"u": 3 * w.u}, {"y": 3 * w.y}):
-        assert not replace(found, witness=replace(w, **change)).check()
+    for name in ("storage", "bound"):
+        w = getattr(found.witness, name)
+        for change in ({"x": -w.x}, {"u": 3 * w.u}, {"y": 3 * w.y}):
+            assert not replace(found, witness=replace(found.witness, **{name: replace(w, **change)})).check()
     found.save(tmp_path / "c.json")
     assert kp.load_certificate(tmp_path / "c.json").status == "REFUTED"

@@ -48,17 +48,22 @@ def test_ranges_are_decided_by_their_upper_ends(seed):
 
 
 def test_upper_ends_of_links_alone_prove_nothing():
-    """1/(s + 1) twice with weights in [-10, 1/2]: -10 twice has the eigenvalue 9."""
+    """1/(s + 1) twice with weights in [-10, 1/2]: -10 twice has the eigenvalue 9, in the coordinates (x, -y)."""
     weight = kp.interval(-10, 0.5)
     found = kp.feedback_interconnect([lag(1), lag(1)], [[0, weight], [weight, 0]]).certificate
-    assert found.status == "REFUTED" and found.check() and isinstance(found.witness, kp.FailingEnd)
-    assert "at the lower ends of the ranges, W does not map Y into U" in found.explain()
+    assert found.status == "REFUTED" and found.check() and list(found.witness.signs) in ([1, -1], [-1, 1])
+    assert "turned at 1 of them" in found.explain() and "the network itself is refuted" in found.explain()
+    for change in ({"signs": np.ones(2)}, {"signs": -2 * found.witness.signs}, {"signs": np.ones(3)}, {"signs": None}):
+        assert not replace(found, witness=replace(found.witness, **change)).check()
+    one = kp.feedback_interconnect([lag(1), lag(1)], [[0, weight], [1, 0]]).certificate  # no member of one sign is bad
+    assert one.status == "REFUTED" and one.check() and isinstance(one.witness, kp.FailingEnd)
+    assert "at the lower ends of the ranges, W does not map Y into U" in one.explain()
     assert kp.feedback_interconnect([lag(1), lag(1)], [[0, kp.interval(0, 0.5)], [weight.upper, 0]]).certificate
 
 
 def test_a_node_that_is_not_positive_at_its_lower_end_is_named():
-    nodes = kp.stack([[[-1.0]], [[-1.0]]], kp.interval([[[0]], [["-1/3"]]], [[[1]], [[1]]]), [[1]])
-    found = kp.feedback_interconnect(nodes, 0.5 * cycle(2)).certificate
+    nodes = kp.stack([[[-1.0]], [[-1.0]]], kp.interval([[[0]], [["-4/3"]]], [[[1]], [[1]]]), [[1]])
+    found = kp.feedback_interconnect(nodes, 0.9 * cycle(2)).certificate
     assert found.status == "REFUTED" and found.check() and "at the lower ends of the ranges, node 1" in found.explain()
 
 

@@ -9,9 +9,10 @@ from .nodes import NodeStack, UncertainStack, stack
 from .ranges import interval
 from .spectrum.bracket import AbscissaCertificate
 from .state_delays import DelayedNetworkCertificate
+from .uncertain.bounded import BoundedNetworkCertificate
 from .uncertain.certificate import UncertainNetworkCertificate
 from .uncertain.network import UncertainNetwork
-from .uncertain.witnesses import FailingEnd, FailingMember, NoCommonStorage
+from .uncertain.witnesses import FailingEnd, FailingMember, NoCommonStorage, NoCommonVectors
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -24,6 +25,7 @@ from .witnesses import (
 __all__ = [
     "AbscissaCertificate",
     "AlgebraicLoop",
+    "BoundedNetworkCertificate",
     "ConeNetwork",
     "CouplingViolation",
     "DelayedNetworkCertificate",
@@ -33,6 +35,7 @@ __all__ = [
     "NetworkInstability",
     "NetworkModel",
     "NoCommonStorage",
+    "NoCommonVectors",
     "NoWeights",
     "NodeNotDissipative",
     "NodeStack",

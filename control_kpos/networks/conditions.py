@@ -129,31 +129,40 @@ def coupling_by_pairs(model: NetworkModel) -> list[tuple[Condition, tuple[Index,
     return out
 
 
-def coupling_within(low: NetworkModel, high: NetworkModel) -> list[Condition]:
-    """h'(W_upper - W_lower) y >= 0 for the links of two networks of the same nodes."""
-    ends = [high.coupling, low.coupling]
+def coupling_within(low: NetworkModel, high: NetworkModel, *, sum_of: bool = False) -> list[Condition]:
+    """h'(W_upper - W_lower) y >= 0 for the links of two networks of the same nodes; the sum if `sum_of`."""
+    ends, name = [high.coupling, low.coupling], LINKS_WITHIN.replace("-", "+") if sum_of else LINKS_WITHIN
     if all(isinstance(c, Orthant) for s in high.stacks for c in (s.U, s.Y)) and all(W.is_sparse for W in ends):
-        apart = Matrix(sp.csr_array(high.W - low.W).data[:, None])  # differences of doubles have the right sign
-        return [Condition(LINKS_WITHIN, BilinearForms(Matrix(np.ones((1, 1))), None, apart), ">=")]
+        # sums and differences of two doubles have the right sign
+        apart = Matrix(sp.csr_array(high.W + low.W if sum_of else high.W - low.W).data[:, None])
+        return [Condition(name, BilinearForms(Matrix(np.ones((1, 1))), None, apart), ">=")]
     out = []
     for g, _, blocks in _blocks_by_stacks(high, ends):
         y = high.stacks[g[1]].rays[2]
-        forms = stacked(facets(high.stacks[g[0]].U), Matrix.join(blocks, -1), Matrix.join([y, -y], -1))
-        out.append(Condition(_between(LINKS_WITHIN, high, g), forms, ">="))
+        row = Matrix.join([y, y if sum_of else -y], -1)
+        forms = stacked(facets(high.stacks[g[0]].U), Matrix.join(blocks, -1), row)
+        out.append(Condition(_between(name, high, g), forms, ">="))
     return out
 
 
-def nodes_within(low: NetworkModel, high: NetworkModel, g: int) -> list[Condition]:
-    """h'(M_upper - M_lower) x >= 0 for A, B, C and D of a stack, where they differ."""
+def nodes_within(low: NetworkModel, high: NetworkModel, g: int, *, sum_of: bool = False) -> list[Condition]:
+    """h'(M_upper - M_lower) x >= 0 for A, B, C and D of a stack, where they differ; of their sum if `sum_of`.
+
+    The sum of A, in continuous time, only for generators x on the facet h.
+    """
     s, ends = high.stacks[g], (high.stacks[g], low.stacks[g])
     cones = s.X, s.U, s.Y
     out = []
     for name, (rows, columns) in BLOCKS.items():
         upper, lower = (getattr(end, name) for end in ends)
         if not same_numbers(upper, lower):
-            x = s.rays[columns]
-            forms = stacked(facets(cones[rows]), Matrix.join([upper, lower], -1), Matrix.join([x, -x], -1))
-            out.append(Condition(titled(f"h'({name}_upper - {name}_lower) x >= 0", high, g), forms, ">="))
+            x, sign = s.rays[columns], "+" if sum_of else "-"
+            row = Matrix.join([x, x if sum_of else -x], -1)
+            forms = stacked(facets(cones[rows]), Matrix.join([upper, lower], -1), row)
+            flow = sum_of and name == "A" and not high.discrete
+            where = np.broadcast_to(s.X.incidence, (len(s), s.X.n_facets, s.X.n_rays)) if flow else None
+            title = titled(f"h'({name}_upper {sign} {name}_lower) x >= 0", high, g)
+            out.append(Condition(title, forms, ">=", where))
     return out
 
 

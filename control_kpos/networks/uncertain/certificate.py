@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from ...cards import floored
 from ...errors import DataError
-from ...exact.condition import Condition
+from ...exact.condition import Condition, all_hold
 from ...exact.matrix import Matrix
 from ...exact.rows import frozen
 from ...exact.signs import BilinearForms
@@ -41,8 +41,9 @@ from .. import files
 from ..certificate import ClaimOnNetwork, NetworkCertificate, dissipation, node_vectors
 from ..model import BLOCKS, NetworkModel
 from ..witnesses import CouplingViolation, NetworkInstability, NodeViolation, refute, restated
-from .members import Vertices, member
-from .witnesses import FailingEnd, FailingMember, NoCommonStorage
+from .members import Vertices, member, transposed
+from .signed import turned_signs
+from .witnesses import FailingEnd, FailingMember, NoCommonStorage, NoCommonVectors
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -62,8 +63,9 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
     decay_rate : float
         Proven for every choice, also one that changes: V(x(t)) <= exp(-decay_rate t) V(x(0)); in discrete time
         V(x[k]) <= (1 - decay_rate)^k V(x[0]).
-    witness : FailingMember, FailingEnd, CouplingViolation or NoCommonStorage
-        For REFUTED.  Only `NoCommonStorage` says nothing of the network itself.
+    witness : FailingMember, FailingEnd, CouplingViolation or NoCommonVectors
+        For REFUTED.  `NoCommonVectors` says nothing of the network itself.  A `NoCommonStorage` alone leaves it
+        UNDECIDED: there may be a proof by e.
     """
 
     claim: ClassVar[str] = "uncertain network"
@@ -101,7 +103,14 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.v is None:
             return Status.UNDECIDED, ()  # nothing was found that could be proven
+        if isinstance(self.witness, NoCommonStorage):
+            return Status.UNDECIDED, self._excluded(self.witness) or ()
         return super()._evaluate()
+
+    @property
+    def e(self) -> Any:
+        """None: the proof is by v.  See `BoundedNetworkCertificate`."""
+        return None
 
     def _distinct(self) -> Iterator[tuple[int, NetworkModel]]:
         """The vertices, each with its number."""
@@ -137,15 +146,35 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         if isinstance(w, FailingEnd):
             known = self.lower is not None and isinstance(w.witness, NodeViolation | CouplingViolation)
             return refute(self.lower, w.witness, None) if known and self.lower is not None else None
-        if not isinstance(w, NoCommonStorage) or not (np.any(w.x) or np.any(w.y)):
+        if not isinstance(w, NoCommonVectors):
             return None
-        loops = self._contracting() if np.any(w.x) else on.emitted(self.model, exactly(w, "y"))
-        return [*self._positive(), *loops, *self._mixed(w)]
+        first = self._excluded(w.storage)
+        turned = transposed(self.models)
+        second = UncertainNetworkCertificate(model=turned[0], vertices=turned[1:])._excluded(w.bound)
+        if first is None or second is None:
+            return None
+        return [*first, *(replace(c, name=f"{c.name} [transposed]") for c in second)]
+
+    def _excluded(self, w: NoCommonStorage) -> Sequence[Condition] | None:
+        """The inequalities that exclude common v, r, q."""
+        if not (np.any(w.x) or np.any(w.y)):
+            return None
+        return [*self._positive(), *([] if np.any(w.x) else on.emitted(self.model, exactly(w, "y"))), *self._mixed(w)]
 
     def _failing(self, w: FailingMember) -> Sequence[Condition] | None:
         chosen, count = np.asarray(w.choice), len(self.models)
         whole = chosen.shape == (self.model.n_nodes,) and np.isin(chosen, np.arange(count)).all()
-        return refute(member(self.models, w.vertices), w.witness, self.loop) if whole else None
+        failing = self._member(w) if whole else None
+        return None if failing is None else refute(failing, w.witness, self.loop)
+
+    def _member(self, w: FailingMember) -> NetworkModel | None:
+        """The member that a witness is about; None if there is none."""
+        chosen = member(self.models, w.vertices)
+        if w.signs is None:
+            return chosen
+        signs = np.asarray(w.signs)
+        valid = self.lower is not None and signs.shape == w.choice.shape and (np.abs(signs) == 1).all()
+        return turned_signs(chosen, self.lower, signs) if valid and self.lower is not None else None
 
     def _mixed(self, w: NoCommonStorage) -> Iterator[Condition]:
         """The motion of a mixture; see the head of this module."""
@@ -243,18 +272,17 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         others = tuple(
             files.rebuild({**contents, **dict(zip(BLOCKS, vertex, strict=True))}) for vertex in contents["vertices"]
         )
-        low = contents.get("lower")
-        if low is not None and len(low) != len(BLOCKS) + 1:
-            raise DataError("the lower ends have A, B, C, D and W.")
-        lower = None if low is None else files.rebuild({**contents, **dict(zip((*BLOCKS, "W"), low, strict=True))})
-        own |= {"model": model, "vertices": others, "lower": lower}
+        ends = {name: _end(contents, name) for name in ("lower", "upper") if name in {f.name for f in fields(cls)}}
+        own |= {"model": model, "vertices": others, **ends}
         return cls.settle(**{**own, "witness": cls(**own).restated()})
 
     def restated(self) -> Any:
         """The witness, with what files leave out."""
         w = self.witness
         if isinstance(w, FailingMember):
-            chosen = member(self.models, w.vertices)
+            chosen = self._member(w)
+            if chosen is None:
+                raise DataError("signs are for networks with ranges, 1 or -1 for every node.")
             return replace(w, witness=restated(NetworkCertificate(model=chosen, witness=w.witness)))
         if isinstance(w, FailingEnd) and self.lower is not None:
             return FailingEnd(restated(NetworkCertificate(model=self.lower, witness=w.witness)))
@@ -264,7 +292,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         """Weights for positivity of every vertex and the coupling, and those of a witness."""
         w = self.witness
         if isinstance(w, FailingMember):
-            return files.evidence(member(self.models, w.vertices), w.witness)
+            return files.evidence(self._member(w) or self.model, w.witness)
         if isinstance(w, CouplingViolation):
             return files.evidence(self.model, w)
         if isinstance(w, FailingEnd) and self.lower is not None:
@@ -282,31 +310,43 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         model, w = self.model, self.witness
         what = f"the network of {model.n_nodes} nodes ({model.totals[0]} states) {self._known}"
         if self:
-            s, j = np.unravel_index(int(np.argmin(self.vertex_margins)), self.vertex_margins.shape)
             unit = "step" if model.discrete else "unit of time"
             without = " whose sources have no feedthrough" if any(m.has_feedthrough for m in self.models) else ""
             return (
                 f"Proved: {what} is positive and exponentially stable with decay rate at least "
                 f"{floored(self.decay_rate, 4)} per {unit} for every choice: {self._choices}, and all may change at "
-                "any time, independently of each other. By scale-free margins, computed and not proven, the most "
-                f"costly is {model.name_of(int(j))} at {self._place(int(s))}, with about "
-                f"{self.vertex_margins[s, j]:.3g}. The network stays stable under any constant delays of the "
-                f"links{without}, and when links are weakened, lost or switched over time, as long as what is left "
-                "and what is taken away both map Y into U."
+                f"any time, independently of each other. {self._costly} The network stays stable under any constant "
+                f"delays of the links{without}, and when links are weakened, lost or switched over time, as long as "
+                "what is left and what is taken away both map Y into U."
+            )
+        if isinstance(w, NoCommonStorage) and all_hold(self._own_conditions):
+            return (
+                f"Undecided: for {what} {w}. Vectors e, u, y that bound the network at all vertices were neither found "
+                "nor excluded. Change the gains or links a little."
             )
         if not self.refuted_by:
             return (
-                f"Undecided: for {what} neither common vectors v, r, q of Theorem 4 nor a witness against them was "
-                "found; it may be too close to the edge of stability. Change the gains or links a little."
+                f"Undecided: for {what} neither common vectors v, r, q of Theorem 4, or e, u, y, nor a witness "
+                "against them was found; it may be too close to the edge of stability. Change the gains or links a "
+                "little."
             )
-        if isinstance(w, NoCommonStorage):
+        if isinstance(w, NoCommonVectors):
             return (
                 f"Not certified: for {what} {w}. This is about one set of vectors for all vertices: it does not "
                 "show that any choice of vertices is unstable. Make the vertices less different, or split them."
             )
-        if isinstance(w, CouplingViolation | FailingEnd):
+        if not isinstance(w, FailingMember):
             return f"Not certified: {what} fails, {w}. {_CONES}"
         return f"Not certified: {what} fails, {self._reason(w)}"
+
+    @property
+    def _costly(self) -> str:
+        """The node and vertex with the smallest margin."""
+        s, j = np.unravel_index(int(np.argmin(self.vertex_margins)), self.vertex_margins.shape)
+        return (
+            "By scale-free margins, computed and not proven, the most costly is "
+            f"{self.model.name_of(int(j))} at {self._place(int(s))}, with about {self.vertex_margins[s, j]:.3g}."
+        )
 
     @property
     def _known(self) -> str:
@@ -336,7 +376,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
                     f"{self.model.name_of(j)} at {self._place(int(w.vertices[j]))} does not decay even without the "
                     f"others. {scope} Raise the local gain there."
                 )
-        text = f"{w}" if self.vertices else f"at the upper ends of the ranges, {inner}"
+        text = f"{w}" if self.vertices or w.signs is not None else f"at the upper ends of the ranges, {inner}"
         text = text.replace("growth rate", "growth factor per step") if self.model.discrete else text
         return f"{text}. {scope} Weaken links, or raise the local gains at the nodes where x or y is largest."
 
@@ -345,6 +385,14 @@ _CONES = (
     "This is about these cones, and no sign of instability. Choose other cones, or a local feedback that makes the "
     "node positive."
 )
+
+
+def _end(contents: dict[str, Any], name: str) -> NetworkModel | None:
+    """The network at one end of its ranges, from a file."""
+    end = contents.get(name)
+    if end is not None and len(end) != len(BLOCKS) + 1:
+        raise DataError(f"the {name} ends have A, B, C, D and W.")
+    return None if end is None else files.rebuild({**contents, **dict(zip((*BLOCKS, "W"), end, strict=True))})
 
 
 def _at(condition: Condition, vertex: int) -> Condition:

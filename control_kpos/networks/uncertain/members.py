@@ -46,6 +46,25 @@ def lower_ends(model: NetworkModel, coupling: Matrix) -> NetworkModel | None:
     return NetworkModel(tuple(stacks), model.members, coupling, model.dt)
 
 
+def transposed(models: Sequence[NetworkModel]) -> Vertices:
+    """The networks (A', C', B', D')_j, W' on X*, Y*, U*: Theorem 4 for them is a proof by e = v, y = r and u = -q."""
+    stacks: dict[int, NodeStack] = {}
+    links: dict[int, Matrix] = {}
+
+    def turned(s: NodeStack) -> NodeStack:  # the same object for the same vertex, see `counts`
+        if id(s) not in stacks:
+            A, B, C, D = s.A.T, s.C.T, s.B.T, s.D.T
+            labels = tuple((x, y, u) for x, u, y in s.labels)
+            stacks[id(s)] = NodeStack(A, B, C, D, s.X.dual, s.Y.dual, s.U.dual, s.dt, s.names, labels)
+        return stacks[id(s)]
+
+    out = []
+    for m in models:
+        W = links.setdefault(id(m.coupling), m.coupling.T)
+        out.append(NetworkModel(tuple(map(turned, m.stacks)), m.members, W, m.dt))
+    return tuple(out)
+
+
 def counts(models: Sequence[NetworkModel]) -> list[int]:
     """How many vertices the nodes of every stack have: after these, stacks repeat."""
     own = [[model.stacks[g] for model in models] for g in range(len(models[0].stacks))]

@@ -25,10 +25,14 @@ class FailingMember:
         The vertex of every node, counted from 0.
     witness : NodeViolation, NetworkInstability or AlgebraicLoop
         What breaks this member.
+    signs : ndarray, shape (N,), or None
+        With ranges that change sign: 1 or -1 for every node.  A link between nodes of one sign is at its upper end, one
+        between nodes of two signs at its lower end, and the witness is in the coordinates s_j x_j, u_j, y_j.
     """
 
     choice: NDArray[np.float64]
     witness: Any
+    signs: NDArray[np.float64] | None = None
 
     @property
     def vertices(self) -> Index:
@@ -43,6 +47,12 @@ class FailingMember:
     def __str__(self) -> str:
         if isinstance(self.witness, NodeViolation):
             return f"at its vertex {self.vertices[self.witness.node]} {self.witness}"
+        if self.signs is not None:
+            turned = int((np.asarray(self.signs) < 0).sum())
+            return (
+                "with every link at an end of its range, and the signs of the signals and states of nodes turned at "
+                f"{turned} of them, {self.witness}"
+            )
         return f"with one vertex for every node, {self.witness}"
 
 
@@ -85,6 +95,27 @@ class NoCommonStorage:
         if not np.any(self.x):
             return "no vectors p, t show that algebraic loops contract at all vertices: those of a mixture do not"
         return (
-            "no vectors v, r, q satisfy Theorem 4 at all vertices: parts of a state that take different vertices do "
-            "not decay"
+            "no vectors v, r, q satisfy Theorem 4 at all vertices, with algebraic loops that contract: parts of a "
+            "state that take different vertices do not decay"
         )
+
+
+@register_record
+@dataclass(frozen=True, eq=False)
+class NoCommonVectors:
+    """Neither common v, r, q of Theorem 4 exist, nor common e, u, y: see `BoundedNetworkCertificate`.
+
+    Attributes
+    ----------
+    storage : NoCommonStorage
+        What excludes v, r, q.
+    bound : NoCommonStorage
+        The same for the transposed network, which excludes e, u, y.
+    """
+
+    storage: NoCommonStorage
+    bound: NoCommonStorage
+
+    def __str__(self) -> str:
+        loops = " for algebraic loops" if not np.any(self.bound.x) else ""
+        return f"{self.storage}; and no vectors e, u, y{loops} bound the network at all vertices"
