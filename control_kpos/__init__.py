@@ -95,6 +95,7 @@ if TYPE_CHECKING:
         UncertainNetworkCertificate,
         feedback_interconnect,
         interval,
+        largest_uncertainty,
         scale_free_certificate,
         stack,
     )
@@ -205,6 +206,7 @@ __all__ = [
     "gain_rate_tradeoff",
     "induced_gain",
     "interval",
+    "largest_uncertainty",
     "linear_lyapunov",
     "links",
     "load_certificate",
@@ -254,7 +256,8 @@ _ON_DEMAND = {
             "AbscissaCertificate AlgebraicLoop BoundedNetworkCertificate ConeNetwork CouplingViolation "
             "DelayedNetworkCertificate FailingEnd FailingMember NetworkCertificate NetworkInstability "
             "NoCommonStorage NoCommonVectors NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
-            "UncertainNetworkCertificate feedback_interconnect interval scale_free_certificate stack"
+            "UncertainNetworkCertificate feedback_interconnect interval largest_uncertainty "
+            "scale_free_certificate stack"
         ),
         ".nonlinear": (
             "DifferentialCertificate DifferentialNetworkCertificate NonlinearNetwork OrderViolation "

@@ -52,7 +52,10 @@ def test_upper_ends_of_links_alone_prove_nothing():
     weight = kp.interval(-10, 0.5)
     found = kp.feedback_interconnect([lag(1), lag(1)], [[0, weight], [weight, 0]]).certificate
     assert found.status == "REFUTED" and found.check() and list(found.witness.signs) in ([1, -1], [-1, 1])
-    assert "turned at 1 of them" in found.explain() and "the network itself is refuted" in found.explain()
+    assert (
+        "signs of all signals turned at 1 nodes" in found.explain()
+        and "the network itself is refuted" in found.explain()
+    )
     for change in ({"signs": np.ones(2)}, {"signs": -2 * found.witness.signs}, {"signs": np.ones(3)}, {"signs": None}):
         assert not replace(found, witness=replace(found.witness, **change)).check()
     one = kp.feedback_interconnect([lag(1), lag(1)], [[0, weight], [1, 0]]).certificate  # no member of one sign is bad

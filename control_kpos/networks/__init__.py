@@ -11,6 +11,7 @@ from .spectrum.bracket import AbscissaCertificate
 from .state_delays import DelayedNetworkCertificate
 from .uncertain.bounded import BoundedNetworkCertificate
 from .uncertain.certificate import UncertainNetworkCertificate
+from .uncertain.largest import largest_uncertainty
 from .uncertain.network import UncertainNetwork
 from .uncertain.witnesses import FailingEnd, FailingMember, NoCommonStorage, NoCommonVectors
 from .witnesses import (
@@ -46,6 +47,7 @@ __all__ = [
     "UncertainStack",
     "feedback_interconnect",
     "interval",
+    "largest_uncertainty",
     "scale_free_certificate",
     "stack",
 ]

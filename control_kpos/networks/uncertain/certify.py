@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,57 @@ from .signed import bounds_of, largest_signs, turned_signs
 from .witnesses import FailingEnd, FailingMember, NoCommonVectors
 
 
+@dataclass(frozen=True, eq=False)
+class Searches:
+    """The searches for a proof of a network: v, then e; if ranges leave the cones, e for their bounds only.
+
+    Attributes
+    ----------
+    models, lower
+        As for `certify_all`.
+    """
+
+    models: Vertices
+    lower: NetworkModel | None
+
+    @cached_property
+    def storage(self) -> Half:
+        """The search for v."""
+        return by_storage(self.models, self.lower)
+
+    @cached_property
+    def broken(self) -> UncertainNetworkCertificate | None:
+        """What leaves its cones."""
+        return _not_positive(self.models, self.storage.given)
+
+    @cached_property
+    def bound(self) -> Half | None:
+        """The search for e; None if something leaves its cones that is in no range."""
+        if self.broken is None:
+            return by_bounds(self.models, self.lower)
+        if self.lower is None:
+            return None
+        bounds = bounds_of(self.models, self.lower)
+        if _not_positive(bounds, {"model": bounds[0], "vertices": bounds[1:], "lower": None}) is not None:
+            return None
+        return by_bounds(bounds, self.lower, self.models[0])
+
+    def proof(self) -> UncertainNetworkCertificate | None:
+        """The first proof."""
+        for found in self.storage.proofs():
+            if found:
+                return found
+            if self.broken is not None:
+                break
+        return None if self.bound is None else next(filter(bool, self.bound.proofs()), None)
+
+    def seems_proven(self) -> bool:
+        """True if vectors were found, which are not proven: the solves alone."""
+        if self.broken is None and self.storage.has_vectors:
+            return True
+        return self.bound is not None and self.bound.has_vectors
+
+
 @np.errstate(all="ignore")
 def certify_all(models: Vertices, lower: NetworkModel | None = None) -> UncertainNetworkCertificate:
     """Prove the network for all vertices by one v, r, q, or by one e, u, y; or find what stands against it.
@@ -30,48 +83,38 @@ def certify_all(models: Vertices, lower: NetworkModel | None = None) -> Uncertai
     tried, for their bounds.  REFUTED with the first of: a vertex that is not positive, a link that leaves the cones, a
     choice that is unstable, or what excludes both v and e.
     """
-    storage = by_storage(models, lower)
-    for found in storage.proofs():
-        if found:
-            return found
-        if (early := _not_positive(models, storage.given)) is not None:
-            return _with_signs(models, lower, early)
-    if (early := _not_positive(models, storage.given)) is not None:
-        return _with_signs(models, lower, early)
-    for found in _members(storage):
+    tried = Searches(models, lower)
+    proof = tried.proof()
+    if proof is not None:
+        return proof
+    if tried.broken is not None:
+        turned = None if lower is None else _with_signs(models, lower)
+        return tried.broken if turned is None else turned
+    for found in _members(tried.storage):
         if found.status is Status.REFUTED:
             return found
-    bound = by_bounds(models, lower)
-    return next(filter(bool, bound.proofs()), None) or _excluded(storage, bound)
+    return _excluded(tried.storage, tried.bound)
 
 
-def _with_signs(
-    models: Vertices, lower: NetworkModel | None, broken: UncertainNetworkCertificate
-) -> UncertainNetworkCertificate:
-    """A proof by e or an unstable member, where ranges change sign; else what is broken."""
-    if lower is None:
-        return broken
-    bound = by_bounds(bounds_of(models, lower), lower, models[0])
-    if bound.loop is None and bound.loops:
-        return broken
-    found = next(filter(bool, bound.proofs()), None)
-    signs = None if found else largest_signs(models[0], lower)
-    if found or signs is None:
-        return found or broken
+def _with_signs(models: Vertices, lower: NetworkModel) -> UncertainNetworkCertificate | None:
+    """An unstable member of ranges that change sign, with the signs of some nodes turned."""
+    signs = largest_signs(models[0], lower)
+    if signs is None:
+        return None
     unstable = certify_as_given(turned_signs(models[0], lower, signs))
     if not isinstance(unstable.witness, NetworkInstability | AlgebraicLoop):
-        return broken
+        return None
     given = {"model": models[0], "vertices": models[1:], "lower": lower, "loop_weights": unstable.loop}
     w = FailingMember(np.zeros(models[0].n_nodes), unstable.witness, signs)
     found = UncertainNetworkCertificate.settle(**given, witness=w)
-    return found if found.status is Status.REFUTED else broken
+    return found if found.status is Status.REFUTED else None
 
 
-def _excluded(storage: Half, bound: Half) -> UncertainNetworkCertificate:
+def _excluded(storage: Half, bound: Half | None) -> UncertainNetworkCertificate:
     """REFUTED with what excludes v and e; UNDECIDED with what excludes v, or with nothing."""
     settle = UncertainNetworkCertificate.settle
     for w in storage.motions():
-        for z in bound.motions():
+        for z in () if bound is None else bound.motions():
             found = settle(**storage.given, witness=NoCommonVectors(w, z))
             if found.status is Status.REFUTED:
                 return found

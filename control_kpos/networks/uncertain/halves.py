@@ -81,6 +81,13 @@ class Half:
         """The worst mixture."""
         return worst_mixture(self.models) if self.mixes and (self.loop is not None or not self.loops) else None
 
+    @property
+    def has_vectors(self) -> bool:
+        """True if candidates for common vectors were found."""
+        if self.loops and self.loop is None:
+            return False
+        return self.program is not None or (self.worst is not None and self.worst.solved)
+
     def proofs(self) -> Iterator[UncertainNetworkCertificate]:
         """Certificates, which may be proven, in order of cost."""
         for data in self._vectors():

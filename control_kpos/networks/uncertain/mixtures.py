@@ -38,11 +38,14 @@ class Worst:
         The network of the mixture.
     vectors : tuple of two ndarrays, or None
         v and r of the mixture; None if it has no v in int X*.
+    solved : bool
+        They solve their equations closely enough to be vectors of a stable mixture.
     """
 
     mixture: Mixture
     network: NetworkModel
     vectors: tuple[Floats, Floats] | None
+    solved: bool = False
 
 
 def has_mixtures(models: Vertices) -> bool:
@@ -55,18 +58,18 @@ def has_mixtures(models: Vertices) -> bool:
 def worst_mixture(models: Vertices) -> Worst:
     """Policy iteration from the first vertices."""
     mixture, network = Mixture.of_vertex(models[0]), models[0]
-    c, vectors = interior(network, dual=True), None
+    c, vectors, solved = interior(network, dual=True), None, False
     for _ in range(_STEPS):
         system = PortSystem(network, float(network.discrete))
-        v, r, _ = system.dual(c, _TOLERANCE)
+        v, r, reached = system.dual(c, _TOLERANCE)
         if not (np.isfinite(v).all() and is_inside(network, v, dual=True)):
             return Worst(mixture, network, None)
-        vectors = v, r
+        vectors, solved = (v, r), is_inside(network, reached, dual=True)
         better = _improved(models, mixture, v, r)
         if better is None:
             break
         mixture, network = better, better.network(models)
-    return Worst(mixture, network, vectors)
+    return Worst(mixture, network, vectors, solved)
 
 
 def _improved(models: Vertices, mixture: Mixture, v: Floats, r: Floats) -> Mixture | None:

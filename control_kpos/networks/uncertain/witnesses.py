@@ -49,10 +49,8 @@ class FailingMember:
             return f"at its vertex {self.vertices[self.witness.node]} {self.witness}"
         if self.signs is not None:
             turned = int((np.asarray(self.signs) < 0).sum())
-            return (
-                "with every link at an end of its range, and the signs of the signals and states of nodes turned at "
-                f"{turned} of them, {self.witness}"
-            )
+            signs = f", and the signs of all signals turned at {turned} nodes" if turned else ""
+            return f"with every link at an end of its range{signs}, {self.witness}"
         return f"with one vertex for every node, {self.witness}"
 
 
