@@ -196,6 +196,15 @@ def test_algebraic_loops_of_mixtures_are_told_from_those_of_members():
     assert net.with_links(0.75 * np.array(SWAP)).certificate.check()
 
 
+@pytest.mark.parametrize(("D", "W"), [((1, 1), SWAP), (("2/3", "3/4"), [[0, 2], [1, 0]]), ((0.5, 2), SWAP)])
+def test_algebraic_loops_of_mixtures_of_gain_1_are_refuted(D, W):
+    """Exactly: y = (4, 3) with u = (6, 4) is carried around by diag(2/3, 3/4) and W."""
+    vertices = [[[[D[0], 0], [0, 0]]], [[[0, 0], [0, D[1]]]]]
+    found = kp.feedback_interconnect(kp.stack([[[-9, 0], [0, -9]]], np.eye(2), np.eye(2), vertices), W).certificate
+    assert found.status == "REFUTED" and found.check() and not found.witness.storage.x.any()
+    assert "no vectors p, t show" in found.explain()
+
+
 def test_wider_cones_keep_their_own_verdict():
     """Masses in a ring, with two stiffnesses, on the cone of the paper."""
     A = np.array([[[[0, 1], [-22, -13]]] * 4, [[[0, 1], [-23, -14]]] * 4])

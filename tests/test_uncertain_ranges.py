@@ -3,6 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
+import networkx as nx
 import numpy as np
 import pytest
 from network_examples import CONE, cycle, lag, sparse_ring
@@ -87,6 +88,41 @@ def test_ranges_stand_beside_vertices_and_other_cones():
     assert known.with_links(0.5 * cycle(2)).lower is None
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_vertices_and_ranges_stand_in_one_stack(seed):
+    """A is a list of vertices and B, C are ranges: proven iff the vertices are with the upper ends."""
+    rng = np.random.default_rng(seed)
+    N, discrete = 3, bool(seed % 2)
+    A = rng.uniform(0, 0.3, (2, N, 2, 2)) - (0 if discrete else 1.3) * np.eye(2)
+    B, C = ((low, low + rng.uniform(0, 0.3, low.shape)) for low in rng.uniform(0, 0.3, (2, N, 2)))
+    B, C = [end[:, :, None] for end in B], [end[:, None, :] for end in C]
+    W = rng.uniform(0, 10 ** rng.uniform(-1, 1), (N, N))
+    found = kp.feedback_interconnect(kp.stack(A, kp.interval(*B), kp.interval(*C), dt=discrete), W).certificate
+    highest = kp.feedback_interconnect(kp.stack(A, B[1], C[1], dt=discrete), W).certificate
+    assert found.check() and found.status is highest.status
+    for _ in range(3 if found else 0):
+        a, b, c = rng.uniform(0, 1, (3, N, 1, 1))
+        member = kp.stack(*(x + t * (y - x) for t, (x, y) in zip((a, b, c), (A, B, C), strict=True)), dt=discrete)
+        assert kp.feedback_interconnect(member, rng.uniform(0, 1, W.shape) * W).certificate
+
+
+def test_ranges_are_weights_of_graphs():
+    graph = nx.DiGraph()
+    graph.add_edge("a", "b", weight=kp.interval("1/3", "1/2"))
+    graph.add_edge("b", "a")
+    net = kp.feedback_interconnect([lag(1), lag(2)], graph)
+    assert net.certificate and net.model.names == ["a", "b"]
+    assert net.lower.coupling.fractions().tolist() == [[0, 1], [Fraction(1, 3), 0]]
+    assert net.model.coupling.values.toarray().tolist() == [[0, 1], [0.5, 0]]
+    graph.add_edge("b", "a", weight=kp.interval(0, 4))
+    assert net.with_links(graph).certificate.status == "REFUTED"
+    both = nx.Graph()
+    both.add_edge(0, 1, weight=kp.interval(-0.9, 0.5))
+    assert kp.feedback_interconnect([lag(1), lag(1)], both).certificate.e is not None
+    with pytest.raises(DataError, match="coupling weights"):
+        kp.scale_free_certificate([lag(1), lag(1)], 0.5).interconnect(both)
+
+
 def test_blocks_and_other_cones_of_links_have_ranges_in_the_order_of_their_cones():
     """U = Y = cone{(1, 1), (1, -1)}: W in a range if what is between the ends maps Y into U."""
     wedge = kp.PolyhedralCone([[1, 1], [1, -1]])
@@ -125,8 +161,12 @@ def test_bad_ranges_are_named():
         kp.interval(0, np.nan)
     with pytest.raises(ConeMismatchError, match="X is no nonnegative orthant; ranges of entries are for orthants"):
         kp.stack(kp.interval([[[0, 1], [-23, -13]]], [[[0, 1], [-22, -13]]]), [[0], [1]], [[1, 0]], X=CONE)
-    with pytest.raises(DataError, match="B is a list of vertices beside a range"):
-        kp.stack(kp.interval([[[-2]]], [[[-1]]]), [[[[1]]], [[[2]]]], [[1]])
+    with pytest.raises(DataError, match="A is a range of several stacks; a range is the same for all vertices"):
+        kp.stack(kp.interval([[[[-2]]]] * 2, [[[[-1]]]] * 2), [[[[1]]], [[[2]]]], [[1]])
+    with pytest.raises(DataError, match="A"):
+        kp.stack([kp.interval([[[-2]]], [[[-1]]])] * 2, [[1]], [[1]])
+    with pytest.raises(ShapeError, match="A has 2 vertices, but B has 3"):
+        kp.stack([[[[-2]]]] * 2, [[[[1]]]] * 3, kp.interval([[0]], [[1]]))
     with pytest.raises(ShapeError, match="A has shape"):
         kp.stack(kp.interval(np.zeros((0, 1, 1)), np.zeros((0, 1, 1))), [[1]], [[1]])
     with pytest.raises(ConeMismatchError, match="coupling is 1 x 1"):

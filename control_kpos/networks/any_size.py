@@ -38,11 +38,12 @@ from . import conditions as on
 from .blocks import Floats, Index, converging
 from .certificate import NetworkCertificate, node_vectors, rates_of
 from .certify import certify_as_given
-from .coupling import is_graph, read_coupling
+from .coupling import read_coupling
 from .given_rates import certify_rates_as_given
 from .model import NetworkModel, gather
 from .network import ConeNetwork
 from .nodes import NodeStack
+from .ranges import is_graph
 from .spectrum.port_solves import PortSystem
 from .witnesses import NodeNotDissipative, NoWeights
 

@@ -14,7 +14,7 @@ from ..exact.intake import dimensions, exact_matrix, sparse_matrix
 from ..exact.matrix import Matrix
 from .blocks import Index
 from .model import NetworkModel
-from .ranges import end_of, has_ranges
+from .ranges import end_of, has_ranges, is_graph
 
 # Entries up to which couplings with fractions are kept, in dense form.
 _EXACT_ENTRIES = 10**7
@@ -56,8 +56,9 @@ def read_ends(coupling: Any, model: NetworkModel) -> tuple[Matrix, Matrix]:
     if not has_ranges(coupling):
         W = read_coupling(coupling, model)
         return W, W
-    upper, lower = (read_coupling(end_of(coupling, end), model) for end in ("upper", "lower"))
-    return upper, lower
+    if is_graph(coupling):
+        return _from_graph(coupling, model, "upper"), _from_graph(coupling, model, "lower")
+    return read_coupling(end_of(coupling, "upper"), model), read_coupling(end_of(coupling, "lower"), model)
 
 
 def _largest(model: NetworkModel) -> str:
@@ -69,14 +70,8 @@ def _largest(model: NetworkModel) -> str:
     return ""
 
 
-def is_graph(coupling: Any) -> bool:
-    """True for networkx graphs, without importing networkx."""
-    kind = type(coupling)  # an instance may answer anything
-    return all(hasattr(kind, name) for name in ("is_multigraph", "is_directed", "edges", "nodes"))
-
-
-def _from_graph(graph: Any, model: NetworkModel) -> Matrix:
-    """Edge j -> k of weight w: y_j feeds u_k."""
+def _from_graph(graph: Any, model: NetworkModel, end: str = "") -> Matrix:
+    """Edge j -> k of weight w, or one end of its range: y_j feeds u_k."""
     if graph.is_multigraph():
         raise DataError(
             "coupling is a multigraph; parallel edges have no single weight. Add their weights up in a Graph or "
@@ -96,7 +91,7 @@ def _from_graph(graph: Any, model: NetworkModel) -> Matrix:
         for a, b in ends:
             rows.append(number[b])
             columns.append(number[a])
-            weights.append(weight)
+            weights.append(end_of(weight, end) if end else weight)
     values = exact_matrix(weights, "coupling weights", ndim=1)
     i, k = np.array(rows, dtype=np.intp), np.array(columns, dtype=np.intp)
     return from_entries([i], [k], [values], (model.n_nodes, model.n_nodes))

@@ -54,7 +54,8 @@ def feedback_interconnect(
         W, shape (sum m_j, sum q_k); or a range of it, or of entries or blocks of it (`control_kpos.interval`).
         Blocks W[j][k] are m_j x q_k; None stands for zeros.  In a graph,
         for nodes with one input and one output, an edge j -> k of weight w feeds y_j into u_k, an undirected
-        edge both ways; edges without a weight have weight 1.  Its nodes are 0, ..., N - 1 or the names of the
+        edge both ways; edges without a weight have weight 1, and a weight may be a range.
+        Its nodes are 0, ..., N - 1 or the names of the
         systems.  Any other labels stand for the systems in the order of ``list(graph.nodes)`` and become
         the names of the nodes, if these have none.  Sparse matrices hold doubles: give weights
         such as "1/3" in a dense matrix, in blocks or in a graph, and they stay what they are.

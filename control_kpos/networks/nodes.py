@@ -86,7 +86,7 @@ class UncertainStack(NodeStack):
     vertices : tuple of NodeStack
         Node j is (A, B, C, D)_j of one of these, or any convex combination of them.
     lower : NodeStack or None
-        Nodes in ranges, on orthants: the lower ends; the upper ends are the only vertex.
+        Matrices in ranges, on orthants: their lower ends; the upper ends are those of all vertices.
     """
 
     vertices: tuple[NodeStack, ...] = ()
@@ -125,7 +125,7 @@ def stack(
     ----------
     A : array_like, shape (N, n, n), or a list of S of them
         A list [A1, A2, ...], or an array (S, N, n, n), gives every node S vertices: see Returns.  On nonnegative
-        orthants each matrix may be a range, `control_kpos.interval`.
+        orthants each matrix may be a range, `control_kpos.interval`, the same at all vertices.
     B : array_like, shape (N, n, m) or (n, m), or a list of S stacks (N, n, m)
         Two-dimensional B, C or D is the same for all nodes; what is given once is the same at all vertices.
     C : array_like, shape (N, q, n) or (q, n), or a list of S stacks (N, q, n)
@@ -151,7 +151,7 @@ def stack(
     ------
     ShapeError, DataError
         Sizes that do not fit, an empty stack, numbers that are not finite and real; vertices that differ in size or
-        in number, or stand beside ranges.
+        in number.
     NotProperConeError, ConeMismatchError
         Cones that are not proper, or of another dimension; ranges on other cones than orthants.
 
@@ -182,21 +182,24 @@ def stack(
 
 
 def _in_ranges(given: dict[str, Any], dt: Timebase, cones: dict[str, Any], names: Sequence[str] | None) -> NodeStack:
-    """Nodes between two ends."""
-    lists = [name for name, data in given.items() if _vertices(end_of(data, "upper"), name) is not None]
-    if lists:
-        raise DataError(f"{lists[0]} is a list of vertices beside a range; give vertices or ranges for all matrices.")
-    ends = {end: {name: end_of(data, end) for name, data in given.items()} for end in ("upper", "lower")}
-    upper = _certain(ends["upper"], dt, cones, names)
+    """Nodes between two ends, at every vertex if other matrices are lists."""
+    first = {}
+    for name, data in given.items():
+        found = _vertices(end_of(data, "upper"), name)
+        if found is not None and isinstance(data, Interval):
+            raise DataError(f"{name} is a range of several stacks; a range is the same for all vertices of a node.")
+        first |= {} if found is None else {name: found[0]}
+    upper = stack(**{name: end_of(data, "upper") for name, data in given.items()}, dt=dt, **cones, names=names)
     for name in ("X", "U", "Y"):
         if not isinstance(getattr(upper, name), Orthant):
             raise ConeMismatchError(
                 f"{name} is no nonnegative orthant; ranges of entries are for orthants. Give the vertices as lists."
             )
-    lower = _certain(ends["lower"], dt, {"X": upper.X, "U": upper.U, "Y": upper.Y})
+    low = {name: end_of(data, "lower") for name, data in given.items()} | first
+    lower = _certain(low, dt, {"X": upper.X, "U": upper.U, "Y": upper.Y})
     if lower.sizes != upper.sizes or len(lower) != len(upper):
         raise ShapeError("the ends of the ranges have not the shapes of one stack.")
-    return replace(with_vertices((upper,)), lower=lower)
+    return replace(with_vertices(vertices_of(upper)), lower=lower)
 
 
 def _vertices(data: Any, name: str) -> list[Any] | None:

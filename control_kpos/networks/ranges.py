@@ -89,8 +89,16 @@ def _entry(M: Matrix, place: tuple[int, ...]) -> Any:
     return M.values[place] if M.is_double else M.fractions()[place]
 
 
+def is_graph(data: Any) -> bool:
+    """True for networkx graphs, without importing networkx."""
+    kind = type(data)  # an instance may answer anything
+    return all(hasattr(kind, name) for name in ("is_multigraph", "is_directed", "edges", "nodes"))
+
+
 def has_ranges(data: Any) -> bool:
-    """True if a matrix, or a list of lists of entries or blocks, holds a range."""
+    """True if a matrix, a list of lists of entries or blocks, or an edge of a graph, holds a range."""
+    if is_graph(data):
+        return any(isinstance(weight, Interval) for *_, weight in data.edges(data="weight"))
     if isinstance(data, (list, tuple)):
         return any(isinstance(row, (list, tuple)) and any(isinstance(x, Interval) for x in row) for row in data)
     return isinstance(data, Interval)

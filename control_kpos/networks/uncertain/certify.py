@@ -12,13 +12,14 @@ import numpy as np
 from ...proof.certificate import Status
 from ..blocks import Index
 from ..certificate import NetworkCertificate
-from ..certify import certify_as_given, violation
+from ..certify import at_own_link, certify_as_given, violation
 from ..model import NetworkModel
 from ..witnesses import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation
 from .certificate import UncertainNetworkCertificate
 from .halves import Half, by_bounds, by_storage
 from .members import Vertices, member
 from .mixtures import Worst
+from .own_links import closed_at_all
 from .signed import bounds_of, largest_signs, turned_signs
 from .witnesses import FailingEnd, FailingMember, NoCommonVectors
 
@@ -81,12 +82,18 @@ def certify_all(models: Vertices, lower: NetworkModel | None = None) -> Uncertai
     A handful of sparse solves and the proof at every vertex; linear in the data.  If cones of a node with several
     vertices are not simplicial, a linear program takes the place of the solves.  If ranges leave the cones, only e is
     tried, for their bounds.  REFUTED with the first of: a vertex that is not positive, a link that leaves the cones, a
-    choice that is unstable, or what excludes both v and e.
+    choice that is unstable, or what excludes both v and e.  If a link of a node to itself is what leaves the cones,
+    such links are closed at every vertex, as parts of the nodes of the certificate.
     """
     tried = Searches(models, lower)
     proof = tried.proof()
     if proof is not None:
         return proof
+    closed = closed_at_all(models, lower) if _at_own_link(models[0], tried.broken) else None
+    if closed is not None:
+        found = certify_all(*closed)
+        if found or len(closed[0]) == len(models):  # pairs of vertices are no members
+            return found
     if tried.broken is not None:
         turned = None if lower is None else _with_signs(models, lower)
         return tried.broken if turned is None else turned
@@ -94,6 +101,12 @@ def certify_all(models: Vertices, lower: NetworkModel | None = None) -> Uncertai
         if found.status is Status.REFUTED:
             return found
     return _excluded(tried.storage, tried.bound)
+
+
+def _at_own_link(model: NetworkModel, broken: UncertainNetworkCertificate | None) -> bool:
+    """True if a link of a node to itself, or a node that has one, is what leaves the cones."""
+    w = None if broken is None else broken.witness
+    return at_own_link(model, w.witness if isinstance(w, FailingMember | FailingEnd) else w)
 
 
 def _with_signs(models: Vertices, lower: NetworkModel) -> UncertainNetworkCertificate | None:

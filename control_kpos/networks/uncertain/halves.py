@@ -24,6 +24,8 @@ from .mixtures import Worst, has_mixtures, loop_weights_of_all, rates_of_all, wo
 from .program import common_vectors, growing_motion, loops_of
 from .witnesses import NoCommonStorage
 
+# Powers of algebraic loops, what is a whole number in their vectors, and the largest least of these numbers.
+_POWERS, _WHOLE, _MOST_WHOLE = 300, 1e-6, 50
 # In cones other than orthants: what inputs and outputs of a mixture are shortened by, and what lifts vectors into them.
 _SHORTER, _LIFT = 1e-7, 1e-9
 
@@ -111,8 +113,8 @@ class Half:
             mixture = loop_weights_of_all(self.models)[2]
             network = mixture.network(self.models)
             w = algebraic_witness(network)
-            if w is not None:
-                still = NetworkInstability(np.zeros(network.totals[0]), w.u, w.y)
+            for u, y in _whole_loops(network) if w is None else [(w.u, w.y)]:
+                still = NetworkInstability(np.zeros(network.totals[0]), u, y)
                 yield _parted(Worst(mixture, network, None), still, len(self.models))
         if not self.mixes:
             w = growing_motion(self.models)
@@ -134,6 +136,22 @@ def by_bounds(models: Vertices, lower: NetworkModel | None, upper: NetworkModel 
     ends = {"lower": lower, "upper": upper}
     turned = {name: None if end is None else transposed([end])[0] for name, end in ends.items()}
     return Half(transposed(models), BoundedNetworkCertificate, turned)
+
+
+def _whole_loops(network: NetworkModel) -> Iterator[tuple[Floats, Floats]]:
+    """u = W y and y in small whole numbers that may be those of an algebraic loop of gain 1, on orthants."""
+    D, y = network.block_matrices[3], np.ones(network.totals[2])
+    if not all(isinstance(cone, Orthant) for s in network.stacks for cone in (s.U, s.Y)):
+        return
+    for _ in range(_POWERS):
+        y = D @ (network.W @ y) + y  # a shift, as loops may be periodic
+        y /= max(float(y.max(initial=0.0)), 1e-300)
+    y = np.where(y > _WHOLE, y, 0.0)
+    for size in range(1, _MOST_WHOLE if y.any() else 0):
+        whole = y / y[y > 0].min() * size
+        if (np.abs(whole - np.round(whole)) < _WHOLE * whole.max()).all():
+            yield network.W @ np.round(whole), np.round(whole)
+            return
 
 
 def _parted(worst: Worst, w: NetworkInstability, count: int) -> NoCommonStorage:
