@@ -91,6 +91,10 @@ CALLS |= {  # networks
         kp.largest_uncertainty,
         {"net": kp.feedback_interconnect([SIMPLE], [[kp.interval(0, 0.5)]])},
     ),
+    "UncertainNetworkCertificate.costliest": (
+        kp.feedback_interconnect([SIMPLE], [[kp.interval(0, 0.5)]]).certificate.costliest,
+        {"k": 1},
+    ),
     "stack": (kp.stack, {**MATRICES, "dt": 0, "names": ["a"]}),
     "scale_free_certificate": (kp.scale_free_certificate, {"nodes": [SIMPLE], "weight": 1.0, "link": None}),
     "OutWeightCertificate.covers": (OUT_WEIGHTS.covers, {"coupling": [[0.5]], "types": None}),

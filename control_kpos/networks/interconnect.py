@@ -143,7 +143,7 @@ def _vertices(systems: Sequence[Any], name: str) -> UncertainStack:
             f"{name}: the vertices of a node have the same numbers of states, inputs and outputs, and the same cones; "
             "these systems differ in them."
         )
-    common = {"X": first.X, "U": first.U, "Y": first.Y, "dt": dt, "names": ()}
+    common = {"X": first.X, "U": first.U, "Y": first.Y, "dt": dt, "names": first.names[:1]}
     return with_vertices(tuple(replace(gather(system)[0][0], **common) for system in systems))
 
 

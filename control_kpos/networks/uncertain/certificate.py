@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from ...cards import floored
 from ...errors import DataError
 from ...exact.condition import Condition, all_hold
+from ...exact.intake import whole_number
 from ...exact.matrix import Matrix
 from ...exact.rows import frozen
 from ...exact.signs import BilinearForms
@@ -41,6 +42,7 @@ from .. import files
 from ..certificate import ClaimOnNetwork, NetworkCertificate, dissipation, node_vectors
 from ..model import BLOCKS, NetworkModel
 from ..witnesses import CouplingViolation, NetworkInstability, NodeViolation, refute, restated
+from .costly import Costliest, Costly, Ends, largest_losses, margins_at_vertices, smallest_margins
 from .members import Vertices, member, transposed
 from .signed import turned_signs
 from .witnesses import FailingEnd, FailingMember, NoCommonStorage, NoCommonVectors
@@ -203,24 +205,56 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
 
     # -- margins
 
-    @cached_property
-    @np.errstate(all="ignore")
+    @property
     def vertex_margins(self) -> NDArray[np.float64]:
         """How fast each node's storage decays at each vertex, relative to the fastest rate of all; shape (S, N).
 
         Computed in floating point as `NetworkCertificate.node_margins`; NaN without a proof.
         """
-        out, gross = np.full((len(self.models), self.model.n_nodes), np.nan), 0.0
+        return self._margins[0]
+
+    @cached_property
+    def _margins(self) -> tuple[NDArray[np.float64], float]:
+        """`vertex_margins`, and the fastest rate."""
         if not self:
-            return frozen(out)
-        vs, qs = (self.model.split(exactly(self, name), kind) for name, kind in (("v", 0), ("q", 2)))
-        for rate, model in zip(out, self.models, strict=True):
-            for g, index in enumerate(model.members):
-                forms = on.decrease_forms(model.stacks[g], vs[g], qs[g], 0.0, model.discrete)
-                value = np.einsum("jn,kn->jk", vs[g].values, model.stacks[g].X.rays)
-                rate[index] = (-forms.values[:, 0] / value).min(axis=1, initial=np.inf)
-                gross = max(gross, float((forms.magnitudes[:, 0] / value).max(initial=0.0)))
-        return frozen(out / gross if gross > 0 else out)
+            return frozen(np.full((len(self.models), self.model.n_nodes), np.nan)), 0.0
+        margins, fastest = margins_at_vertices(self.models, exactly(self, "v"), exactly(self, "q"))
+        return frozen(margins), fastest
+
+    def costliest(self, k: int = 3) -> Costliest:
+        """The vertices with the smallest margins, and the ranges whose growth costs most of the margin.
+
+        Parameters
+        ----------
+        k : int
+            How many of each.
+
+        Returns
+        -------
+        Costliest
+            With `vertices` and `ranges`, tuples of (name, value); empty without a proof.  Computed, not proven.
+
+        Examples
+        --------
+        >>> import control_kpos as kp
+        >>> lag = kp.ConeStateSpace([[-1]], [[1]], [[1]], 0, name="tank", inputs=["flow"], outputs=["level"])
+        >>> W = [[0, kp.interval(0.1, 0.9)], [kp.interval(0.4, 0.5), 0]]
+        >>> found = kp.feedback_interconnect([[lag, 2 * lag], lag], W).certificate.costliest()
+        >>> found.vertices[0].name, found.ranges[0].name
+        ('node 1 ("tank") at its vertex 0', 'the entry of W from level of node 1 ("tank") to flow of node 0 ("tank")')
+        """
+        k = whole_number(k, "k", least=1)
+        if not self:
+            return Costliest((), ())
+        return Costliest(smallest_margins(self.model, self.vertex_margins, self._place, k), self._losses(k))
+
+    def _losses(self, k: int) -> tuple[Costly, ...]:
+        """The ranges whose growth costs most."""
+        if self.lower is None:
+            return ()
+        v, r, q = (part.values for part in node_vectors(self))
+        high, turned = getattr(self, "upper", None) or self.model, self.e is not None
+        return largest_losses(Ends(self.model, self.lower, high, v, r, q, turned), self._margins[1], k)
 
     @property
     def node_margins(self) -> NDArray[np.float64]:
@@ -342,11 +376,14 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
     @property
     def _costly(self) -> str:
         """The node and vertex with the smallest margin."""
-        s, j = np.unravel_index(int(np.argmin(self.vertex_margins)), self.vertex_margins.shape)
-        return (
-            "By scale-free margins, computed and not proven, the most costly is "
-            f"{self.model.name_of(int(j))} at {self._place(int(s))}, with about {self.vertex_margins[s, j]:.3g}."
+        (vertex, *_), ranges = self.costliest(1)
+        text = (
+            f"By scale-free margins, computed and not proven, the most costly is {vertex.name}, with about "
+            f"{vertex.value:.3g}"
         )
+        if ranges:
+            text += f"; of the ranges {ranges[0].name}, growing by half its width, about {ranges[0].value:.3g} of that"
+        return f"{text}."
 
     @property
     def _known(self) -> str:
