@@ -104,6 +104,14 @@ def test_what_is_unstable_from_the_start_and_what_never_is():
     assert "nothing is refuted" in found.explain()
 
 
+def test_negative_feedback_inside_nodes_is_closed_first():
+    """x' = -x - x / 2 + u, or less, in a loop of gain (1 + t) / 2 * 2 / 3: stable below t = 2."""
+    W = [[-0.5, kp.interval(0, 1)], [1, 0]]
+    found = kp.largest_uncertainty(kp.feedback_interconnect([[lag(1), lag(2)], lag(1)], W))
+    assert found.scope == "network" and found.check() and found.certificate.check()
+    assert found.lower <= 2 <= found.upper
+
+
 def test_it_is_a_pair_that_can_be_sent():
     found = kp.largest_uncertainty(loop("0.4", "0.6"))
     copy = pickle.loads(pickle.dumps(found))

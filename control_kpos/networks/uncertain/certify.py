@@ -59,6 +59,11 @@ class Searches:
             return None
         return by_bounds(bounds, self.lower, self.models[0])
 
+    @property
+    def closed(self) -> tuple[Vertices, NetworkModel | None] | None:
+        """The networks with links of nodes to themselves closed, if one of these is what leaves its cones."""
+        return closed_at_all(self.models, self.lower) if _at_own_link(self.models[0], self.broken) else None
+
     def proof(self) -> UncertainNetworkCertificate | None:
         """The first proof."""
         for found in self.storage.proofs():
@@ -89,7 +94,7 @@ def certify_all(models: Vertices, lower: NetworkModel | None = None) -> Uncertai
     proof = tried.proof()
     if proof is not None:
         return proof
-    closed = closed_at_all(models, lower) if _at_own_link(models[0], tried.broken) else None
+    closed = tried.closed
     if closed is not None:
         found = certify_all(*closed)
         if found or len(closed[0]) == len(models):  # pairs of vertices are no members

@@ -156,7 +156,8 @@ def largest_uncertainty(net: UncertainNetwork) -> LargestUncertainty:
             f"net is {found_argument(net)}; give a network with vertices or ranges, as feedback_interconnect makes it "
             "of kp.stack(A=[A1, A2, ...]) or kp.interval(lower, upper)."
         )
-    family = _Family(net.models, net.lower)
+    closed = Searches(net.models, net.lower).closed
+    family = _Family(*(closed if closed is not None and len(closed[0]) == len(net.models) else (net.models, net.lower)))
     low, high = _bracket(lambda t: Searches(*family.at(t, rounded=0)).seems_proven())
     proof = next(((t, c) for t, c in _proofs(family, low) if c is not None), (0.0, None))
     if high == inf:
