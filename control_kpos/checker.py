@@ -1487,8 +1487,6 @@ def transposed(M: Matrix, m: int) -> Matrix:
         for i, a in column.items():
             out[i][j] = a
     return out
-    """M' of a matrix of m rows."""
-    return [{j: column[i] for j, column in enumerate(M) if i in column} for i in range(m)]
 
 
 def any_size(e: Said, limit: int) -> None:
@@ -1748,7 +1746,6 @@ def uncertain_network(e: Said, limit: int) -> None:
 
     With the `lower` ends of ranges, also for what is between them and the first vertices, see `within`.
     """
-    rate = decay_rate_or_none(e)
     s, Q = proven_at_vertices(e, limit)
     low = end_system(e, "lower", s)
     if low is not None:
@@ -1778,7 +1775,7 @@ def proven_at_vertices(e: Said, limit: int) -> tuple[System, Vector]:
 
     One V, R, Q and one p, t:  all of it is linear in (A, B, C, D) of a node.
     """
-    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
+    rate = decay_rate_or_none(e)
     systems, Q = vertex_systems(e, limit), Vector()
     for s, own in systems:
         positive(s, own)
@@ -2472,7 +2469,7 @@ def differentially_positive_network(e: Said, limit: int) -> None:
     need(all(nonnegative(x) for M in s.lower[1:] for x in M), "lower ends are not negative")
     kept_off = ((i, j, a) for j, x in enumerate(own_part(s)) for i, a in x.items())
     need(all(a >= 0 for i, j, a in kept_off if i != j), "A- - B+ s+ C+ >= 0 off the diagonal")
-    rate = decay_rate(e) if "decay_rate" in e else Fraction(0)
+    rate = decay_rate_or_none(e)
     contracts = e["e"] is not None or e["v"] is not None
     expect((rate > 0) == contracts, "a decay rate is positive with vectors that prove it, and else 0")
     all_or_none(e, ("e", "y", "y_lower", "u"), by_e, s, rate)

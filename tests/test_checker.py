@@ -11,8 +11,8 @@ from pathlib import Path
 
 import campaigns
 import certified
-import checker_chains
 import checker_bounded
+import checker_chains
 import checker_claims
 import checker_cones
 import checker_costs
@@ -39,8 +39,7 @@ LIMIT = 10**5
 LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
-HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES
-HAND |= checker_bounded.CASES
+HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES | checker_bounded.CASES
 
 
 @pytest.fixture(scope="module")
