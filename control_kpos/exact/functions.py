@@ -154,6 +154,15 @@ def _power_of_number(x: Interval, power: float, less: int) -> Interval:
     return ia.hull(*(elementary.real_power(float(end), power, less) if end else (0.0, 0.0) for end in x))
 
 
+def power_or_infinite(x: Interval, power: Interval) -> Interval:
+    """x^p, where 0^p is infinite for p < 0."""
+    with np.errstate(all="ignore"):
+        ends = [_power((end + (end == 0), end + (end == 0)), power) for end in x]
+    at_zero = np.where(power[1] < 0, np.inf, np.where(power[0] > 0, 0.0, 1.0))
+    low, high = ([np.where(end == 0, at_zero, part[side]) for end, part in zip(x, ends, strict=True)] for side in (0, 1))
+    return np.minimum(*low), np.maximum(*high)
+
+
 def _power_with_zero(x: Interval, power: Interval) -> Interval:
     """x^p, where 0^p = 0; x is positive if p is negative."""
     return ia.hull(*(_power_at(end, power) for end in x))

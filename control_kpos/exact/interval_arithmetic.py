@@ -65,8 +65,8 @@ def product(a: Interval, b: Interval) -> Interval:
 @np.errstate(all="ignore")
 def loose_product(a: Interval, b: Interval) -> Interval:
     """The product, which may be infinite."""
-    first = [(x, x == 0, _is_power_of_two(x)) for x in (a[:1] if a[0] is a[1] else a)]
-    second = [(x, x == 0, _is_power_of_two(x)) for x in (b[:1] if b[0] is b[1] else b)]
+    first = [(x, x == 0, is_power_of_two(x)) for x in (a[:1] if a[0] is a[1] else a)]
+    second = [(x, x == 0, is_power_of_two(x)) for x in (b[:1] if b[0] is b[1] else b)]
     low = high = None
     for x, x_zero, x_power in first:
         for y, y_zero, y_power in second:
@@ -78,7 +78,8 @@ def loose_product(a: Interval, b: Interval) -> Interval:
     return low, high
 
 
-def _is_power_of_two(x: Any) -> Any:
+def is_power_of_two(x: Any) -> Any:
+    """Whether products with it are exact, but for underflow."""
     return np.abs(np.frexp(x)[0]) == 0.5
 
 
@@ -119,10 +120,16 @@ def inverse(a: Interval) -> Interval:
     """Range of 1 / x."""
     if may_be_zero((np.asarray(a[0]), np.asarray(a[1]))):
         raise UnboundedError(MAY_BE_ZERO)
+    return bounded(loose_inverse(a))
+
+
+@np.errstate(all="ignore")
+def loose_inverse(a: Interval) -> Interval:
+    """Range of 1 / x for intervals without zero, which may be infinite."""
     low, high = 1 / a[1], 1 / a[0]
-    exact = _is_power_of_two(a[1]), _is_power_of_two(a[0])
+    exact = is_power_of_two(a[1]), is_power_of_two(a[0])
     low = np.where(exact[0] & (np.abs(low) >= SMALLEST_NORMAL), low, below(low))
-    return bounded((low, np.where(exact[1] & (np.abs(high) >= SMALLEST_NORMAL), high, above(high))))
+    return low, np.where(exact[1] & (np.abs(high) >= SMALLEST_NORMAL), high, above(high))
 
 
 def quotient(a: Interval, b: Interval) -> Interval:

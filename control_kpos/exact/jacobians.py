@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, ShapeError
+from .growth import Growth
 from .intervals import IntervalDual, Quantities, Rows, is_finite_number, known_of
 from .quantities import Known, constant
+from .sharper import FACES, Bounds, sharper
 from .unreadable import UnboundedError, UnsupportedError, Watch, watched
 
 Array = NDArray[np.float64]
@@ -19,22 +21,29 @@ Array = NDArray[np.float64]
 _DEEPEST = 10
 
 
-def values_on_box(function: Callable[[Any], Any], lower: Any, upper: Any, n: int) -> tuple[list[Known], Watch]:
-    """The function's values, their derivatives by the first n quantities, and what was noted."""
+def values_on_box(
+    function: Callable[[Any], Any], lower: Any, upper: Any, n: int, *, bends: bool = False
+) -> tuple[list[Known], Watch]:
+    """The function's values, their derivatives by the first n quantities, second ones if asked, and what was noted."""
     x = np.empty(len(lower), dtype=object).view(Quantities)
-    for i, item in enumerate(_arguments(lower, upper, n)):
+    for i, item in enumerate(_arguments(lower, upper, n, bends)):
         x[i] = item
     values, watch = watched(function, x)
     return [_known(y, n) for y in values], watch
 
 
-def _arguments(lower: Any, upper: Any, n: int) -> list[IntervalDual]:
+def _arguments(lower: Any, upper: Any, n: int, bends: bool = False) -> list[IntervalDual]:
     """Quantities between bounds, one or many of each, with the derivatives by the first n of them."""
-    out = []
+    out: list[IntervalDual] = []
+    flat = np.zeros((n, n))
+    bounds = tuple(np.moveaxis(np.asarray(side, dtype=float)[:n], 0, -1) for side in (lower, upper))
     for i, (a, b) in enumerate(zip(lower, upper, strict=True)):
         unit = np.zeros(n)
         unit[i:][:1] = 1.0
-        known = Known((np.asarray(a, dtype=float), np.asarray(b, dtype=float)), (unit, unit), object())
+        value = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+        known = Known(value, (unit, unit), object())
+        if bends:
+            known = known._replace(bend=(flat, flat), growth=Growth(bounds, (unit, unit)))
         out.append(IntervalDual(known, i))
     return out
 
@@ -169,12 +178,42 @@ def _ends(values: list[Known]) -> tuple[Array, Array]:
 
 def enclosed_jacobian(function: Callable[[Any], Any], box: Array, n: int, *, kinks: bool = True) -> tuple[Array, Array]:
     """Midpoint and radius of the Jacobian with respect to the first n quantities."""
+    return _around(*_bounds(function, box, n, kinks=kinks))
+
+
+def _bounds(function: Callable[[Any], Any], box: Array, n: int, *, kinks: bool = True) -> tuple[Array, Array]:
     values, watch = values_on_box(function, box[:, 0], box[:, 1], n)
     if watch.met_kink and (box[:, 0] == box[:, 1]).all() and not kinks:
         raise UnboundedError("the derivative may not exist at this point")
     low, high = _ends(values)
     if low.shape[0] != n:
         raise ShapeError(f"the system's update function returned {low.shape[0]} values for {n} states.")
+    return low, high
+
+
+def _in_second_order(function: Callable[[Any], Any], box: Array, n: int) -> tuple[Bounds, Bounds]:
+    """The Jacobian with respect to the first n quantities, by relative growth too, and its derivatives by all."""
+    m = len(box)
+    values, _ = values_on_box(function, box[:, 0], box[:, 1], m, bends=True)
+    none = np.zeros((m, m)), np.zeros((m, m))
+    first, second = _ends(values), tuple(np.array([(y.bend or none)[side][:n] for y in values]) for side in (0, 1))
+    return (first[0][:, :n], first[1][:, :n]), (second[0], second[1])
+
+
+def _sharper_jacobian(function: Callable[[Any], Any], box: Array, n: int) -> tuple[Array, Array]:
+    """Midpoint and radius of the Jacobian, by second derivatives and the ends of the box."""
+    return _around(
+        *sharper(
+            lambda face: _bounds(function, face, n),
+            lambda whole: _in_second_order(function, whole, n),
+            box,
+            _bounds(function, box, n),
+        )
+    )
+
+
+def _around(low: Array, high: Array) -> tuple[Array, Array]:
+    """Midpoint and radius."""
     centre = 0.5 * low + 0.5 * high
     exact = low == high
     radius = np.nextafter(np.maximum(np.nextafter(centre - low, np.inf), np.nextafter(high - centre, np.inf)), np.inf)
@@ -211,7 +250,13 @@ def jacobian_pieces(
                 ) from None
             waiting += _halves(box, sides, depth)
             continue
-        if final or decided(centre, radius):
+        is_decided = decided(centre, radius)
+        if not is_decided and not late(len(waiting) + 1 + FACES):
+            sharp = _sharper_jacobian(function, box, n)
+            if (sharp[1] < radius).any():
+                centre, radius = sharp
+                is_decided = decided(centre, radius)
+        if final or is_decided:
             produced += 1
             yield centre, radius
             continue

@@ -14,8 +14,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import functions
+from . import bends, functions
+from . import growth as rates
 from . import interval_arithmetic as ia
+from .bends import Bend
+from .growth import Growth
 from .interval_arithmetic import ONE, ZERO, Interval
 from .unreadable import UnboundedError, UnsupportedError, note_kink, same_object
 
@@ -69,12 +72,18 @@ class Known(NamedTuple):
         The same for quantities that came about by the same steps.
     straight : Line, optional
         This as a line in another quantity.
+    bend : pair of arrays, shape (..., k, k), optional
+        Bounds of the second derivatives, which may be infinite; None for zero, and where nobody asked.
+    growth : Growth, optional
+        Relative growth; the same.
     """
 
     value: Interval
     gradient: Gradient
     name: object
     straight: Line | None = None
+    bend: Bend = None
+    growth: Growth | None = None
 
     @property
     def line(self) -> Line:
@@ -113,17 +122,23 @@ def spread(a: Interval) -> Interval:
 def plus(a: Known, b: Known) -> Known:
     """a + b."""
     value, gradient = ia.sum_of(a.value, b.value), ia.sum_of(a.gradient, b.gradient)
-    return _refined(value, gradient, same_object("+", *_in_order(a, b)), a.line.plus(b.line))
+    name, bend = same_object("+", *_in_order(a, b)), bends.total(a.bend, b.bend)
+    growth = rates.mean(a.growth, a.value, b.growth, b.value)
+    return _refined(Known(value, gradient, name, a.line.plus(b.line), bend, growth))
 
 
-def _refined(value: Interval, gradient: Gradient, name: object, line: Line | None) -> Known:
-    """A quantity that may be a line: then it is enclosed as such, too."""
+def _refined(known: Known) -> Known:
+    """A quantity that may be a line: then it is enclosed as such, too; and by its relative growth."""
+    value, gradient, _, line, *_ = known
     if line is not None and line.base is not None:
         straight = ia.loose_sum(ia.loose_product(line.scale, line.base.value), line.shift)
         slopes = ia.loose_product(line.base.gradient, spread(line.scale))
         if ia.is_bounded(straight) and ia.is_bounded(slopes):
-            value, gradient = ia.common(value, straight), ia.common(gradient, slopes)
-    return Known(value, gradient, name, line)
+            known = known._replace(value=ia.common(value, straight), gradient=ia.common(gradient, slopes))
+    if known.growth is None:
+        return known
+    growth, gradient = rates.met(known.growth, known.value, known.gradient)
+    return known._replace(growth=growth, gradient=gradient)
 
 
 def _in_order(a: Known, b: Known) -> list[object]:
@@ -139,7 +154,8 @@ def minus(a: Known, b: Known) -> Known:
 def negative(a: Known) -> Known:
     """-a."""
     line = a.line.moved((-1.0, -1.0), ZERO)
-    return Known(ia.negative(a.value), ia.negative(a.gradient), same_object("-", a.name), line)
+    name, bend = same_object("-", a.name), bends.negative(a.bend)
+    return Known(ia.negative(a.value), ia.negative(a.gradient), name, line, bend, a.growth)
 
 
 def times(a: Known, b: Known) -> Known:
@@ -148,11 +164,22 @@ def times(a: Known, b: Known) -> Known:
         return integer_power(a, 2)
     first, second = ia.product(a.gradient, spread(b.value)), ia.product(b.gradient, spread(a.value))
     value, gradient = ia.product(a.value, b.value), ia.sum_of(first, second)
-    return Known(value, gradient, same_object("*", *_in_order(a, b)), a.line.times(b.line))
+    bend = bends.total(bends.scaled(b.value, a.bend), bends.scaled(a.value, b.bend), _crossed(a, b))
+    name, growth = same_object("*", *_in_order(a, b)), rates.added(a.growth, b.growth)
+    return _refined(Known(value, gradient, name, a.line.times(b.line), bend, growth))
+
+
+def _crossed(a: Known, b: Known) -> Bend:
+    """a' b' + b' a', if second derivatives were asked for."""
+    return None if a.bend is None or b.bend is None else bends.both(a.gradient, b.gradient)
 
 
 def over(a: Known, b: Known) -> Known:
     """a / b, with (a' - (a / b) b') / b for its slope, where b occurs less often than in that of a (1 / b)."""
+    return _refined(_over(a, b)._replace(growth=rates.added(a.growth, rates.negative(b.growth))))
+
+
+def _over(a: Known, b: Known) -> Known:
     name, above, below = same_object("/", a.name, b.name), a.line, b.line
     if below.base is not None and (above.base is None or above.base.name is below.base.name):
         return _fractional_linear(above, below, below.base, name)
@@ -160,7 +187,16 @@ def over(a: Known, b: Known) -> Known:
     value = ia.product(a.value, inverse)
     by_b = ia.product(b.gradient, spread(value))
     slope = ia.product(ia.difference(a.gradient, by_b), spread(inverse))
-    return Known(value, slope, name, above.moved(inverse, ZERO) if b.is_constant else None)
+    return _bent(Known(value, slope, name, above.moved(inverse, ZERO) if b.is_constant else None), a, b)
+
+
+def _bent(ratio: Known, a: Known, b: Known) -> Known:
+    """A quotient q = a / b with its second derivatives, (a'' - q b'' - q' b' - b' q') / b."""
+    if a.bend is None and b.bend is None:
+        return ratio
+    crossed = None if b.bend is None else bends.both(ratio.gradient, b.gradient)
+    parts = bends.total(a.bend, bends.negative(bends.total(bends.scaled(ratio.value, b.bend), crossed)))
+    return ratio._replace(bend=bends.scaled(ia.inverse(b.value), parts))
 
 
 def _fractional_linear(a: Line, b: Line, base: Known, name: object) -> Known:
@@ -172,22 +208,35 @@ def _fractional_linear(a: Line, b: Line, base: Known, name: object) -> Known:
     turn = ia.difference(ia.product(a.scale, b.shift), ia.product(a.shift, b.scale))
     above = [ia.sum_of(ia.product(a.scale, x), a.shift) for x in ends]
     value = ia.hull(*(ia.quotient(x, y) for x, y in zip(above, below, strict=True)))
-    slope = ia.hull(*(ia.quotient(ia.quotient(turn, y), y) for y in below))
-    return Known(value, ia.product(base.gradient, spread(slope)), name)
+    slopes = [ia.quotient(ia.quotient(turn, y), y) for y in below]
+    bend, double = None, ia.product((-2.0, -2.0), b.scale)
+    if base.bend is not None:
+        curvature = ia.hull(*(ia.quotient(ia.product(double, s), y) for s, y in zip(slopes, below, strict=True)))
+        bend = bends.chained(ia.hull(*slopes), curvature, base.gradient, base.bend)
+    return Known(value, ia.product(base.gradient, spread(ia.hull(*slopes))), name, bend=bend)
 
 
-def chained(name: str, a: Known, ranges: functions.Ranges) -> Known:
-    """A function of a with a range of values and of slopes."""
+def chained(
+    name: str, a: Known, ranges: functions.Ranges, curvature: Callable[..., Interval], exponent: Interval | None = None
+) -> Known:
+    """A function of a, a power perhaps, with ranges of values and of slopes, and of second derivatives by these."""
     value, slope = ia.bounded(ranges[0]), ia.bounded(ranges[1])
-    return Known(value, ia.product(a.gradient, spread(slope)), same_object(name, a.name))
+    bend = None
+    if a.bend is not None:
+        bend = bends.chained(slope, curvature(a.value, value, slope), a.gradient, a.bend)
+    known = Known(value, ia.product(a.gradient, spread(slope)), same_object(name, a.name), None, bend)
+    growth = rates.of_function(name, a.growth, a.value, a.gradient) if exponent is None else rates.scaled(exponent, a.growth)
+    return _refined(known._replace(growth=growth))
 
 
 def integer_power(a: Known, power: int) -> Known:
     """a^k, k >= 1."""
-    slope = ia.product((float(power), float(power)), ia.integer_power(a.value, power - 1))
     if power == 1:
         return a
-    return chained(f"power {power}", a, (ia.integer_power(a.value, power), slope))
+    slope = ia.product((float(power), float(power)), ia.integer_power(a.value, power - 1))
+    ranges = ia.integer_power(a.value, power), slope
+    exponent = float(power), float(power)
+    return chained(f"power {power}", a, ranges, lambda x, *_: bends.integer_power(x, power), exponent)
 
 
 def power(a: Known, b: Known) -> Known:
@@ -196,10 +245,10 @@ def power(a: Known, b: Known) -> Known:
         return applied("exp", times(b, applied("log", a)))
     first = float(np.ravel(b.value[0])[0])
     if (b.value[0] != first).any():
-        return chained(f"power {id(b.name)}", a, functions.real_power(a.value, b.value[0]))
+        return _real_power(f"power {id(b.name)}", a, b.value[0])
     exponent = first
     if not exponent.is_integer():
-        return chained(f"power {exponent!r}", a, functions.real_power(a.value, exponent))
+        return _real_power(f"power {exponent!r}", a, exponent)
     if exponent == 0:
         return constant(np.ones(np.shape(a.value[0])), a.gradient[0].shape[-1])
     if abs(exponent) > _HIGHEST:
@@ -208,9 +257,14 @@ def power(a: Known, b: Known) -> Known:
     return raised if exponent > 0 else reciprocal(raised)
 
 
+def _real_power(name: str, a: Known, power: Any) -> Known:
+    ranges = functions.real_power(a.value, power)
+    return chained(name, a, ranges, lambda x, *_: bends.real_power(x, power), (power, power))
+
+
 def applied(name: str, a: Known) -> Known:
     """A function of `functions` by its name."""
-    return chained(name, a, functions.NAMED[name](a.value))
+    return chained(name, a, functions.NAMED[name](a.value), bends.OF[name])
 
 
 def larger(a: Known, b: Known) -> Known:
@@ -230,7 +284,9 @@ def larger(a: Known, b: Known) -> Known:
     for chosen, taken in ((first, a), (second, b)):
         if chosen.all():
             return taken._replace(value=value)
-    return Known(value, (low, high), same_object("larger", *_in_order(a, b)))
+    bend = None if a.bend is None and b.bend is None else bends.unknown_where(True, None, (low, high))
+    growth = rates.either(a.growth, b.growth)
+    return Known(value, (low, high), same_object("larger", *_in_order(a, b)), None, bend, growth)
 
 
 def _differ(a: Gradient, b: Gradient) -> Any:
@@ -255,7 +311,20 @@ def hypot(a: Known, b: Known) -> Known:
     if (value[0] == 0).any():
         note_kink()
     parts = [ia.product(x.gradient, spread(_share(x.value, y.value))) for x, y in ((a, b), (b, a))]
-    return Known(value, ia.sum_of(*parts), same_object("hypot", *_in_order(a, b)))
+    gradient = ia.sum_of(*parts)
+    bend = None if a.bend is None and b.bend is None else _bend_of_hypot(a, b, Known(value, gradient, None))
+    growth = rates.either(a.growth, b.growth)
+    return _refined(Known(value, gradient, same_object("hypot", *_in_order(a, b)), None, bend, growth))
+
+
+def _bend_of_hypot(a: Known, b: Known, length: Known) -> Bend:
+    """(a' a' + b' b' + a a'' + b b'' - h' h') / h."""
+    zero = np.asarray(length.value[0] == 0)
+    per = ia.inverse((length.value[0] + zero, length.value[1] + zero))
+    squares = bends.total(*(bends.squared(ia.bounded(x.gradient)) for x in (a, b)))
+    lever = (bends.scaled(x.value, x.bend) for x in (a, b))
+    parts = bends.total(squares, *lever, bends.negative(bends.squared(length.gradient)))
+    return bends.unknown_where(zero, bends.scaled(per, parts), length.gradient)
 
 
 def _share(a: Interval, b: Interval) -> Interval:
@@ -280,8 +349,15 @@ def logaddexp(a: Known, b: Known) -> Known:
     """ln(e^a + e^b)."""
     value, slope = functions.logaddexp(a.value, b.value)
     first = ia.product(a.gradient, spread(slope))
-    second = ia.product(b.gradient, spread(functions.logistic(ia.difference(b.value, a.value))[0]))
-    return Known(ia.bounded(value), ia.sum_of(first, second), same_object("logaddexp", *_in_order(a, b)))
+    rest = functions.logistic(ia.difference(b.value, a.value))[0]
+    second = ia.product(b.gradient, spread(rest))
+    bend = None
+    if a.bend is not None or b.bend is not None:
+        apart = bends.squared(ia.difference(a.gradient, b.gradient))
+        curved = bends.scaled(bends.product(slope, rest), apart)
+        bend = bends.total(bends.scaled(slope, a.bend), bends.scaled(rest, b.bend), curved)
+    name, growth = same_object("logaddexp", *_in_order(a, b)), rates.unknown(a.growth, b.growth)
+    return _refined(Known(ia.bounded(value), ia.sum_of(first, second), name, None, bend, growth))
 
 
 def arctan2(a: Known, b: Known) -> Known:
