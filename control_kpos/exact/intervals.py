@@ -8,12 +8,14 @@ counts.  What an object knows is kept under no attribute: only this module reads
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 
-from .quantities import BINARY, UNARY, Known, constant
+from .branches import Comparison, Joined, chosen
+from .quantities import BINARY, UNARY, Known, constant, minus
 from .unreadable import Unreadable, UnsupportedError
 
 
@@ -89,6 +91,9 @@ def _method(name: str) -> Callable[..., Any]:
 for _name, _symbol in (("add", "add"), ("subtract", "sub"), ("multiply", "mul"), ("divide", "truediv")):
     setattr(IntervalDual, f"__{_symbol}__", _operator(_name))
     setattr(IntervalDual, f"__r{_symbol}__", _operator(_name, swapped=True))
+_COMPARED = {"less": "lt", "less_equal": "le", "greater": "gt", "greater_equal": "ge", "equal": "eq", "not_equal": "ne"}
+for _name, _symbol in _COMPARED.items():
+    setattr(IntervalDual, f"__{_symbol}__", _operator(_name))
 for _name in (*UNARY, "hypot", "arctan2"):
     setattr(IntervalDual, _name, _method(_name))
 IntervalDual.__neg__, IntervalDual.__abs__ = _method("negative"), _method("absolute")
@@ -96,7 +101,7 @@ IntervalDual.__neg__, IntervalDual.__abs__ = _method("negative"), _method("absol
 
 def _is_for_numpy(item: IntervalDual, other: Any) -> bool:
     """Whether numpy applies the operation to each entry of an array."""
-    if type(other) is IntervalDual or not isinstance(other, np.ndarray):
+    if not _is_array(other):
         return False
     return not np.ndim(known_of(item).value[0]) or other.dtype == object
 
@@ -120,33 +125,154 @@ def _unary(name: str, item: IntervalDual) -> IntervalDual:
     return IntervalDual(UNARY[name](_read(item, known_of(item))), hash((name, steps_to(item))))
 
 
-def _binary(name: str, first: Any, second: Any) -> IntervalDual:
+def _binary(name: str, first: Any, second: Any) -> Any:
+    if name == "multiply" and Choice in (type(first), type(second)):
+        chooser, factor = (first, second) if type(first) is Choice else (second, first)
+        return _where(chooser, factor, 0.0)  # true is 1, false is 0
     like = known_of(first if type(first) is IntervalDual else second)
     a, b = _read(first, like), _read(second, like)
-    return IntervalDual(BINARY[name](a, b), hash((name, steps_to(first), steps_to(second))))
+    steps = hash((name, steps_to(first), steps_to(second)))
+    return Choice(_comparison(name, a, b), steps) if name in _COMPARED else IntervalDual(BINARY[name](a, b), steps)
+
+
+def _comparison(name: str, a: Known, b: Known) -> Any:
+    """Conditions do not ask which branch is taken where both sides are equal: the branches have to meet there."""
+    if name in ("equal", "not_equal"):
+        equality = Comparison(minus(a, b), is_equality=True)
+        return equality if name == "equal" else Joined("not", (equality,))
+    return Comparison(minus(b, a) if name.startswith("less") else minus(a, b))
 
 
 def steps_to(item: Any) -> int:
     """What a result of a call came about by, up to the hash of it."""
     if type(item) is IntervalDual:
         return _STEPS.__get__(item)
+    if type(item) is Choice:
+        return _CHOICE_STEPS.__get__(item)
     return hash(item.tobytes() if isinstance(item, np.ndarray) else item)
 
 
 def _clipped(item: Any, low: Any, high: Any) -> Any:
-    raised = item if low is None else _either("maximum", item, low)
-    return raised if high is None else _either("minimum", raised, high)
+    raised = item if low is None else _OWN["maximum"](item, low)
+    return raised if high is None else _OWN["minimum"](raised, high)
 
 
-def _either(name: str, *items: Any) -> Any:
-    """A function of one or two, at least one of them an interval; numpy's own, if none is."""
-    if not any(type(item) is IntervalDual for item in items):
-        return getattr(np, name)(*items)
-    return _unary(name, *items) if len(items) == 1 else _binary(name, *items)
+class Choice(Unreadable):
+    """A condition on quantities, which says nothing but which of two others is taken.
+
+    Parameters
+    ----------
+    condition : Comparison or Joined
+    steps : int
+        The same for what came about by the same operations, in any call.
+    """
+
+    __array_priority__ = 1000
+    __slots__ = ("_condition", "_steps")
+
+    def __init__(self, condition: Any, steps: int) -> None:
+        _CONDITION.__set__(self, condition)
+        _CHOICE_STEPS.__set__(self, steps)
+
+    def __and__(self, other: Any) -> Any:
+        return _joined("logical_and", self, other)
+
+    def __or__(self, other: Any) -> Any:
+        return _joined("logical_or", self, other)
+
+    def __invert__(self) -> Any:
+        return _joined("logical_not", self)
+
+    def __mul__(self, other: Any) -> Any:
+        return NotImplemented if _is_array(other) else _binary("multiply", self, other)
+
+    __rmul__ = __mul__
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **how: Any) -> Any:
+        return _apply(ufunc, method, inputs, how)
+
+    def __array_function__(self, function: Any, _: Any, inputs: Any, how: Any) -> Any:
+        return _selected(function, inputs, how)
+
+    __array__ = Unreadable._refuse
+
+
+_CONDITION, _CHOICE_STEPS = (Choice.__dict__[name] for name in ("_condition", "_steps"))
+del Choice._condition, Choice._steps  # type: ignore[attr-defined]
+_JOINED = {"logical_and": "and", "logical_or": "or", "logical_not": "not"}
+_JOINED |= {"bitwise_and": "and", "bitwise_or": "or", "invert": "not"}
+
+
+def _joined(name: str, *items: Any) -> Any:
+    """Conditions joined by and, or, not."""
+    if any(type(item) is not Choice for item in items):
+        raise UnsupportedError("a condition on quantities is joined with something else")
+    steps = hash((name, *(steps_to(item) for item in items)))
+    return Choice(Joined(_JOINED[name], tuple(_CONDITION.__get__(item) for item in items)), steps)
+
+
+def _where(choice: Any, first: Any, second: Any) -> Any:
+    """np.where for one quantity, or one of many boxes; entry by entry for arrays."""
+    if type(choice) is Choice:
+        condition = _CONDITION.__get__(choice)
+        like = condition.comparisons[0].d
+        if np.ndim(like.value[0]) or not any(_is_array(item) and item.ndim for item in (first, second)):
+            a, b = _read(first, like), _read(second, like)
+            steps = hash(("where", *(steps_to(item) for item in (choice, first, second))))
+            return IntervalDual(chosen(condition, a, b, steps), steps)
+        choice = _alone(choice)
+    if _is_array(choice):
+        return np.frompyfunc(_where, 3, 1)(*(_plain(x) for x in (choice, first, second))).view(Quantities)
+    return first if choice else second
+
+
+def _select(conditions: Any, choices: Any, default: Any = 0) -> Any:
+    out = default
+    for condition, choice in reversed(list(zip(conditions, choices, strict=True))):
+        out = _where(condition, choice, out)
+    return out
+
+
+def _piecewise(x: Any, conditions: Any, functions: Any, *others: Any, **named: Any) -> Any:
+    if type(x) is not IntervalDual or np.ndim(known_of(x).value[0]):
+        raise UnsupportedError("np.piecewise of an array")
+    conditions = conditions if type(conditions) in (list, tuple) else [conditions]
+    values = [f(x, *others, **named) if callable(f) else f for f in functions]
+    out = values[len(conditions)] if len(values) == len(conditions) + 1 else 0.0
+    for condition, value in zip(conditions, values, strict=False):
+        out = _where(condition, value, out)
+    return out
+
+
+_SELECTIONS: dict[Any, Callable[..., Any]] = {np.where: _where, np.select: _select, np.piecewise: _piecewise}
+
+
+def _selected(function: Any, inputs: Any, how: Any) -> Any:
+    if function not in _SELECTIONS:
+        raise UnsupportedError(f"numpy's {function.__name__} of conditions")
+    try:
+        return _SELECTIONS[function](*inputs, **how)
+    except (TypeError, ValueError) as error:
+        if isinstance(error, UnsupportedError):
+            raise
+        raise UnsupportedError(f"numpy's {function.__name__}: {error}") from error
 
 
 class Quantities(np.ndarray):
     """An array of quantities, with the functions of numpy that its own arrays of objects lack."""
+
+    @classmethod
+    def of(cls, items: list[IntervalDual]) -> Quantities:
+        """One entry for each."""
+        out = np.empty(len(items), dtype=object).view(cls)
+        for i, item in enumerate(items):
+            out[i] = item
+        return out
+
+    def __array_function__(self, function: Any, types: Any, inputs: Any, how: Any) -> Any:
+        if function in _SELECTIONS:
+            return _selected(function, inputs, how)
+        return super().__array_function__(function, types, inputs, how)
 
     def mean(self, axis: Any = None, dtype: Any = None, out: Any = None, **how: Any) -> Any:
         """The sum over the number of terms."""
@@ -171,6 +297,11 @@ class Rows(Unreadable):
     def __init__(self, rows: list[IntervalDual]) -> None:
         _ROWS.__set__(self, rows)
 
+    @classmethod
+    def of(cls, items: list[IntervalDual]) -> Rows:
+        """One row for each."""
+        return cls(items)
+
     def __len__(self) -> int:
         return len(_ROWS.__get__(self))
 
@@ -194,15 +325,19 @@ del Rows._rows  # type: ignore[attr-defined]
 
 def _apply(ufunc: Any, method: str, inputs: tuple[Any, ...], how: dict[str, Any]) -> Any:
     name = ufunc.__name__
-    if any(type(x) is IntervalDual and np.ndim(known_of(x).value[0]) for x in inputs):
-        if method != "__call__" or how or name not in {*UNARY, *BINARY, "clip"}:
+    if name in _OWN and not _is_own(ufunc):
+        raise UnsupportedError(f"a function of the name {name} that is none of numpy's")
+    if any(type(x) in (IntervalDual, Choice) for x in inputs) and not any(_is_array(x) and x.dtype == object for x in inputs):
+        many = any(type(x) is IntervalDual and np.ndim(known_of(x).value[0]) for x in inputs)
+        if many and (method != "__call__" or how or name not in _OWN):
             raise UnsupportedError(f"numpy's {name} of many boxes at once")
-        return _clipped(*inputs) if name == "clip" else _either(name, *inputs)
+        if method == "__call__" and not how and name in _OWN:
+            return _OWN[name](*inputs)
     if "out" in how:
         how = {**how, "out": tuple(None if x is None else _plain(x) for x in how["out"])}
     function: Any = ufunc
-    if name in _ENTRYWISE:
-        function = np.frompyfunc(_ENTRYWISE[name], ufunc.nin, 1)
+    if name in _OWN and name not in _NUMPYS:
+        function = np.frompyfunc(_OWN[name], ufunc.nin, 1)
     try:
         result = getattr(function, method)(*(_plain(x) for x in inputs), **how)
     except TypeError as error:
@@ -212,13 +347,37 @@ def _apply(ufunc: Any, method: str, inputs: tuple[Any, ...], how: dict[str, Any]
     return result.view(Quantities) if type(result) is np.ndarray else result
 
 
-# Arithmetic is left to numpy, which knows the first terms of sums and products.
-_ENTRYWISE: dict[str, Callable[..., Any]] = {
-    name: (lambda *items, name=name: _either(name, *items))
-    for name in (*UNARY, *BINARY)
-    if name not in ("add", "subtract", "multiply", "divide", "negative", "positive", "power")
-}
-_ENTRYWISE["clip"] = _clipped
+def _is_array(x: Any) -> bool:
+    return issubclass(type(x), np.ndarray)  # what is unreadable refuses isinstance
+
+
+def _is_own(ufunc: Any) -> bool:
+    """Whether this is the function that numpy or scipy.special has under its name, not another one called so."""
+    return any(getattr(library, ufunc.__name__, None) is ufunc for library in _libraries())
+
+
+def _libraries() -> list[Any]:
+    names = ("numpy._core.umath", "numpy.core.umath", "scipy.special")
+    return [np, *(sys.modules[name] for name in names if name in sys.modules)]
+
+
+def _named(name: str) -> Callable[..., Any]:
+    """A function of quantities, conditions and numbers; numpy's own where all are numbers."""
+
+    def function(*items: Any) -> Any:
+        if name in _JOINED:
+            return _joined(name, *items)
+        if not any(type(item) in (IntervalDual, Choice) for item in items):
+            return next(getattr(library, name) for library in _libraries() if hasattr(library, name))(*items)
+        return _unary(name, *items) if len(items) == 1 else _binary(name, *items)
+
+    return function
+
+
+_OWN: dict[str, Callable[..., Any]] = {name: _named(name) for name in (*UNARY, *BINARY, *_COMPARED, *_JOINED)}
+_OWN["clip"] = _clipped
+# In arrays arithmetic is left to numpy, which knows the first terms of sums and products.
+_NUMPYS = ("add", "subtract", "multiply", "divide", "negative", "positive", "power")
 
 
 def _alone(item: IntervalDual) -> Any:
@@ -229,7 +388,7 @@ def _alone(item: IntervalDual) -> Any:
 
 def _plain(item: Any) -> Any:
     """Arrays of numpy alone."""
-    if type(item) is IntervalDual:
+    if type(item) in (IntervalDual, Choice):
         return _alone(item)
     return item.view(np.ndarray) if type(item) is Quantities else item
 

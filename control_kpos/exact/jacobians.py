@@ -9,27 +9,44 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DataError, ShapeError
+from .branches import require_no_jumps
 from .growth import Growth
 from .intervals import IntervalDual, Quantities, Rows, is_finite_number, known_of
-from .quantities import Known, constant
+from .quantities import Known, Variable, constant
 from .sharper import FACES, Bounds, sharper
-from .unreadable import UnboundedError, UnsupportedError, Watch, watched
+from .unreadable import Surface, UnboundedError, UnsupportedError, Watch, watched
 
 Array = NDArray[np.float64]
 
 # An unbounded enclosure is cut in two this often before it is given up.
 _DEEPEST = 10
+# Boxes in a row, more or less, on which second derivatives decide nothing, after which they are not asked for.
+_PATIENCE = 6
 
 
 def values_on_box(
     function: Callable[[Any], Any], lower: Any, upper: Any, n: int, *, bends: bool = False
 ) -> tuple[list[Known], Watch]:
     """The function's values, their derivatives by the first n quantities, second ones if asked, and what was noted."""
-    x = np.empty(len(lower), dtype=object).view(Quantities)
-    for i, item in enumerate(_arguments(lower, upper, n, bends)):
-        x[i] = item
-    values, watch = watched(function, x)
+    values, watch = _called(function, Quantities, _arguments(lower, upper, n, bends), lower, upper)
     return [_known(y, n) for y in values], watch
+
+
+def _called(
+    function: Callable[[Any], Any], kind: type[Quantities] | type[Rows], items: list[IntervalDual], lower: Any, upper: Any
+) -> tuple[list[Any], Watch]:
+    """What a function returns, once it is proven not to jump."""
+    values, watch = watched(function, kind.of(items))
+
+    def on_surface(surface: Surface) -> tuple[Any, Watch]:
+        i, place = surface.variable, surface.place
+        boxes = surface.boxes & (lower[i] <= place) & (place <= upper[i])
+        low, high = list(lower), list(upper)
+        low[i], high[i] = np.where(boxes, place, lower[i]), np.where(boxes, place, upper[i])
+        return boxes, watched(function, kind.of(_arguments(low, high, 0)))[1] if boxes.any() else watch
+
+    require_no_jumps(watch, on_surface)
+    return values, watch
 
 
 def _arguments(lower: Any, upper: Any, n: int, bends: bool = False) -> list[IntervalDual]:
@@ -41,7 +58,7 @@ def _arguments(lower: Any, upper: Any, n: int, bends: bool = False) -> list[Inte
         unit = np.zeros(n)
         unit[i:][:1] = 1.0
         value = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-        known = Known(value, (unit, unit), object())
+        known = Known(value, (unit, unit), Variable(i))
         if bends:
             known = known._replace(bend=(flat, flat), growth=Growth(bounds, (unit, unit)))
         out.append(IntervalDual(known, i))
@@ -95,7 +112,7 @@ def values_and_blocks(
 ) -> tuple[Array, Array, Array, Array]:
     """Bounds of the values, shape (N, k) each, and then those of `jacobian_blocks`."""
     lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    values = [_known(y, n) for y in watched(function, Rows(_arguments(lower, upper, n)))[0]]
+    values = [_known(y, n) for y in _called(function, Rows, _arguments(lower, upper, n), lower, upper)[0]]
     count = lower.shape[1]
     ends = ([np.broadcast_to(y.value[side], count) for y in values] for side in (0, 1))
     slopes = ([np.broadcast_to(y.gradient[side], (count, n)) for y in values] for side in (0, 1))
@@ -237,6 +254,7 @@ def jacobian_pieces(
     """
     waiting, produced = [(whole, 0)], 0
     sides = np.flatnonzero(whole[:, 1] > whole[:, 0])
+    patience = _PATIENCE
     while waiting:
         box, depth = waiting.pop()
         final = produced + len(waiting) + 1 >= most or not sides.size or late(len(waiting) + 1)
@@ -251,11 +269,10 @@ def jacobian_pieces(
             waiting += _halves(box, sides, depth)
             continue
         is_decided = decided(centre, radius)
-        if not is_decided and not late(len(waiting) + 1 + FACES):
-            sharp = _sharper_jacobian(function, box, n)
-            if (sharp[1] < radius).any():
-                centre, radius = sharp
-                is_decided = decided(centre, radius)
+        if not is_decided and patience > 0 and not late(len(waiting) + 1 + FACES):
+            centre, radius = _sharper_jacobian(function, box, n)
+            is_decided = decided(centre, radius)
+            patience += _PATIENCE if is_decided else -1
         if final or is_decided:
             produced += 1
             yield centre, radius

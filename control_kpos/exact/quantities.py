@@ -59,6 +59,15 @@ class Line(NamedTuple):
         return other.moved(self.shift, ZERO) if self.base is None else None
 
 
+class Variable:
+    """Names one of the quantities that a function is called with; each call has its own."""
+
+    __slots__ = ("index",)
+
+    def __init__(self, index: int) -> None:
+        self.index = index
+
+
 class Known(NamedTuple):
     """What is known of a quantity on a box.
 
@@ -276,7 +285,7 @@ def larger(a: Known, b: Known) -> Known:
     first = np.asarray((a.value[0] >= b.value[1]) & (a.value[1] > b.value[0]))[..., None]
     second = np.asarray((b.value[0] >= a.value[1]) & (b.value[1] > a.value[0]))[..., None]
     either = ia.hull(a.gradient, b.gradient)
-    if (~first & ~second & _differ(a.gradient, b.gradient)).any():
+    if (~first & ~second & differ(a.gradient, b.gradient)).any():
         note_kink()
     low, high = (
         np.where(first, x, np.where(second, y, z)) for x, y, z in zip(a.gradient, b.gradient, either, strict=True)
@@ -289,7 +298,7 @@ def larger(a: Known, b: Known) -> Known:
     return Known(value, (low, high), same_object("larger", *_in_order(a, b)), None, bend, growth)
 
 
-def _differ(a: Gradient, b: Gradient) -> Any:
+def differ(a: Gradient, b: Gradient) -> Any:
     """Where two slopes need not be the same number."""
     return (a[0] != b[0]) | (a[1] != b[1]) | (a[0] != a[1])
 
@@ -302,6 +311,20 @@ def smaller(a: Known, b: Known) -> Known:
 def size(a: Known) -> Known:
     """|a|."""
     return larger(a, negative(a))
+
+
+def sign(a: Known) -> Known:
+    """1 or -1, for a quantity that is nowhere zero; it jumps elsewhere."""
+    up, down = np.asarray(a.value[0] > 0), np.asarray(a.value[1] < 0)
+    if not (up | down).all():
+        raise UnsupportedError("the sign of a quantity that may be zero, where it jumps")
+    return constant(np.where(up, 1.0, -1.0), a.gradient[0].shape[-1])
+
+
+def heaviside(a: Known, _: Known) -> Known:
+    """0 or 1, for a quantity that is nowhere zero."""
+    one = constant(1.0, a.gradient[0].shape[-1])
+    return times(constant(0.5, a.gradient[0].shape[-1]), plus(one, sign(a)))
 
 
 def hypot(a: Known, b: Known) -> Known:
@@ -360,6 +383,15 @@ def logaddexp(a: Known, b: Known) -> Known:
     return _refined(Known(ia.bounded(value), ia.sum_of(first, second), name, None, bend, growth))
 
 
+def logaddexp2(a: Known, b: Known) -> Known:
+    """log2(2^a + 2^b)."""
+    variables = a.gradient[0].shape[-1]
+    low, high = functions.constant("ln 2")
+    size = Known((np.asarray(low), np.asarray(high)), (np.zeros(variables),) * 2, same_object("ln 2"))
+    number = size._replace(straight=Line(None, ZERO, size.value))
+    return over(logaddexp(times(a, number), times(b, number)), number)
+
+
 def arctan2(a: Known, b: Known) -> Known:
     """The angle of (b, a), for b > 0."""
     if not (b.value[0] > 0).all():
@@ -386,6 +418,9 @@ UNARY: dict[str, Callable[[Known], Known]] = {
     "fabs": size,
     "square": square,
     "reciprocal": reciprocal,
+    "sign": sign,
+    "logit": lambda a: minus(applied("log", a), applied("log1p", negative(a))),
+    "log_expit": lambda a: negative(logaddexp(constant(0.0, a.gradient[0].shape[-1]), negative(a))),
 }
 BINARY: dict[str, Callable[[Known, Known], Known]] = {
     "add": plus,
@@ -400,5 +435,7 @@ BINARY: dict[str, Callable[[Known, Known], Known]] = {
     "fmin": smaller,
     "hypot": hypot,
     "logaddexp": logaddexp,
+    "logaddexp2": logaddexp2,
+    "heaviside": heaviside,
     "arctan2": arctan2,
 }

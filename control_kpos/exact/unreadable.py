@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,29 @@ class Watch:
     refusals: list[Exception] = field(default_factory=list)
     met_kink: bool = False
     names: dict[Any, object] = field(default_factory=dict)
+    surfaces: list[Surface] = field(default_factory=list)
+    gaps: dict[int, Any] = field(default_factory=dict)
+
+
+class Surface(NamedTuple):
+    """Where the branches of a function have to meet.
+
+    Attributes
+    ----------
+    steps : int
+        Which result of the function has branches.
+    variable : int
+        Which of the arguments is fixed.
+    place : ndarray
+        At which number, for each box.
+    boxes : ndarray of bool
+        On which boxes.
+    """
+
+    steps: int
+    variable: int
+    place: Any
+    boxes: Any
 
 
 _WATCH: ContextVar[Watch] = ContextVar("_WATCH")
@@ -54,6 +77,18 @@ def note_kink() -> None:
     """Two slopes meet inside the quantities at hand."""
     if (watch := _WATCH.get(None)) is not None:
         watch.met_kink = True
+
+
+def note_surface(surface: Surface) -> None:
+    """Branches have to meet on a surface."""
+    if (watch := _WATCH.get(None)) is not None:
+        watch.surfaces.append(surface)
+
+
+def note_gap(steps: int, gap: Any) -> None:
+    """Between which bounds the difference of two branches is."""
+    if (watch := _WATCH.get(None)) is not None:
+        watch.gaps[steps] = gap
 
 
 def same_object(*description: Any) -> object:

@@ -60,6 +60,8 @@ from .network import NonlinearNetwork
 Array = NDArray[np.float64]
 
 _SAMPLES = 200
+# Points at which a violation is looked for, before and after the region is cut.
+_FEW, _MANY = 12, 60
 # Points where values are compared with their enclosures, and the relative difference that rounding may make.
 _COMPARED, _DIFFERENCE = 4, 1e-6
 # Operations of a decision without a time limit: a minute or so.
@@ -267,6 +269,9 @@ def _of_system(
     whole = np.concatenate([box, held])
     try:
         _require_agreement(sys, enclosure, whole, n)
+        refuted = _refuted_at_once(enclosure, whole, n, {"X": X, "discrete": discrete, "source": "enclosed"})
+        if refuted is not None:
+            return refuted
         found, is_proven = _pieces(enclosure, whole, n, pieces)
     except UnsupportedError:
         if instant.was_read:
@@ -282,6 +287,21 @@ def _of_system(
         return certificate
     witness = _at_points(enclosure, whole, n, data)
     return certificate if witness is None else DifferentialCertificate.settle(**data, witness=witness)
+
+
+def _refuted_at_once(
+    enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any]
+) -> DifferentialCertificate | None:
+    """The certificate with a violation at one of a few points, before the region is cut; None if there is none."""
+    try:
+        centre, radius = enclosed_jacobian(enclosure, whole, n)
+    except UnboundedError:
+        return None
+    if enclosure.decided(centre, radius):
+        return None
+    data = {**data, "centres": Matrix(centre[None]), "radii": radius[None]}
+    witness = _at_points(enclosure, whole, n, data, _FEW)
+    return None if witness is None else DifferentialCertificate.settle(**data, witness=witness)
 
 
 def _pieces(enclosure: _Enclosure, whole: Array, n: int, most: int) -> tuple[list[tuple[Array, Array]], bool]:
@@ -301,9 +321,11 @@ def _pieces(enclosure: _Enclosure, whole: Array, n: int, most: int) -> tuple[lis
     return found, all(enclosure.decided(*piece) for piece in open_)
 
 
-def _at_points(enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any]) -> DifferentialViolation | None:
+def _at_points(
+    enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any], count: int = _MANY
+) -> DifferentialViolation | None:
     """A violation at one of several points of the region."""
-    for k, point in enumerate(box_points(whole, 60)):
+    for k, point in enumerate(box_points(whole, count)):
         if k and not enclosure.affords(1, 3):
             return None
         try:
