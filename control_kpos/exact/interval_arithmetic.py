@@ -112,13 +112,13 @@ def difference(a: Interval, b: Interval) -> Interval:
 
 def may_be_zero(a: Interval) -> bool:
     """Whether some interval holds zero."""
-    return bool(((a[0] <= 0) & (a[1] >= 0)).any())
+    return bool(np.any((a[0] <= 0) & (a[1] >= 0)))
 
 
 @np.errstate(all="ignore")
 def inverse(a: Interval) -> Interval:
     """Range of 1 / x."""
-    if may_be_zero((np.asarray(a[0]), np.asarray(a[1]))):
+    if may_be_zero(a):
         raise UnboundedError(MAY_BE_ZERO)
     return bounded(loose_inverse(a))
 
