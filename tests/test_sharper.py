@@ -57,9 +57,9 @@ def test_bounds_of_first_and_second_derivatives(name, seed, width):
     assert (radius[0] <= (plain[1] - plain[0])[0] + 1e-12 * (1 + np.abs(centre[0]))).all()
     x = low + (0.01 + 0.98 * rng.random(2)) * width
     step = 1e-5
+    if (x < 1e-3).any() or (np.abs(x - 0.5) < 1e-4).any() or (np.abs(x - 1) < 1e-4).any():
+        return  # beside a kink, or an end of the domain
     at = [[float(MORE[name](*(x + step * np.array([i, j])))) for j in (-1, 0, 1)] for i in (-1, 0, 1)]
-    if not np.isfinite(at).all() or np.any(np.abs(x - 0.5) < 1e-4) or np.any(np.abs(x - 1) < 1e-4) or (x < 1e-3).any():
-        return
     slope = np.array([at[2][1] - at[0][1], at[1][2] - at[1][0]]) / (2 * step)
     room = 1e-5 * (1 + np.abs(slope))
     assert (a[0] <= slope + room).all() and (slope - room <= b[0]).all()

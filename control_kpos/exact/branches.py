@@ -5,8 +5,8 @@ compared is equal, the branches have to have the same value at these points: a f
 of its derivatives.  A continuous one is, and its derivatives are those of one branch or the other almost everywhere.
 
 The proof that branches meet on the surface d = 0, where d is the difference of what is compared, is one of two.  The
-difference of the branches may be a line in the same quantity as d, with the same zero.  Or d is a line in one variable
-with its zero at a double c: then the function is called once more with the variable at c, and the difference has to be
+difference of the branches may be a multiple of d, as a sum of the same quantities.  Or d is a line in one variable with
+its zero at a double c: then the function is called once more with the variable at c, and the difference has to be
 zero, with nothing rounded.
 """
 
@@ -19,7 +19,8 @@ import numpy as np
 from . import growth as rates
 from . import interval_arithmetic as ia
 from .bends import unknown_where
-from .quantities import Known, Line, Variable, differ, minus
+from .quantities import Known, Variable, differ, minus
+from .sums import Sum, proportional
 from .unreadable import Surface, UnsupportedError, Watch, note_gap, note_kink, note_surface, same_object
 
 Truth = tuple[Any, Any]
@@ -139,15 +140,12 @@ def _require_meeting(d: Known, gap: Known, open_: Any, steps: int) -> None:
     touched = np.asarray((d.value[0] <= 0) & (d.value[1] >= 0) & open_)
     if not touched.any() or _is_zero(gap.value, touched):
         return
-    line, other = d.line, gap.line
-    if line.base is not None and other.base is not None and line.base.name is other.base.name:
-        crossed = ia.difference(ia.product(other.shift, line.scale), ia.product(other.scale, line.shift))
-        if _is_zero(crossed, touched) and not ia.may_be_zero(line.scale):
-            return
-    variable, root = None if line.base is None else line.base.name, _zero_of(line)
-    if root is None or not isinstance(variable, Variable):
+    if proportional(gap.sum, d.sum, touched):
+        return
+    root = _zero_of(d.sum)
+    if root is None:
         raise UnsupportedError(_JUMP)
-    note_surface(Surface(steps, variable.index, root, touched))
+    note_surface(Surface(steps, *root, touched))
 
 
 def _is_zero(a: ia.Interval, where: Any) -> bool:
@@ -155,13 +153,13 @@ def _is_zero(a: ia.Interval, where: Any) -> bool:
 
 
 @np.errstate(all="ignore")
-def _zero_of(line: Line) -> Any:
-    """The double at which a line is zero, on each box; None if no double is."""
-    if ia.may_be_zero(line.scale):
+def _zero_of(line: Sum) -> tuple[int, Any] | None:
+    """The one variable in a sum, and the double at which that is zero, on each box; None if there is none."""
+    if len(line.terms) != 1 or not isinstance(line.terms[0][0].name, Variable) or ia.may_be_zero(line.terms[0][1]):
         return None
-    root = -np.asarray(line.shift[0]) / np.asarray(line.scale[0])
-    left = ia.loose_sum(ia.loose_product(line.scale, (root, root)), line.shift)
-    return root if _is_zero(left, np.asarray(True)) else None
+    base, scale = line.terms[0]
+    root = -np.asarray(line.shift[0]) / np.asarray(scale[0])
+    return (base.name.index, root) if _is_zero(line.value([(root, root)]), np.asarray(True)) else None
 
 
 def require_no_jumps(watch: Watch, call: Any) -> None:

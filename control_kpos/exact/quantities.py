@@ -1,9 +1,8 @@
 """Quantities with derivatives: bounds of a value and of its partial derivatives on a box, or on many boxes at once.
 
 A value is an interval, or an array of them with one for each box; a derivative has one axis more, the last one, for
-the variables.  Besides, a quantity knows by which steps it came about, and whether it is a line  scale * a + shift  in
-another one, a.  The quotient of two lines in the same a is monotone in a: x / (1 + x) is enclosed at the ends of its
-range.
+the variables.  Besides, a quantity knows by which steps it came about, and whether it is a weighted sum of others: what
+occurs twice in sums and quotients is counted once.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from . import interval_arithmetic as ia
 from .bends import Bend
 from .growth import Growth
 from .interval_arithmetic import ONE, ZERO, Interval
+from .sums import Sum, quotient, spread
 from .unreadable import UnboundedError, UnsupportedError, note_kink, same_object
 
 Array = NDArray[np.float64]
@@ -27,36 +27,6 @@ Gradient = tuple[Any, Any]
 
 # Larger whole powers are not enclosed.
 _HIGHEST = 1000
-
-
-class Line(NamedTuple):
-    """scale * a + shift, for one number scale and one number shift on each box; a constant has no a, and scale 0."""
-
-    base: Known | None
-    scale: Interval = ONE
-    shift: Interval = ZERO
-
-    def moved(self, scale: Interval, shift: Interval) -> Line | None:
-        """scale * this + shift; None where the numbers grow too large."""
-        scale, moved = ia.loose_product(scale, self.scale), ia.loose_product(scale, self.shift)
-        shift = ia.loose_sum(moved, shift)
-        return Line(self.base, scale, shift) if ia.is_bounded(scale) and ia.is_bounded(shift) else None
-
-    def plus(self, other: Line) -> Line | None:
-        """The sum, if it is a line again."""
-        if other.base is None:
-            return self.moved(ONE, other.shift)
-        if self.base is None:
-            return other.moved(ONE, self.shift)
-        if self.base.name is not other.base.name:
-            return None
-        return Line(self.base, ia.loose_sum(self.scale, other.scale), self.shift).moved(ONE, other.shift)
-
-    def times(self, other: Line) -> Line | None:
-        """The product, if it is a line again."""
-        if other.base is None:
-            return self.moved(other.shift, ZERO)
-        return other.moved(self.shift, ZERO) if self.base is None else None
 
 
 class Variable:
@@ -79,8 +49,8 @@ class Known(NamedTuple):
         Bounds of the partial derivatives.
     name : object
         The same for quantities that came about by the same steps.
-    straight : Line, optional
-        This as a line in another quantity.
+    terms : Sum, optional
+        This as a sum of others.
     bend : pair of arrays, shape (..., k, k), optional
         Bounds of the second derivatives, which may be infinite; None for zero, and where nobody asked.
     growth : Growth, optional
@@ -90,19 +60,19 @@ class Known(NamedTuple):
     value: Interval
     gradient: Gradient
     name: object
-    straight: Line | None = None
+    terms: Sum | None = None
     bend: Bend = None
     growth: Growth | None = None
 
     @property
-    def line(self) -> Line:
-        """The quantity as a line, in itself if in nothing else."""
-        return Line(self) if self.straight is None else self.straight
+    def sum(self) -> Sum:
+        """The quantity as a sum, of itself alone if of nothing else."""
+        return Sum(((self, ONE),)) if self.terms is None else self.terms
 
     @property
     def is_constant(self) -> bool:
         """Whether it is a number that the box does not change."""
-        return self.line.base is None
+        return self.terms is not None and not self.terms.terms
 
 
 def constant(number: Any, variables: int) -> Known:
@@ -111,7 +81,7 @@ def constant(number: Any, variables: int) -> Known:
     value = (exact, exact) if _is_double(exact, number) else ia.outwards(exact, exact)
     zero = np.zeros(variables)
     name = same_object("constant", exact.shape, value[0].tobytes(), value[1].tobytes())
-    return Known(value, (zero, zero), name, Line(None, ZERO, value))
+    return Known(value, (zero, zero), name, Sum((), value))
 
 
 def _is_double(exact: Any, number: Any) -> bool:
@@ -121,29 +91,20 @@ def _is_double(exact: Any, number: Any) -> bool:
     return bool((exact == number).all() and (np.abs(exact) < 2.0**53).all()) or np.asarray(number).dtype == float
 
 
-def spread(a: Interval) -> Interval:
-    """An interval for all derivatives."""
-    if a[0] is a[1]:
-        return (same := np.asarray(a[0])[..., None], same)
-    return np.asarray(a[0])[..., None], np.asarray(a[1])[..., None]
-
-
 def plus(a: Known, b: Known) -> Known:
     """a + b."""
     value, gradient = ia.sum_of(a.value, b.value), ia.sum_of(a.gradient, b.gradient)
     name, bend = same_object("+", *_in_order(a, b)), bends.total(a.bend, b.bend)
     growth = rates.mean(a.growth, a.value, b.growth, b.value)
-    return _refined(Known(value, gradient, name, a.line.plus(b.line), bend, growth))
+    return _refined(Known(value, gradient, name, a.sum.plus(b.sum), bend, growth))
 
 
 def _refined(known: Known) -> Known:
-    """A quantity that may be a line: then it is enclosed as such, too; and by its relative growth."""
-    value, gradient, _, line, *_ = known
-    if line is not None and line.base is not None:
-        straight = ia.loose_sum(ia.loose_product(line.scale, line.base.value), line.shift)
-        slopes = ia.loose_product(line.base.gradient, spread(line.scale))
-        if ia.is_bounded(straight) and ia.is_bounded(slopes):
-            known = known._replace(value=ia.common(value, straight), gradient=ia.common(gradient, slopes))
+    """A quantity that may be a sum of others: then it is enclosed as such, too; and by its relative growth."""
+    if known.terms is not None:
+        value, gradient = known.terms.value(), known.terms.gradient()
+        if ia.is_bounded(value) and ia.is_bounded(gradient):
+            known = known._replace(value=ia.common(known.value, value), gradient=ia.common(known.gradient, gradient))
     if known.growth is None:
         return known
     growth, gradient = rates.met(known.growth, known.value, known.gradient)
@@ -162,9 +123,9 @@ def minus(a: Known, b: Known) -> Known:
 
 def negative(a: Known) -> Known:
     """-a."""
-    line = a.line.moved((-1.0, -1.0), ZERO)
+    terms = a.sum.moved((-1.0, -1.0), ZERO)
     name, bend = same_object("-", a.name), bends.negative(a.bend)
-    return Known(ia.negative(a.value), ia.negative(a.gradient), name, line, bend, a.growth)
+    return Known(ia.negative(a.value), ia.negative(a.gradient), name, terms, bend, a.growth)
 
 
 def times(a: Known, b: Known) -> Known:
@@ -175,7 +136,7 @@ def times(a: Known, b: Known) -> Known:
     value, gradient = ia.product(a.value, b.value), ia.sum_of(first, second)
     bend = bends.total(bends.scaled(b.value, a.bend), bends.scaled(a.value, b.bend), _crossed(a, b))
     name, growth = same_object("*", *_in_order(a, b)), rates.added(a.growth, b.growth)
-    return _refined(Known(value, gradient, name, a.line.times(b.line), bend, growth))
+    return _refined(Known(value, gradient, name, a.sum.times(b.sum), bend, growth))
 
 
 def _crossed(a: Known, b: Known) -> Bend:
@@ -189,14 +150,17 @@ def over(a: Known, b: Known) -> Known:
 
 
 def _over(a: Known, b: Known) -> Known:
-    name, above, below = same_object("/", a.name, b.name), a.line, b.line
-    if below.base is not None and (above.base is None or above.base.name is below.base.name):
-        return _fractional_linear(above, below, below.base, name)
     inverse = ia.inverse(b.value)
     value = ia.product(a.value, inverse)
+    better = quotient(a.sum, b.sum, inverse)
+    if better is not None:
+        value = ia.common(value, better[0])
     by_b = ia.product(b.gradient, spread(value))
     slope = ia.product(ia.difference(a.gradient, by_b), spread(inverse))
-    return _bent(Known(value, slope, name, above.moved(inverse, ZERO) if b.is_constant else None), a, b)
+    if better is not None:
+        slope = ia.common(slope, better[1])
+    terms = a.sum.moved(inverse, ZERO) if b.is_constant else None
+    return _bent(Known(value, slope, same_object("/", a.name, b.name), terms), a, b)
 
 
 def _bent(ratio: Known, a: Known, b: Known) -> Known:
@@ -206,23 +170,6 @@ def _bent(ratio: Known, a: Known, b: Known) -> Known:
     crossed = None if b.bend is None else bends.both(ratio.gradient, b.gradient)
     parts = bends.total(a.bend, bends.negative(bends.total(bends.scaled(ratio.value, b.bend), crossed)))
     return ratio._replace(bend=bends.scaled(ia.inverse(b.value), parts))
-
-
-def _fractional_linear(a: Line, b: Line, base: Known, name: object) -> Known:
-    """The quotient of two lines in one quantity: monotone in it, with a slope of one sign."""
-    ends = [(end, end) for end in base.value]
-    below = [ia.sum_of(ia.product(b.scale, x), b.shift) for x in ends]
-    if ia.may_be_zero(ia.hull(*below)):
-        raise UnboundedError(ia.MAY_BE_ZERO)
-    turn = ia.difference(ia.product(a.scale, b.shift), ia.product(a.shift, b.scale))
-    above = [ia.sum_of(ia.product(a.scale, x), a.shift) for x in ends]
-    value = ia.hull(*(ia.quotient(x, y) for x, y in zip(above, below, strict=True)))
-    slopes = [ia.quotient(ia.quotient(turn, y), y) for y in below]
-    bend, double = None, ia.product((-2.0, -2.0), b.scale)
-    if base.bend is not None:
-        curvature = ia.hull(*(ia.quotient(ia.product(double, s), y) for s, y in zip(slopes, below, strict=True)))
-        bend = bends.chained(ia.hull(*slopes), curvature, base.gradient, base.bend)
-    return Known(value, ia.product(base.gradient, spread(ia.hull(*slopes))), name, bend=bend)
 
 
 def chained(
@@ -388,7 +335,7 @@ def logaddexp2(a: Known, b: Known) -> Known:
     variables = a.gradient[0].shape[-1]
     low, high = functions.constant("ln 2")
     size = Known((np.asarray(low), np.asarray(high)), (np.zeros(variables),) * 2, same_object("ln 2"))
-    number = size._replace(straight=Line(None, ZERO, size.value))
+    number = size._replace(terms=Sum((), size.value))
     return over(logaddexp(times(a, number), times(b, number)), number)
 
 
