@@ -24,6 +24,14 @@ FUNCTIONS = [
     lambda x, p: [np.logaddexp(x[0], p * x[1]), np.minimum(2.0 ** x[0], 3) + abs(x[1] - p) + np.cos(p * x[0])],
     lambda x, p: [np.power(x[0], p + 1) - x[1], np.reciprocal(1 + x[0]) + np.expm1(-x[1]) - 3 * (x[0] - x[0])],
     lambda x, p: [sum(row * p for row in x), -np.square(x[0]) / p + np.log2(1 + x[1]) * np.float64(2) - 1],
+    lambda x, p: [
+        np.where(x[0] > p, p, x[0]),
+        np.where((x[1] > p / 2) | (x[1] < 0.25), 0, x[1] - x[1]) + (x[1] > p) * 0.0,
+    ],
+    lambda x, p: [
+        np.select([x[0] < p / 2, x[0] < p], [p / 2, x[0]], p),
+        (x[1] - p) * (x[1] > p),
+    ],
     lambda x, p: [x[0] ** (p + 1) / (1 + x[0] ** (p + 1)), np.arcsinh(x[1]) * np.cosh(p) + 0 * x[0]],
 ]
 
@@ -104,7 +112,9 @@ MIXED = {
     "cumsum": lambda x: [np.cumsum(x[0]), x[1]],
     "outer": lambda x: [np.add.outer(x[0], x[0]), x[1]],
     "comparison": lambda x: [x[0] if x[0] > 0 else -x[0], x[1]],
-    "where": lambda x: [np.where(x[0] > 0, x[0], 0), x[1]],
+    "where with a matrix": lambda x: [np.where(x[0] > 0, x[0], np.zeros((2, 1))), x[1]],
+    "where of the whole array": lambda x: np.where(x > 0, x, 0),
+    "piecewise": lambda x: [np.piecewise(x[0], [x[0] > 0], [x[0], 0]), x[1]],
     "not finite": lambda x: [x[0] * np.array([1.0, np.nan]), x[1]],
     "in place": lambda x: [np.add(x[0], 1, out=np.zeros(2)), x[1]],
     "only some": lambda x: [np.add(x[0], 1, where=np.array([True, False])), x[1]],

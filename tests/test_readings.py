@@ -26,7 +26,6 @@ from fractions import Fraction
 import control as ct
 import numpy as np
 import pytest
-import scipy.special
 from test_own_code import hidden, shown
 
 import control_kpos as kp

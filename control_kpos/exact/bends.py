@@ -39,15 +39,17 @@ def _number(x: Any, y: Any) -> Interval:
 
 
 @np.errstate(all="ignore")
+def sum_of(a: Interval, b: Interval) -> Interval:
+    """Sum of intervals."""
+    low, high = ia.loose_sum(a, b)
+    return np.minimum(low, _LARGEST), np.maximum(high, -_LARGEST)
+
+
 def total(*parts: Bend) -> Bend:
-    """The sum."""
-    known = [part for part in parts if part is not None]
-    if not known:
-        return None
-    out = known[0]
-    for part in known[1:]:
-        low, high = ia.loose_sum(out, part)
-        out = np.minimum(low, _LARGEST), np.maximum(high, -_LARGEST)
+    """The sum of second derivatives."""
+    out = None
+    for part in parts:
+        out = part if out is None else out if part is None else sum_of(out, part)
     return out
 
 
@@ -74,9 +76,7 @@ def both(a: Interval, b: Interval) -> Interval:
     """a' b' for both orders of the variables, added."""
     first = outer(a, b)
     turned = np.swapaxes(first[0], -1, -2), np.swapaxes(first[1], -1, -2)
-    out = total(first, turned)
-    assert out is not None
-    return out
+    return sum_of(first, turned)
 
 
 def squared(a: Interval) -> Interval:
@@ -105,7 +105,8 @@ def integer_power(x: Interval, power: int) -> Interval:
     """k (k - 1) x^(k - 2)."""
     if power == 1:
         return 0.0, 0.0
-    return product((float(power * (power - 1)),) * 2, ia.integer_power(x, power - 2))
+    factor = float(power * (power - 1))
+    return product((factor, factor), ia.integer_power(x, power - 2))
 
 
 def real_power(x: Interval, power: Any) -> Interval:

@@ -124,8 +124,8 @@ def _either(first: Any, second: Any, a: Known, b: Known, name: object) -> Known:
     bend, growth = None, rates.either(a.growth, b.growth)
     if a.bend is not None or b.bend is not None:
         zero = np.zeros((1, 1)), np.zeros((1, 1))
-        spread = (np.asarray(part)[..., None] for part in (first, second))
-        bend = unknown_where(open_, _picked(*spread, a.bend or zero, b.bend or zero), gradient)
+        here, there = np.asarray(first)[..., None], np.asarray(second)[..., None]
+        bend = unknown_where(open_, _picked(here, there, a.bend or zero, b.bend or zero), gradient)
     return Known((low, high), gradient, name, None, bend, growth)
 
 

@@ -159,7 +159,9 @@ def power_or_infinite(x: Interval, power: Interval) -> Interval:
     with np.errstate(all="ignore"):
         ends = [_power((end + (end == 0), end + (end == 0)), power) for end in x]
     at_zero = np.where(power[1] < 0, np.inf, np.where(power[0] > 0, 0.0, 1.0))
-    low, high = ([np.where(end == 0, at_zero, part[side]) for end, part in zip(x, ends, strict=True)] for side in (0, 1))
+    low, high = (
+        [np.where(end == 0, at_zero, part[side]) for end, part in zip(x, ends, strict=True)] for side in (0, 1)
+    )
     return np.minimum(*low), np.maximum(*high)
 
 

@@ -11,12 +11,12 @@ mean of theirs.  So the sign of df/dx_i is seen where f and its derivative vanis
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from . import interval_arithmetic as ia
-from .bends import product, total
+from .bends import product, sum_of
 from .interval_arithmetic import Interval
 
 _OPEN = (-np.inf, np.inf)
@@ -52,8 +52,7 @@ def added(a: Growth | None, b: Growth | None) -> Growth | None:
     """That of a product; a number does not grow."""
     if a is None or b is None:
         return a if b is None else b
-    share = total(a.share, b.share)
-    return a if share is None else a._replace(share=share)
+    return a._replace(share=sum_of(a.share, b.share))
 
 
 def scaled(factor: Interval, a: Growth | None) -> Growth | None:
@@ -104,7 +103,7 @@ def met(a: Growth, value: Interval, gradient: Interval) -> tuple[Growth, Interva
     """Growth and derivatives, each narrowed by what the other and the value say of it."""
     value = _spread(value)
     away = (value[0] > 0) | (value[1] < 0)
-    per = ia.loose_inverse(tuple(np.where(away, end, 1.0) for end in value))
+    per = ia.loose_inverse((np.where(away, value[0], 1.0), np.where(away, value[1], 1.0)))
     low, high = product(a.variables, gradient, per)
     still = (gradient[0] == 0) & (gradient[1] == 0)
     low, high = (np.where(still, 0.0, np.where(away, end, none)) for end, none in zip((low, high), _OPEN, strict=True))

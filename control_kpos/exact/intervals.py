@@ -327,7 +327,9 @@ def _apply(ufunc: Any, method: str, inputs: tuple[Any, ...], how: dict[str, Any]
     name = ufunc.__name__
     if name in _OWN and not _is_own(ufunc):
         raise UnsupportedError(f"a function of the name {name} that is none of numpy's")
-    if any(type(x) in (IntervalDual, Choice) for x in inputs) and not any(_is_array(x) and x.dtype == object for x in inputs):
+    if any(type(x) in (IntervalDual, Choice) for x in inputs) and not any(
+        _is_array(x) and x.dtype == object for x in inputs
+    ):
         many = any(type(x) is IntervalDual and np.ndim(known_of(x).value[0]) for x in inputs)
         if many and (method != "__call__" or how or name not in _OWN):
             raise UnsupportedError(f"numpy's {name} of many boxes at once")
@@ -380,7 +382,7 @@ _OWN["clip"] = _clipped
 _NUMPYS = ("add", "subtract", "multiply", "divide", "negative", "positive", "power")
 
 
-def _alone(item: IntervalDual) -> Any:
+def _alone(item: Any) -> Any:
     out = np.empty(1, dtype=object)
     out[0] = item  # an index of all entries would ask for an array
     return out.reshape(())

@@ -33,7 +33,11 @@ def values_on_box(
 
 
 def _called(
-    function: Callable[[Any], Any], kind: type[Quantities] | type[Rows], items: list[IntervalDual], lower: Any, upper: Any
+    function: Callable[[Any], Any],
+    kind: type[Quantities] | type[Rows],
+    items: list[IntervalDual],
+    lower: Any,
+    upper: Any,
 ) -> tuple[list[Any], Watch]:
     """What a function returns, once it is proven not to jump."""
     values, watch = watched(function, kind.of(items))
@@ -53,14 +57,14 @@ def _arguments(lower: Any, upper: Any, n: int, bends: bool = False) -> list[Inte
     """Quantities between bounds, one or many of each, with the derivatives by the first n of them."""
     out: list[IntervalDual] = []
     flat = np.zeros((n, n))
-    bounds = tuple(np.moveaxis(np.asarray(side, dtype=float)[:n], 0, -1) for side in (lower, upper))
+    least, most = (np.moveaxis(np.asarray(side, dtype=float)[:n], 0, -1) for side in (lower, upper))
     for i, (a, b) in enumerate(zip(lower, upper, strict=True)):
         unit = np.zeros(n)
         unit[i:][:1] = 1.0
         value = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
         known = Known(value, (unit, unit), Variable(i))
         if bends:
-            known = known._replace(bend=(flat, flat), growth=Growth(bounds, (unit, unit)))
+            known = known._replace(bend=(flat, flat), growth=Growth((least, most), (unit, unit)))
         out.append(IntervalDual(known, i))
     return out
 

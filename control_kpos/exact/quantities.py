@@ -27,6 +27,7 @@ Gradient = tuple[Any, Any]
 
 # Larger whole powers are not enclosed.
 _HIGHEST = 1000
+DEPENDS = "which depends on"
 
 
 class Variable:
@@ -150,7 +151,8 @@ def over(a: Known, b: Known) -> Known:
 
 
 def _over(a: Known, b: Known) -> Known:
-    inverse = ia.inverse(b.value)
+    with _of(b):
+        inverse = ia.inverse(b.value)
     value = ia.product(a.value, inverse)
     better = quotient(a.sum, b.sum, inverse)
     if better is not None:
@@ -181,7 +183,9 @@ def chained(
     if a.bend is not None:
         bend = bends.chained(slope, curvature(a.value, value, slope), a.gradient, a.bend)
     known = Known(value, ia.product(a.gradient, spread(slope)), same_object(name, a.name), None, bend)
-    growth = rates.of_function(name, a.growth, a.value, a.gradient) if exponent is None else rates.scaled(exponent, a.growth)
+    growth = (
+        rates.of_function(name, a.growth, a.value, a.gradient) if exponent is None else rates.scaled(exponent, a.growth)
+    )
     return _refined(known._replace(growth=growth))
 
 
@@ -214,13 +218,34 @@ def power(a: Known, b: Known) -> Known:
 
 
 def _real_power(name: str, a: Known, power: Any) -> Known:
-    ranges = functions.real_power(a.value, power)
+    with _of(a):
+        ranges = functions.real_power(a.value, power)
     return chained(name, a, ranges, lambda x, *_: bends.real_power(x, power), (power, power))
 
 
 def applied(name: str, a: Known) -> Known:
     """A function of `functions` by its name."""
-    return chained(name, a, functions.NAMED[name](a.value), bends.OF[name])
+    with _of(a):
+        return chained(name, a, functions.NAMED[name](a.value), bends.OF[name])
+
+
+class _of:  # noqa: N801 -- reads as a word
+    """Say which variables something unbounded depends on."""
+
+    def __init__(self, a: Known) -> None:
+        self._a = a
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, _: Any, error: BaseException | None, __: Any) -> None:
+        if not isinstance(error, UnboundedError) or DEPENDS in str(error):
+            return
+        low, high = np.broadcast_arrays(*(np.atleast_1d(side) for side in self._a.gradient))
+        on = np.flatnonzero(((low != 0) | (high != 0)).reshape(-1, low.shape[-1]).any(axis=0))
+        if on.size:
+            names = ", ".join(f"x[{i}]" for i in on[:3]) + (", ..." if on.size > 3 else "")
+            error.args = (f"{error} ({DEPENDS} {names})",)
 
 
 def larger(a: Known, b: Known) -> Known:
@@ -332,10 +357,10 @@ def logaddexp(a: Known, b: Known) -> Known:
 
 def logaddexp2(a: Known, b: Known) -> Known:
     """log2(2^a + 2^b)."""
-    variables = a.gradient[0].shape[-1]
+    zero = np.zeros(a.gradient[0].shape[-1])
     low, high = functions.constant("ln 2")
-    size = Known((np.asarray(low), np.asarray(high)), (np.zeros(variables),) * 2, same_object("ln 2"))
-    number = size._replace(terms=Sum((), size.value))
+    size = np.asarray(low), np.asarray(high)
+    number = Known(size, (zero, zero), same_object("ln 2"), Sum((), size))
     return over(logaddexp(times(a, number), times(b, number)), number)
 
 

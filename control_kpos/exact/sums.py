@@ -63,7 +63,8 @@ class Sum(NamedTuple):
     def value(self, places: list[Interval] | None = None) -> Interval:
         """Bounds of the value, where its quantities are, or at other places; they may be infinite."""
         total = self.shift
-        for (base, factor), place in zip(self.terms, places or [base.value for base, _ in self.terms], strict=True):
+        places = [base.value for base, _ in self.terms] if places is None else places
+        for (_, factor), place in zip(self.terms, places, strict=True):
             total = ia.loose_sum(total, ia.loose_product(factor, place))
         return total
 
@@ -112,15 +113,14 @@ def quotient(f: Sum, g: Sum, inverse: Interval) -> tuple[Interval, Interval] | N
     above, below = (Sum(tuple((base, side.factor(base.name)) for base in bases), side.shift) for side in (f, g))
     turns = [_turn(above, below, k) for k in range(len(bases))]
     slopes = combined([(base, spread(ia.loose_product(turn, per))) for base, turn in zip(bases, turns, strict=True)])
-    value = None
+    reached = []
     for side in (0, 1):
         places = [_end(base.value, turn, side) for base, turn in zip(bases, turns, strict=True)]
         bottom = below.value(places)
         if ia.may_be_zero(bottom):
             return None
-        reached = ia.loose_product(above.value(places), ia.loose_inverse(bottom))
-        value = reached if value is None else (value[0], reached[1])
-    assert value is not None
+        reached.append(ia.loose_product(above.value(places), ia.loose_inverse(bottom))[side])
+    value = reached[0], reached[1]
     return (value, slopes) if ia.is_bounded(value) and ia.is_bounded(slopes) else None
 
 

@@ -219,7 +219,7 @@ class DifferentialCertificate(Certificate):
                 "because it looks at its arguments (comparisons, float(), isinstance, functions of math and the like), "
                 "its code could tell numbers from intervals (type, is, try, getattr, dtype and the like) "
                 "or does something with them that intervals do not know. Write it with numpy functions and arithmetic "
-                "only, np.minimum, np.maximum, np.clip and abs included."
+                "only, np.minimum, np.maximum, np.clip and abs included, and np.where if its branches meet."
             )
         if not self:
             return (

@@ -114,7 +114,8 @@ def differential_positivity(
     DifferentialCertificate, or DifferentialNetworkCertificate for a network
         `explain()` says what follows.  A system whose function cannot be called with intervals, or looks at its
         arguments, is sampled, which is stated and never PROVED.  Functions are called inside the region only, and at
-        an end of it, or at a kink of `abs`, `np.maximum`, `np.minimum` and `np.clip`, slopes from inside count.
+        an end of it, or at a kink of `abs`, `np.maximum`, `np.minimum`, `np.clip` and of `np.where`, whose branches
+        have to be proven to meet, slopes from inside count.
 
     Raises
     ------
