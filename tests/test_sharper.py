@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 import control_kpos as kp
 from control_kpos.exact.bends import OF
 from control_kpos.exact.functions import NAMED
-from control_kpos.exact.jacobians import _in_second_order, _sharper_jacobian, jacobian_enclosure
+from control_kpos.exact.jacobians import _in_second_order, jacobian_enclosure, sharper_jacobian
 
 MORE = {
     "product": lambda x, y: x * y * (1 + x),
@@ -52,8 +52,8 @@ def test_bounds_of_first_and_second_derivatives(name, seed, width):
     box = np.column_stack([low, low + width])
     (a, b), (fall, rise) = _in_second_order(f, box, 2)
     plain = jacobian_enclosure(f, *box.T)
-    assert (plain[0] <= b).all() and (a <= plain[1]).all()
-    centre, radius = _sharper_jacobian(lambda x: [*f(x), 0.0], box, 2)
+    assert (plain[0] - 1e-12 <= a + 1e-12 * abs(a)).all() and (b - 1e-12 * abs(b) <= plain[1] + 1e-12).all()
+    centre, radius = sharper_jacobian(lambda x: [*f(x), 0.0], box, 2)
     assert (radius[0] <= (plain[1] - plain[0])[0] + 1e-12 * (1 + np.abs(centre[0]))).all()
     x = low + (0.01 + 0.98 * rng.random(2)) * width
     step = 1e-5
@@ -137,10 +137,12 @@ def test_nothing_follows_from_growth_where_a_variable_is_zero():
     for f, slope in (
         (lambda x: (1 - x[0]) ** 2, -2.0),
         (lambda x: 1 / (2 + x[0]), -0.25),
-        (lambda x: np.cos(1 + x[0]), None),
+        (lambda x: np.cos(1 + x[0]), -np.sin(1)),
     ):
         (a, b), _ = _in_second_order(lambda x, f=f: [f(x)], np.array([[0.0, 0.0], [0.0, 1.0]]), 2)
         assert a[0, 0] <= slope <= b[0, 0]
+    (a, b), _ = _in_second_order(lambda x: [np.tan(x[0])], np.array([[2.0, 2.5], [0.0, 1.0]]), 2)
+    assert a[0, 0] <= 1 / np.cos(2.5) ** 2 and b[0, 0] >= 1 / np.cos(2.0) ** 2
     for region in ([[-1.0, 0.0], [0, 1]], [[-1.0, 1.0], [0, 1]]):
         (a, b), _ = _in_second_order(lambda x: [x[0] * x[1] / (3 + x[0]), x[0] ** 2 * x[1]], np.array(region), 2)
         assert b[0, 1] >= 0 and a[0, 1] <= -0.5 and a[1, 0] <= -2 and a[1, 1] == 0 and b[1, 1] >= 1

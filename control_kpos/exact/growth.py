@@ -20,10 +20,10 @@ from .bends import product, sum_of
 from .interval_arithmetic import Interval
 
 _OPEN = (-np.inf, np.inf)
-# Bounds of a f'(a) / f(a) for a >= 0, where f(0) = 0: f is concave, convex, or a root.
+# Bounds of a f'(a) / f(a) for a >= 0, where f(0) = 0: f is concave or convex on all of a >= 0, or a root.
 _OF = {
     **dict.fromkeys(("log1p", "tanh", "arctan", "arcsinh"), (0.0, 1.0)),
-    **dict.fromkeys(("expm1", "sinh", "tan", "arcsin", "arctanh"), (1.0, np.inf)),
+    **dict.fromkeys(("expm1", "sinh", "arcsin", "arctanh"), (1.0, np.inf)),
     **dict.fromkeys(("deg2rad", "radians", "rad2deg", "degrees"), (1.0, 1.0)),
     "sqrt": ia.HALF,
     "cbrt": ia.inverse((3.0, 3.0)),

@@ -25,10 +25,13 @@ _PATIENCE = 6
 
 
 def values_on_box(
-    function: Callable[[Any], Any], lower: Any, upper: Any, n: int, *, bends: bool = False
+    function: Callable[[Any], Any], lower: Any, upper: Any, n: int, more: str = ""
 ) -> tuple[list[Known], Watch]:
-    """The function's values, their derivatives by the first n quantities, second ones if asked, and what was noted."""
-    values, watch = _called(function, Quantities, _arguments(lower, upper, n, bends), lower, upper)
+    """The function's values, their derivatives by the first n quantities, and what was noted.
+
+    With `more`, "growth" or "growth and bends", relative growth is known too, and second derivatives are.
+    """
+    values, watch = _called(function, Quantities, _arguments(lower, upper, n, more), lower, upper)
     return [_known(y, n) for y in values], watch
 
 
@@ -53,7 +56,7 @@ def _called(
     return values, watch
 
 
-def _arguments(lower: Any, upper: Any, n: int, bends: bool = False) -> list[IntervalDual]:
+def _arguments(lower: Any, upper: Any, n: int, more: str = "") -> list[IntervalDual]:
     """Quantities between bounds, one or many of each, with the derivatives by the first n of them."""
     out: list[IntervalDual] = []
     flat = np.zeros((n, n))
@@ -63,8 +66,10 @@ def _arguments(lower: Any, upper: Any, n: int, bends: bool = False) -> list[Inte
         unit[i:][:1] = 1.0
         value = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
         known = Known(value, (unit, unit), Variable(i))
-        if bends:
-            known = known._replace(bend=(flat, flat), growth=Growth((least, most), (unit, unit)))
+        if "growth" in more:
+            known = known._replace(growth=Growth((least, most), (unit, unit)))
+        if "bends" in more:
+            known = known._replace(bend=(flat, flat))
         out.append(IntervalDual(known, i))
     return out
 
@@ -116,7 +121,7 @@ def values_and_blocks(
 ) -> tuple[Array, Array, Array, Array]:
     """Bounds of the values, shape (N, k) each, and then those of `jacobian_blocks`."""
     lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    values = [_known(y, n) for y in _called(function, Rows, _arguments(lower, upper, n), lower, upper)[0]]
+    values = [_known(y, n) for y in _called(function, Rows, _arguments(lower, upper, n, "growth"), lower, upper)[0]]
     count = lower.shape[1]
     ends = ([np.broadcast_to(y.value[side], count) for y in values] for side in (0, 1))
     slopes = ([np.broadcast_to(y.gradient[side], (count, n)) for y in values] for side in (0, 1))
@@ -190,7 +195,7 @@ def jacobian_enclosure(
     >>> bool(low[1, 0] <= -1 and high[1, 0] >= -np.cos(1)), low[0].round(3), high[0].round(3)
     (True, array([0., 1.]), array([0., 1.]))
     """
-    return _ends(values_on_box(function, lower, upper, len(lower))[0])
+    return _ends(values_on_box(function, lower, upper, len(lower), "growth")[0])
 
 
 def _ends(values: list[Known]) -> tuple[Array, Array]:
@@ -215,13 +220,13 @@ def _bounds(function: Callable[[Any], Any], box: Array, n: int, *, kinks: bool =
 def _in_second_order(function: Callable[[Any], Any], box: Array, n: int) -> tuple[Bounds, Bounds]:
     """The Jacobian with respect to the first n quantities, by relative growth too, and its derivatives by all."""
     m = len(box)
-    values, _ = values_on_box(function, box[:, 0], box[:, 1], m, bends=True)
+    values, _ = values_on_box(function, box[:, 0], box[:, 1], m, "growth and bends")
     none = np.zeros((m, m)), np.zeros((m, m))
     first, second = _ends(values), tuple(np.array([(y.bend or none)[side][:n] for y in values]) for side in (0, 1))
     return (first[0][:, :n], first[1][:, :n]), (second[0], second[1])
 
 
-def _sharper_jacobian(function: Callable[[Any], Any], box: Array, n: int) -> tuple[Array, Array]:
+def sharper_jacobian(function: Callable[[Any], Any], box: Array, n: int) -> tuple[Array, Array]:
     """Midpoint and radius of the Jacobian, by second derivatives and the ends of the box."""
     return _around(
         *sharper(
@@ -274,7 +279,7 @@ def jacobian_pieces(
             continue
         is_decided = decided(centre, radius)
         if not is_decided and patience > 0 and not late(len(waiting) + 1 + FACES):
-            centre, radius = _sharper_jacobian(function, box, n)
+            centre, radius = sharper_jacobian(function, box, n)
             is_decided = decided(centre, radius)
             patience += _PATIENCE if is_decided else -1
         if final or is_decided:

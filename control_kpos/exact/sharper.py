@@ -71,12 +71,12 @@ def _faces(sides: tuple[Any, Any], served: list[Any], doubtful: Any) -> Iterator
     for _ in range(FACES):
         if not waiting:
             return
-        face, here = sides[waiting[0][0]][waiting[0][1:]], []
+        face, here = sides[waiting[0][0]][waiting[0][1:]], set()
         for place in waiting:
             wants = sides[place[0]][place[1:]]
             if ((face == wants) | (face == _ANY) | (wants == _ANY)).all():
                 face = np.where(face == _ANY, wants, face)
-                here.append(place)
+                here.add(place)
         waiting = [place for place in waiting if place not in here]
         masks = [np.zeros_like(mask) for mask in served]
         for side, i, j in here:

@@ -39,10 +39,12 @@ from ..exact.jacobians import (
     enclosed_jacobian,
     jacobian_by_differences,
     jacobian_pieces,
+    sharper_jacobian,
     values_on_box,
 )
 from ..exact.matrix import Matrix, dense
 from ..exact.programs import program_effort
+from ..exact.sharper import FACES
 from ..exact.unreadable import UnboundedError, Unreadable, UnsupportedError
 from ..proof.certificate import Status
 from ..systems.system import System
@@ -294,8 +296,10 @@ def _refuted_at_once(
     enclosure: _Enclosure, whole: Array, n: int, data: dict[str, Any]
 ) -> DifferentialCertificate | None:
     """The certificate with a violation at one of a few points, before the region is cut; None if there is none."""
+    if not enclosure.affords(1 + FACES + _FEW, _FEW):
+        return None
     try:
-        centre, radius = enclosed_jacobian(enclosure, whole, n)
+        centre, radius = sharper_jacobian(enclosure, whole, n)
     except UnboundedError:
         return None
     if enclosure.decided(centre, radius):
