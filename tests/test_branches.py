@@ -5,6 +5,7 @@ from __future__ import annotations
 import control as ct
 import numpy as np
 import pytest
+import scipy.special
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -182,3 +183,95 @@ def test_a_function_that_is_called_like_one_of_numpy_is_not_taken_for_it():
 
     with pytest.raises(UnsupportedError, match="none of numpy's"):
         jacobian_enclosure(lambda x: [x[0].__array_ufunc__(Named(), "__call__", x[0])], [0], [1])
+
+
+# Functions of numpy whose results tell something about numbers, or jump.
+REFUSED = [
+    "bitwise_and",
+    "bitwise_count",
+    "bitwise_or",
+    "bitwise_xor",
+    "ceil",
+    "copysign",
+    "divmod",
+    "floor",
+    "floor_divide",
+    "fmod",
+    "frexp",
+    "gcd",
+    "invert",
+    "isfinite",
+    "isinf",
+    "isnan",
+    "isnat",
+    "lcm",
+    "ldexp",
+    "left_shift",
+    "logical_and",
+    "logical_not",
+    "logical_or",
+    "logical_xor",
+    "matmul",
+    "matvec",
+    "modf",
+    "nextafter",
+    "remainder",
+    "right_shift",
+    "rint",
+    "signbit",
+    "spacing",
+    "trunc",
+    "vecdot",
+    "vecmat",
+]
+# Those that give conditions.
+COMPARISONS = ("less", "less_equal", "greater", "greater_equal", "equal", "not_equal")
+
+
+def test_every_function_of_numpy_is_enclosed_or_refused():
+    names = {getattr(np, name).__name__ for name in dir(np) if isinstance(getattr(np, name), np.ufunc)}
+    for name in names:
+        ufunc, low = getattr(np, name), 1.1 if name == "arccosh" else 0.3
+
+        def f(x, u=ufunc):
+            return [u(*(list(x) * 2)[: u.nin]) if u.nout == 1 else u(*(list(x) * 2)[: u.nin])[0]]
+
+        box = np.array([low, 0.5]), np.array([low + 0.1, 0.6])
+        calls = [lambda b=box, g=f: jacobian_enclosure(g, *b)]
+        calls.append(lambda b=box, g=f: jacobian_blocks(g, b[0][:, None], b[1][:, None], 2))
+        for call in calls:
+            if name in REFUSED or name in COMPARISONS:
+                with pytest.raises(UnsupportedError):
+                    call()
+            else:
+                a, b = call()
+                step = 1e-6 * np.eye(2)
+                x = (box[0] + box[1]) / 2
+                slope = [(ufunc(*(x + h)[: ufunc.nin]) - ufunc(*(x - h)[: ufunc.nin])) / 2e-6 for h in step]
+                assert (np.ravel(a) - 1e-6 <= slope).all() and (slope <= np.ravel(b) + 1e-6).all(), name
+
+
+def test_functions_of_scipy():
+    for name in ("expit", "logit", "log_expit", "log1p", "expm1", "cbrt", "exp2"):
+        function = getattr(scipy.special, name)
+        a, b = jacobian_enclosure(lambda x, f=function: [f(x[0])], [0.3], [0.4])
+        slope = (function(0.35 + 1e-6) - function(0.35 - 1e-6)) / 2e-6
+        assert a[0, 0] - 1e-6 <= slope <= b[0, 0] + 1e-6 and b[0, 0] - a[0, 0] < 2
+    for function in (scipy.special.erf, scipy.special.gamma, scipy.special.j0, scipy.special.exprel):
+        with pytest.raises(UnsupportedError):
+            jacobian_enclosure(lambda x, f=function: [f(x[0])], [0.3], [0.4])
+
+
+def test_arrays_by_conditions_on_numbers_and_numbers_by_conditions_on_arrays():
+    gains = np.array([1.0, 2.0])
+    for f in (
+        lambda x: np.where(x[0] > 5, gains, 2 * gains) * x,
+        lambda x: ((x[0] < 5) * gains) * x + gains * (x[0] < 5) * x,
+        lambda x: np.where(gains > 1.5, x, 2 * x),
+        lambda x: np.where(x > 5, 1.0, x) * gains,
+    ):
+        a, b = jacobian_enclosure(f, [0, 0], [1, 1])
+        for i in range(2):
+            step = 1e-6 * np.eye(2)[i]
+            slope = (f(np.full(2, 0.5) + step) - f(np.full(2, 0.5) - step)) / 2e-6
+            assert (a[:, i] - 1e-6 <= slope).all() and (slope <= b[:, i] + 1e-6).all()

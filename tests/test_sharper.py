@@ -146,3 +146,24 @@ def test_nothing_follows_from_growth_where_a_variable_is_zero():
     for region in ([[-1.0, 0.0], [0, 1]], [[-1.0, 1.0], [0, 1]]):
         (a, b), _ = _in_second_order(lambda x: [x[0] * x[1] / (3 + x[0]), x[0] ** 2 * x[1]], np.array(region), 2)
         assert b[0, 1] >= 0 and a[0, 1] <= -0.5 and a[1, 0] <= -2 and a[1, 1] == 0 and b[1, 1] >= 1
+
+
+def test_unbounded_slopes_name_the_states():
+    unbounded = [
+        (lambda x: np.cbrt(x[1] - x[0]), r"cube root .*depends on x\[0\], x\[1\]"),
+        (lambda x: 1 / x[1], r"zero .*x\[1\]"),
+    ]
+    for f, text in unbounded:
+        system = ct.nlsys(lambda t, x, u, p, f=f: [-x[0], f(x) - x[1]], inputs=0, states=2)
+        with pytest.raises(kp.DataError, match=text):
+            kp.differential_positivity(system, kp.orthant(2), [[-1, 1.1], [-1, 1.3]])
+
+
+def test_a_region_without_an_equilibrium_is_promised_none():
+    away = ct.nlsys(lambda t, x, u, p: [1 + x[1] / (1 + x[0] + x[1]), 1 + x[0] / (1 + x[0])], inputs=0, states=2)
+    cert = kp.differential_positivity(away, kp.orthant(2), [[1, 2], [1, 2]])
+    text = cert.explain()
+    assert cert.status is not kp.Status.REFUTED and ("equilibrium" not in text or "that stays in the region" in text)
+    drift = ct.nlsys(lambda t, x, u, p: [5 - x[0] + x[1] / 4, 5 - x[1] + x[0] / 4], inputs=0, states=2)
+    cert = kp.differential_positivity(drift, kp.orthant(2), [[0, 1], [0, 1]])
+    assert cert and "equilibrium" not in cert.explain() and "while they remain in the region" in cert.explain()

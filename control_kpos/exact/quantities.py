@@ -242,7 +242,8 @@ class _of:  # noqa: N801 -- reads as a word
         if not isinstance(error, UnboundedError) or DEPENDS in str(error):
             return
         low, high = np.broadcast_arrays(*(np.atleast_1d(side) for side in self._a.gradient))
-        on = np.flatnonzero(((low != 0) | (high != 0)).reshape(-1, low.shape[-1]).any(axis=0))
+        moving = (low != 0) | (high != 0)
+        on = np.flatnonzero(moving.any(axis=tuple(range(moving.ndim - 1))))
         if on.size:
             names = ", ".join(f"x[{i}]" for i in on[:3]) + (", ..." if on.size > 3 else "")
             error.args = (f"{error} ({DEPENDS} {names})",)
