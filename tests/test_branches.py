@@ -58,6 +58,7 @@ JUMPING = {
     "joined": lambda x, y: np.where((x > 0) & (y > 0), x, 0.0),
     "equality": lambda x, y: np.where(x == 0, 1.0, 2 * x),
     "negated": lambda x, y: np.where(~(x > 0), x, x + 1),
+    "among others that meet": lambda x, y: np.where(x > -1, x, -1) + np.where(x > -0.5, x, -1) + np.where(x > 0, x, 0),
     "on an edge": lambda x, y: np.where(x > -1, x, 5.0),
 }
 

@@ -39,7 +39,7 @@ for _name in sorted(NAMED):
 
 
 @pytest.mark.parametrize("name", MORE)
-@settings(max_examples=12)
+@settings(max_examples=8)
 @given(st.integers(0, 10**6), st.sampled_from([0.0, 1e-3, 0.2, 0.9]))
 def test_bounds_of_first_and_second_derivatives(name, seed, width):
     """Against quotients of differences at points of the box, and against the plain enclosure."""

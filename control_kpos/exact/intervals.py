@@ -149,7 +149,9 @@ def steps_to(item: Any) -> int:
         return _STEPS.__get__(item)
     if type(item) is Choice:
         return _CHOICE_STEPS.__get__(item)
-    return hash(item.tobytes() if isinstance(item, np.ndarray) else item)
+    if isinstance(item, np.ndarray):
+        return hash(item.tobytes())
+    return hash((item, item == -1))  # -1 and -2 have one hash
 
 
 def _clipped(item: Any, low: Any, high: Any) -> Any:

@@ -26,7 +26,7 @@ class Watch:
     met_kink: bool = False
     names: dict[Any, object] = field(default_factory=dict)
     surfaces: list[Surface] = field(default_factory=list)
-    gaps: dict[int, Any] = field(default_factory=dict)
+    gaps: dict[int, list[Any]] = field(default_factory=dict)
 
 
 class Surface(NamedTuple):
@@ -88,7 +88,7 @@ def note_surface(surface: Surface) -> None:
 def note_gap(steps: int, gap: Any) -> None:
     """Between which bounds the difference of two branches is."""
     if (watch := _WATCH.get(None)) is not None:
-        watch.gaps[steps] = gap
+        watch.gaps.setdefault(steps, []).append(gap)
 
 
 def same_object(*description: Any) -> object:
