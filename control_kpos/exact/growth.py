@@ -11,7 +11,7 @@ mean of theirs.  So the sign of df/dx_i is seen where f and its derivative vanis
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -101,26 +101,32 @@ def _spread(a: Interval) -> Interval:
 @np.errstate(all="ignore")
 def met(a: Growth, value: Interval, gradient: Interval) -> tuple[Growth, Interval]:
     """Growth and derivatives, each narrowed by what the other and the value say of it."""
-    value = _spread(value)
-    away = (value[0] > 0) | (value[1] < 0)
-    per = ia.loose_inverse((np.where(away, value[0], 1.0), np.where(away, value[1], 1.0)))
-    low, high = product(a.variables, gradient, per)
-    still = (gradient[0] == 0) & (gradient[1] == 0)
-    low, high = (np.where(still, 0.0, np.where(away, end, none)) for end, none in zip((low, high), _OPEN, strict=True))
-    share = ia.common(a.share, (low, high))
+    value, share = _spread(value), a.share
+    if np.isinf(share[0]).any() or np.isinf(share[1]).any():
+        share = ia.common(share, _from_derivatives(a.variables, value, gradient))
     least, most = a.variables
     # On a side x_i = 0 alone nothing follows; at an end of a wider one the derivatives from inside do.
     up, down = (least >= 0) & (most > 0), (most <= 0) & (least < 0)
-    rate = product(share, value)
-    turned = np.where(up, rate[0], -rate[1]), np.where(up, rate[1], -rate[0])
-    sized = _per_size(turned, ia.sizes(a.variables))
-    low, high = (np.where(up | down, end, none) for end, none in zip(sized, _OPEN, strict=True))
-    return a._replace(share=share), ia.common(gradient, (low, high))
+    low, high = product(share, value)
+    size = ia.sizes(a.variables)
+    least, most = _least(np.where(up, low, -high), size), -_least(np.where(up, -high, low), size)
+    known = up | down
+    return a._replace(share=share), ia.common(
+        gradient, (np.where(known, least, -np.inf), np.where(known, most, np.inf))
+    )
 
 
-def _per_size(rate: Interval, size: Interval) -> Interval:
-    """A rate over a number > 0 between bounds, of which the lower one may be zero: its sign remains."""
-    positive = size[0] > 0
-    per = ia.loose_inverse((np.where(positive, size[0], 1.0), np.where(positive, size[1], 1.0)))
-    low, high = product(rate, (np.where(positive, per[0], 0.0), np.where(positive, per[1], np.inf)))
+def _from_derivatives(variables: Interval, value: Interval, gradient: Interval) -> Interval:
+    """x f' / f, where f is not zero; and zero where f' is."""
+    away = (value[0] > 0) | (value[1] < 0)
+    per = ia.loose_inverse((np.where(away, value[0], 1.0), np.where(away, value[1], 1.0)))
+    ratio = product(variables, gradient, per)
+    still = (gradient[0] == 0) & (gradient[1] == 0)
+    low, high = (np.where(still, 0.0, np.where(away, end, none)) for end, none in zip(ratio, _OPEN, strict=True))
     return low, high
+
+
+def _least(rate: Any, size: Interval) -> Any:
+    """The lower end of a rate over numbers > 0 between bounds, of which the lower one may be zero."""
+    down = ia.below(rate / np.where(rate > 0, size[1], size[0]))
+    return np.where(rate > 0, np.maximum(down, 0.0), np.where(rate == 0, 0.0, down))
