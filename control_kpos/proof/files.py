@@ -53,8 +53,7 @@ _REFUSALS = (
 # What proofs rest on, and refutations never.
 _FOR_PROOFS = ("v", "sigma", "slow_direction", "rays", "multipliers", "pointing", "right_inverse", "shares")
 # Claims that are about no system.
-_TIMELESS = ("delayed network", "feedback", "gain bound", "out-weight")
-_TIMELESS = ("feedback", "gain bound", "out-weight", "differentially-positive network")
+_TIMELESS = ("delayed network", "differentially-positive network", "feedback", "gain bound", "out-weight")
 # Data that stand there as numbers or text.
 _BARE = ("dt", "source")
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
