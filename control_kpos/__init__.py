@@ -105,8 +105,8 @@ if TYPE_CHECKING:
         NonlinearNetwork,
         OrderViolation,
         differential_positivity,
-        links,
         nonlinear_interconnect,
+        nonlinear_links,
         nonlinear_nodes,
     )
     from .plotting import (
@@ -208,11 +208,11 @@ __all__ = [
     "interval",
     "largest_uncertainty",
     "linear_lyapunov",
-    "links",
     "load_certificate",
     "lorentz",
     "network_feedback",
     "nonlinear_interconnect",
+    "nonlinear_links",
     "nonlinear_nodes",
     "observer_gain",
     "optimal_feedback",
@@ -261,7 +261,7 @@ _ON_DEMAND = {
         ),
         ".nonlinear": (
             "DifferentialCertificate DifferentialNetworkCertificate NonlinearNetwork OrderViolation "
-            "differential_positivity links nonlinear_interconnect nonlinear_nodes"
+            "differential_positivity nonlinear_interconnect nonlinear_links nonlinear_nodes"
         ),
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_poles plot_tradeoff",
     }.items()

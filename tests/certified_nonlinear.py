@@ -18,7 +18,7 @@ def phases(degrees, lines=None):
         lambda x, u, p: [x[1], u[0] - x[0] - 5 * x[1]], n_nodes=2, states=2, X=[[0, 1], [1, -2.5]]
     )
     load = kp.nonlinear_nodes(lambda x, u, p: [u[0]], n_nodes=1)
-    lines = kp.links(np.sin, [0, 1, 2, 2], [2, 2, 0, 1], difference=True) if lines is None else lines
+    lines = kp.nonlinear_links(np.sin, [0, 1, 2, 2], [2, 2, 0, 1], difference=True) if lines is None else lines
     net = kp.nonlinear_interconnect([machines, load], lines)
     high = net.pack([np.radians(degrees), 0], [np.radians(degrees)])
     return kp.differential_positivity(net, region=np.column_stack([-high, high]))

@@ -28,7 +28,7 @@ _COMPUTED = "nonlinear functions compute with doubles; what is no double is refu
 _SIMULATED = "a simulation in floating point"
 DOUBLES = {
     "nonlinear_nodes": {"params": _COMPUTED},
-    "links": dict.fromkeys(["weights", "targets", "sources"], _COMPUTED),
+    "nonlinear_links": dict.fromkeys(["weights", "targets", "sources"], _COMPUTED),
     "NonlinearNetwork.dynamics": dict.fromkeys("xw", _SIMULATED),
     "NonlinearNetwork.linearize": dict.fromkeys("xw", _SIMULATED),
     "NonlinearNetwork.unpack": {"x": _SIMULATED},

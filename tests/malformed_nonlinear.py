@@ -22,8 +22,8 @@ CALLS = {
             "names": ["a", "b"],
         },
     ),
-    "links": (
-        kp.links,
+    "nonlinear_links": (
+        kp.nonlinear_links,
         {"function": np.sin, "targets": [0, 1], "sources": [1, 0], "weights": [1, 2], "difference": True},
     ),
     "nonlinear_interconnect": (kp.nonlinear_interconnect, {"nodes": NODES, "coupling": [[0, 1], [1, 0]]}),

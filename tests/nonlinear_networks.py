@@ -114,7 +114,7 @@ def swing(grounding=0.1):
     )
     loads = kp.nonlinear_nodes(lambda x, u, p: [u[0] / p["d"]], n_nodes=len(W) - M, params={"d": load[M:] / FREQUENCY})
     rows, columns = W.nonzero()
-    lines = kp.links(np.sin, rows, columns, weights=W[rows, columns], difference=True)
+    lines = kp.nonlinear_links(np.sin, rows, columns, weights=W[rows, columns], difference=True)
     return kp.nonlinear_interconnect([machines, loads], lines)
 
 

@@ -138,7 +138,7 @@ def test_random_networks_contract_as_is_proven(seed, slanted):
 
     nodes = kp.nonlinear_nodes(f, lambda x, p: [x[0]], n_nodes=N, states=2, params={"rate": rate}, X=X)
     W = sp.csr_array(sp.random(N, N, 0.5, random_state=seed % 1000)) * rng.uniform(0, 1.5)
-    net = kp.nonlinear_interconnect(nodes, [W, kp.links(np.tanh, [0, 1], [2, 3], weights=0.3)])
+    net = kp.nonlinear_interconnect(nodes, [W, kp.nonlinear_links(np.tanh, [0, 1], [2, 3], weights=0.3)])
     high = np.tile(T @ np.array([0.5, 0.5]), N)
     cert = kp.differential_positivity(net, region=np.column_stack([-high, high]), pieces=100)
     whole = np.kron(np.eye(N), T)
@@ -159,7 +159,7 @@ def test_differences_take_the_worst_slope_of_every_link(seed):
     rows, columns = np.nonzero(rng.random((N, N)) * (1 - np.eye(N)) > 0.5)
     hold = np.where(rng.random(N) < 0.6, rng.uniform(0.1, 1, N), 0.0)
     nodes = kp.nonlinear_nodes(lambda x, u, p: [u[0] - p["hold"] * x[0]], n_nodes=N, params={"hold": hold})
-    net = kp.nonlinear_interconnect(nodes, kp.links(kp.interval(low, high), rows, columns, difference=True))
+    net = kp.nonlinear_interconnect(nodes, kp.nonlinear_links(kp.interval(low, high), rows, columns, difference=True))
     cert = kp.differential_positivity(net, region=[[-1, 1]])
     abscissae = []
     for _ in range(40):
@@ -269,7 +269,7 @@ def test_own_shares_refute_machines_that_swing():
     machines = kp.nonlinear_nodes(
         lambda x, u, p: [x[1], u[0] - x[1]], n_nodes=2, states=2, X=kp.PolyhedralCone([[0, 1], [1, -0.5]])
     )
-    net = kp.nonlinear_interconnect(machines, kp.links(np.sin, [0, 1], [1, 0], weights=2, difference=True))
+    net = kp.nonlinear_interconnect(machines, kp.nonlinear_links(np.sin, [0, 1], [1, 0], weights=2, difference=True))
     cert = kp.differential_positivity(net, region=np.array([[-1, 1], [0.4, -0.4]] * 2) * 0.1)
     assert cert.status is kp.Status.REFUTED and cert.check() and cert.witness.block == 0
     assert cert.witness.value == pytest.approx(0.25 - 2, abs=0.1)
@@ -288,7 +288,7 @@ def test_ranges_of_links_and_of_differences():
         ).status
         is kp.Status.REFUTED
     )
-    apart = kp.nonlinear_interconnect(nodes, kp.links(kp.interval(0, 10), [0, 1], [1, 0], difference=True))
+    apart = kp.nonlinear_interconnect(nodes, kp.nonlinear_links(kp.interval(0, 10), [0, 1], [1, 0], difference=True))
     assert kp.differential_positivity(apart, region=[[-1, 1]]).decay_rate == pytest.approx(1)
 
 
@@ -363,16 +363,16 @@ def of_nodes(f, region=(0, 1), **more):
         (lambda: kp.nonlinear_nodes(abs, n_nodes=2, params={"a": [1, 2, 3]}), ShapeError, "has 3 entries"),
         (lambda: kp.nonlinear_nodes(abs, n_nodes=2, params={"a": "1/3"}), DataError, "is no double"),
         (lambda: kp.nonlinear_interconnect(NODES, [[1.0]]), ConeMismatchError, "coupling is 1 x 1"),
-        (lambda: kp.nonlinear_interconnect(NODES, kp.links(np.sin, [2], [0])), ShapeError, "targets holds 2"),
+        (lambda: kp.nonlinear_interconnect(NODES, kp.nonlinear_links(np.sin, [2], [0])), ShapeError, "targets holds 2"),
         (lambda: kp.nonlinear_interconnect([NODES, 1]), ShapeError, "nodes holds a int"),
         (lambda: kp.nonlinear_interconnect([]), ShapeError, "nodes is empty"),
-        (lambda: kp.links(np.sin, [0, 1], [1]), ShapeError, "targets has 2 entries, but sources has 1"),
-        (lambda: kp.links(np.sin, [0.5], [1]), DataError, "targets holds 0.5"),
-        (lambda: kp.links(3, [0], [1]), DataError, "function is a int"),
+        (lambda: kp.nonlinear_links(np.sin, [0, 1], [1]), ShapeError, "targets has 2 entries, but sources has 1"),
+        (lambda: kp.nonlinear_links(np.sin, [0.5], [1]), DataError, "targets holds 0.5"),
+        (lambda: kp.nonlinear_links(3, [0], [1]), DataError, "function is a int"),
         (
             lambda: kp.nonlinear_interconnect(
                 kp.nonlinear_nodes(lambda x, u, p: [u[1]], n_nodes=2, inputs=2),
-                kp.links(np.sin, [1], [0], difference=True),
+                kp.nonlinear_links(np.sin, [1], [0], difference=True),
             ),
             DataError,
             "input 1 receives a difference",

@@ -4,7 +4,7 @@ from .certificate import DifferentialCertificate, DifferentialViolation
 from .contraction import DifferentialNetworkCertificate, OrderViolation
 from .differential import differential_positivity
 from .network import NonlinearNetwork, nonlinear_interconnect
-from .nodes import Links, NonlinearNodes, links, nonlinear_nodes
+from .nodes import Links, NonlinearNodes, nonlinear_links, nonlinear_nodes
 
 __all__ = [
     "DifferentialCertificate",
@@ -15,7 +15,7 @@ __all__ = [
     "NonlinearNodes",
     "OrderViolation",
     "differential_positivity",
-    "links",
     "nonlinear_interconnect",
+    "nonlinear_links",
     "nonlinear_nodes",
 ]

@@ -176,7 +176,7 @@ def _numbers(params: Any, count: int) -> dict[str, Any]:
 
 @dataclass(frozen=True, eq=False)
 class Links:
-    """Links with a function; made by `links`.
+    """Links with a function; made by `nonlinear_links`.
 
     Attributes
     ----------
@@ -196,7 +196,7 @@ class Links:
     difference: bool = False
 
 
-def links(
+def nonlinear_links(
     function: Function | Interval,
     targets: ArrayLike,
     sources: ArrayLike,
@@ -234,7 +234,7 @@ def links(
     Two phases that attract each other through a line of strength 3:
 
     >>> import numpy as np, control_kpos as kp
-    >>> kp.links(np.sin, [0, 1], [1, 0], weights=3, difference=True).weights
+    >>> kp.nonlinear_links(np.sin, [0, 1], [1, 0], weights=3, difference=True).weights
     array([3., 3.])
     """
     if not (callable(function) or isinstance(function, Interval)):
