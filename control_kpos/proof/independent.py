@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +16,8 @@ from .portable_cones import factors_in
 
 # Characters of JSON that the checker takes on; it needs about a second for a megabyte.
 _LONGEST = 2 * 10**8
+# Sizes that a file may have besides one for each of its characters.
+_SMALL = 20_000
 
 
 @dataclass(frozen=True)
@@ -45,7 +48,9 @@ def verdict(content: dict[str, Any]) -> Verdict:
     # not before it is needed: python -m control_kpos.checker warns where the package has loaded it
     checker: Any = importlib.import_module("..checker", __package__)
     try:
-        note = checker.verify(expand(content), _LONGEST)
+        expanded = expand(content)
+        # as the checker's own command: sizes that no file of this length can need are refused before they take memory
+        note = checker.verify(expanded, min(len(json.dumps(expanded)) + _SMALL, _LONGEST))
     except checker.Wrong as reason:
         return Verdict("WRONG", f"The independent checker disagrees: not proven: {reason}.")
     except (checker.Omitted, RecursionError, MemoryError) as reason:
