@@ -4,6 +4,7 @@ from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 
+import control as ct
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -342,6 +343,8 @@ def test_networks_made_of_other_links_prove_nothing():
         ((A, 3), DataError, "A_delay"),
         ((A, [kp.ConeStateSpace(A, LATER, LATER, 0)]), DataError, r"A_delay\[0\] is a ConeStateSpace"),
         (([[1, 2]], LATER), ShapeError, "A is 1 x 2"),
+        ((ct.tf([1], [1, 1]), [[1]]), DataError, "A is a TransferFunction; give a matrix, or a state-space system"),
+        ((kp.interval([[-2]], [[-1]]), [[1]]), DataError, "of type Interval; ranges are for kp.stack"),
         ((A, LATER, SQUARE), ConeMismatchError, "X is a cone in 3 dimensions, but A has 2 states"),
         ((NET, [[[1]], [[1]], [[1]]]), ShapeError, r"A_delay has shape \(3, 1, 1\)"),
         ((NET, LATER), ShapeError, r"it must be \(2, 1, 1\)"),
@@ -359,5 +362,7 @@ def test_delays_that_are_none():
             kp.delayed(A, LATER, max_delay=value)
     with pytest.raises(DataError, match="number of steps"):
         kp.delayed([[0.5]], [[0.25]], discrete=True, max_delay=0.5)
-    with pytest.raises(DataError, match="max_delay has no place beside a network"):
+    with pytest.raises(ShapeError, match=r"max_delay has shape \(2,\); give one number"):
+        kp.delayed(A, LATER, max_delay=[1, 2])
+    with pytest.raises(DataError, match="max_delay has no place beside a network, for which no rate is proven"):
         kp.delayed(NET, [[1]], max_delay=1)

@@ -225,6 +225,7 @@ def test_scaling_and_worst_delta_of_the_example():
         assert Fraction(found.upper) * Fraction(found.certificate.lower) >= 1
     assert np.allclose(loops.delta, golden * np.eye(2)) and np.linalg.matrix_rank(full.delta, 1e-9) == 1
     assert "margin at least" in full._repr_html_() and full.explain().startswith("Proved")
+    assert "L2 gains below 1.38196; some Delta of gains up to 1.38197 makes" in repr(full)
 
 
 def test_loops_that_do_not_come_back_have_no_bound():
@@ -233,6 +234,7 @@ def test_loops_that_do_not_come_back_have_no_bound():
     for found in (kp.robust_margin(CHAIN), kp.robust_margin(nothing, "full")):
         assert found and found.lower == found.upper == np.inf and found.delta is None and found.check()
         assert found.certificate.upper == 0 and " is 0: no " in found.explain()
+        assert found.message.endswith("whose blocks have finite L2 gains.")
 
 
 def test_a_system_that_is_not_stable_has_no_margin():

@@ -329,7 +329,11 @@ def of_nodes(f, region=(0, 1), **more):
         (lambda: kp.differential_positivity(NET, region=[[1, 0]]), DataError, "exceeds"),
         (lambda: kp.differential_positivity(NET, region=[[0, 1]] * 3), ShapeError, r"must be \(2, 2\)"),
         (lambda: kp.differential_positivity(NET, region=[[0, 1]], inputs=[[0, 1]] * 3), ShapeError, "inputs has"),
-        (lambda: kp.differential_positivity(NET, kp.orthant(2), [[0, 1]]), DataError, "not for networks"),
+        (
+            lambda: kp.differential_positivity(NET, kp.orthant(2), [[0, 1]]),
+            DataError,
+            "not for networks.*name the region",
+        ),
         (lambda: kp.differential_positivity([[-1]], [[1]], equilibrium=[0]), DataError, "equilibrium is for networks"),
         (lambda: kp.differential_positivity([[-1]]), DataError, "X is missing"),
         (
@@ -351,6 +355,12 @@ def of_nodes(f, region=(0, 1), **more):
             "node 1 is unbounded",
         ),
         (lambda: of_nodes(lambda x, u, p: [u[0] - x[0].sum()]), DataError, "cannot be enclosed"),
+        (
+            lambda: of_nodes(lambda x, u, p: [u[0] - p["a"] * x[0]]),
+            DataError,
+            "fails with KeyError: 'a'. Write it as f",
+        ),
+        (lambda: of_nodes(lambda x, u: [u[0] - x[0]]), DataError, r"fails with TypeError: .* as f\(x, u, p\)"),
         (lambda: of_nodes(lambda x, u, p: [u[0], x[0]]), ShapeError, "2 rows; the nodes need 1"),
         (lambda: kp.nonlinear_nodes("f", n_nodes=2), DataError, "f is a str"),
         (lambda: kp.nonlinear_nodes(abs, n_nodes=2, outputs=2), DataError, "outputs is 2"),

@@ -221,7 +221,7 @@ def test_files_say_the_same(tmp_path):
     ("arguments", "error", "message"),
     [
         (([],), kp.DataError, "family is empty"),
-        ((np.eye(2),), kp.DataError, r"family\[0\] is neither a matrix nor a system"),
+        ((np.eye(2),), kp.DataError, r"family\[0\] is neither a matrix nor a state-space system"),
         ((sp.eye_array(2),), kp.DataError, "family is one member"),
         (([np.eye(2), np.eye(3)],), kp.ShapeError, r"family\[1\] has 3 states, but family\[0\] has 2"),
         (([[[1, 2]]],), kp.ShapeError, r"family\[0\] is 1 x 2; it must be square"),

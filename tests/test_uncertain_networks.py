@@ -166,6 +166,11 @@ def test_a_vertex_that_is_not_positive_is_named():
 def test_a_vertex_that_alone_is_not_stable_is_named():
     found = kp.feedback_interconnect([lag(2), [lag(2), lag(-1)]], cycle(2)).certificate
     assert found.status == "REFUTED" and found.check()
+    assert "node 1 at its vertex 1 does not decay even without the others" in found.explain()
+    late = kp.feedback_interconnect([[lag(3), lag(2)], [lag(3), lag(2), lag(0)]], 0.1 * cycle(2)).certificate
+    assert "node 1 at its vertex 2 does not decay even without the others" in late.explain() and late.check()
+    both = kp.feedback_interconnect([[lag(2), lag(0.25)], lag(2)], cycle(2)).certificate
+    assert both.status == "REFUTED" and "without the others" not in both.explain()
     alone = kp.feedback_interconnect([lag(2), [lag(2), lag(-1)]], np.zeros((2, 2))).certificate
     assert "node 1 at its vertex 1 does not decay even without the others" in alone.explain()
     assert "the network itself is refuted" in alone.explain() and "growth rate at least 1" not in alone.explain()
@@ -292,8 +297,10 @@ def test_bad_vertices_are_named():
         kp.feedback_interconnect([[], lag(1)], SWAP)
     with pytest.raises(ShapeError, match=r"systems\[0\] is a list; the vertices of a node are systems"):
         kp.feedback_interconnect([[1, 2], lag(1)], SWAP)
-    with pytest.raises(ConeMismatchError, match=r"systems\[1\]: the vertices of a node have the same"):
+    with pytest.raises(ConeMismatchError, match=r"systems\[1\]: .* vertex 1 has \(2, 2, 2\), but vertex 0 \(1, 1, 1\)"):
         kp.feedback_interconnect([lag(1), [lag(1), kp.ConeStateSpace(-np.eye(2), np.eye(2), np.eye(2), 0)]], SWAP)
+    with pytest.raises(ConeMismatchError, match=r"systems\[0\]: .* their cones differ"):
+        kp.feedback_interconnect([[lag(1), kp.ConeStateSpace([[-1]], [[1]], [[1]], 0, X=[[-1]])]], [[0]])
     with pytest.raises(DataError, match="supply_rates"):
         kp.feedback_interconnect([[lag(1), lag(2)]], [[0]], supply_rates=[([-1], [1])])
     with pytest.raises(DataError, match=r"A\[1\]"):

@@ -111,7 +111,7 @@ def test_ranges_are_weights_of_graphs():
     graph.add_edge("a", "b", weight=kp.interval("1/3", "1/2"))
     graph.add_edge("b", "a")
     net = kp.feedback_interconnect([lag(1), lag(2)], graph)
-    assert net.certificate and net.model.names == ["a", "b"]
+    assert net.certificate and net.model.names == ["a", "b"] and repr(net).endswith("2 outputs, ranges>")
     assert net.lower.coupling.fractions().tolist() == [[0, 1], [Fraction(1, 3), 0]]
     assert net.model.coupling.values.toarray().tolist() == [[0, 1], [0.5, 0]]
     graph.add_edge("b", "a", weight=kp.interval(0, 4))

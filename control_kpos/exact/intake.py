@@ -54,7 +54,8 @@ def exact_matrix(data: ArrayLike | Matrix | Any, name: str, *, ndim: int = 2) ->
         return data
     if sp.issparse(data):
         if ndim != 2:
-            raise ShapeError(f"{name} is a sparse matrix; it must have {ndim} dimension{'s' * (ndim != 1)}.")
+            what = f"it must have {ndim} dimension{'s' * (ndim > 1)}" if ndim else "give one number"
+            raise ShapeError(f"{name} is a sparse matrix; {what}.")
         return Matrix(sparse_matrix(data, name))
     if np.ma.isMaskedArray(data) and np.ma.is_masked(data):
         raise DataError(f"{name} has masked entries; fill them in first.")
@@ -70,7 +71,8 @@ def exact_matrix(data: ArrayLike | Matrix | Any, name: str, *, ndim: int = 2) ->
         # numpy turns ["1/3", 0.1] into text and shortens nothing, but a float's repr is its exact value
         arr = np.array(data, dtype=object)
     if arr.ndim > ndim:
-        raise ShapeError(f"{name} has shape {arr.shape}; it must have {ndim} dimension{'s' * (ndim > 1)}.")
+        what = f"it must have {ndim} dimension{'s' * (ndim > 1)}" if ndim else "give one number"
+        raise ShapeError(f"{name} has shape {arr.shape}; {what}.")
     if arr.ndim < ndim:
         arr = arr.reshape((1,) * (ndim - arr.ndim) + arr.shape)
     return _exact_array(arr, name)
@@ -121,7 +123,8 @@ def _fraction(x: Any, name: str, index: tuple[int, ...]) -> Fraction:
     try:
         return Fraction(*x.as_integer_ratio())
     except (AttributeError, TypeError):
-        raise DataError(f"{where} is {reprlib.repr(x)} of type {type(x).__name__}; give real numbers.") from None
+        remedy = getattr(type(x), "remedy", "give real numbers")  # ranges have places of their own
+        raise DataError(f"{where} is {reprlib.repr(x)} of type {type(x).__name__}; {remedy}.") from None
     except (OverflowError, ValueError):
         raise DataError(f"{where} is {x!r}; every entry must be finite.") from None
 

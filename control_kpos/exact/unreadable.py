@@ -125,7 +125,9 @@ def watched(function: Callable[[Any], Any], argument: Any) -> tuple[list[Any], W
         return values, watch
     if failure is not None and watch.refusals == [failure]:
         raise failure
-    raise UnsupportedError(f"the function catches an exception of ours, or fails: {failure}") from failure
+    if not watch.refusals:
+        raise UnsupportedError(f"the function fails with {type(failure).__name__}: {failure}") from failure
+    raise UnsupportedError("the function goes on after an exception that intervals raised") from failure
 
 
 class Unreadable:

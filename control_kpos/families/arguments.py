@@ -75,7 +75,9 @@ def _listed(family: Any) -> list[Any]:
         raise DataError("family is empty; give at least one member.")
     for s, member in enumerate(members):
         if not isinstance(member, (StateSpace, System, Matrix)) and not is_sparse(member) and dimensions(member) != 2:
-            raise DataError(f"family[{s}] is neither a matrix nor a system; give a list of them, such as [A1, A2].")
+            raise DataError(
+                f"family[{s}] is neither a matrix nor a state-space system; give a list of them, such as [A1, A2]."
+            )
     return members
 
 

@@ -96,11 +96,15 @@ def delayed(
         for name, given in (("X", X), ("discrete", discrete), ("max_delay", max_delay)):
             if given is not None:
                 raise DataError(
-                    f"{name} has no place beside a network, which has its own cones and time; leave it out."
+                    f"{name} has no place beside a network, "
+                    f"{'for which no rate is proven' if name == 'max_delay' else 'which has its own cones and time'}"
+                    "; leave it out."
                 )
         seconds(time_limit)
         return delayed_network(A, A_delay)
     is_system = isinstance(A, (StateSpace, System))
+    if not is_system and hasattr(A, "ninputs"):  # python-control's other systems
+        raise DataError(f"A is {found(A)}; give a matrix, or a state-space system (control.ss makes one).")
     system = System.read(A if is_system else exact_matrix(A, "A"), "A")
     if not system.sizes[0]:
         raise ShapeError("A has no states; there is nothing to delay.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -66,7 +67,10 @@ def read_chain(family: Family, chain: Any, jumps: Any) -> Jumping:
     for i, j in np.argwhere(Q < 0):
         if i != j or family.discrete:
             what = "a probability" if family.discrete else "a rate between members"
-            raise DataError(f"chain[{i}, {j}] is {float(Q[i, j]):g}; {what} must not be negative.")
+            raise DataError(
+                f"chain[{i}, {j}] is {float(Q[i, j]):g}; {what} must not be negative"
+                f"{'; in continuous time a chain has rates' * family.discrete}."
+            )
     rows = [_row(i, row, family.discrete) for i, row in enumerate(Q)]
     pairs = {} if jumps is None else _jumps(jumps, count, family.X.dim)
     return Jumping(family, Matrix.from_fractions(np.array(rows, dtype=object)), pairs)
@@ -77,9 +81,11 @@ def _row(i: int, row: Any, discrete: bool) -> list[Fraction]:
     total, size = sum(row) - int(discrete), sum(map(abs, row))
     if abs(total) > len(row) * Fraction(_ROUNDING) * size:
         kind, right = ("probabilities", 1) if discrete else ("rates", 0)
+        steps = not discrete and abs(sum(row) - 1) < Fraction(1, 10**6)
         raise DataError(
             f"row {i} of chain sums to {float(sum(row)):g}; the {kind} of a row must sum to {right}"
-            f"{'' if discrete else ', with minus the sum of the others on the diagonal'}."
+            f"{'' if discrete else ', with minus the sum of the others on the diagonal'}"
+            f"{'; in discrete time (discrete=True) a chain has probabilities' * steps}."
         )
     if discrete:
         return [Fraction(a) / sum(row) for a in row]
@@ -103,7 +109,9 @@ def _listed(jumps: Any, count: int) -> Iterator[tuple[int, int, Any]]:
     if isinstance(jumps, Mapping):
         for key, J in jumps.items():
             if not isinstance(key, tuple) or len(key) != 2 or not all(k in range(count) for k in key):
-                raise DataError(f"jumps has the key {found(key)}; give pairs (i, j) of members, each below {count}.")
+                raise DataError(
+                    f"jumps has the key {reprlib.repr(key)}; give pairs (i, j) of members, each below {count}."
+                )
             yield int(key[0]), int(key[1]), J
         return
     if dimensions(jumps) != 4 and not isinstance(jumps, (list, tuple)):

@@ -36,7 +36,7 @@ _MORE, _DIGITS = (0.0, 1e-15, 1e-14, 1e-13, 1e-12, 1e-10, 1e-8), 80
 _NEARLY = 1 - 1e-9
 _NO_V = "No common v exists for these members (v'x falls in every one of them): that is proven, see `others`."
 _NO_E = "No common e exists for these members (the gauge norm of e falls in every one): that is proven, see `others`."
-_SLOW = "Stability is proven, see `others`, but not at the rate that was asked for."
+_SLOW = "Undecided: stability is proven, see `others`, but not at the rate that was asked for."
 _OPEN = (
     "Neither a common v or e, nor a cycle or mixture of members that prevents stability, was proven. A larger "
     "`time_limit` allows longer cycles; dwell times or a smaller family may do."
@@ -198,6 +198,11 @@ def _asked(rate: Any, jumping: Jumping | None, jumps: Any, discrete: bool) -> An
         raise DataError("jumps belong to a chain; give the rates between the members with chain=.")
     if rate is None or (isinstance(rate, str) and rate == "max" and jumping is not None):
         return rate
+    if isinstance(rate, str) and rate == "max":
+        raise DataError(
+            'rate="max" belongs to a chain; for every order decay_rate is the best that the vectors found prove. Leave '
+            "it out, or give a number."
+        )
     asked = exact_number(rate, "rate", positive=True)
     if discrete and asked >= 1:
         raise DataError(f"rate is {float(asked):g}; in discrete time x falls like (1 - rate)^k, so rate is below 1.")

@@ -139,9 +139,12 @@ def _vertices(systems: Sequence[Any], name: str) -> UncertainStack:
         raise ShapeError(f"{name} is a list; the vertices of a node are systems, such as ConeStateSpace objects.")
     (first, *others), _, dt = gather(systems, name)
     if others:
+        sizes = [(item.nstates, item.ninputs, item.noutputs) for item in systems]
+        other = next((s for s, size in enumerate(sizes) if size != sizes[0]), None)
+        which = "their cones differ" if other is None else f"vertex {other} has {sizes[other]}, but vertex 0 {sizes[0]}"
         raise ConeMismatchError(
             f"{name}: the vertices of a node have the same numbers of states, inputs and outputs, and the same cones; "
-            "these systems differ in them."
+            f"{which}."
         )
     common = {"X": first.X, "U": first.U, "Y": first.Y, "dt": dt, "names": first.names[:1]}
     return with_vertices(tuple(replace(gather(system)[0][0], **common) for system in systems))

@@ -93,7 +93,13 @@ class UncertainStack(NodeStack):
     lower: NodeStack | None = None
 
     def __repr__(self) -> str:
-        return f"{NodeStack.__repr__(self)[:-1]}, {len(self.vertices)} vertices>"
+        return f"{NodeStack.__repr__(self)[:-1]}, {known_by(len(self.vertices), self.lower)}>"
+
+
+def known_by(count: int, lower: Any) -> str:
+    """How many vertices there are, and whether there are ranges, in words."""
+    vertices = f"{count} vertices" if count > 1 or lower is None else ""
+    return " and ".join(part for part in (vertices, "" if lower is None else "ranges") if part)
 
 
 def vertices_of(stack: NodeStack) -> tuple[NodeStack, ...]:

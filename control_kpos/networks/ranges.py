@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
@@ -25,6 +25,7 @@ class Interval:
         The ends, as they were given.
     """
 
+    remedy: ClassVar[str] = "ranges are for kp.stack, couplings and kp.nonlinear_links"
     lower: Any
     upper: Any
 

@@ -138,7 +138,9 @@ def differential_positivity(
     """
     if isinstance(jacobians, NonlinearNetwork):
         if X is not None or discrete is not None or time_limit is not None:
-            raise DataError("X, discrete and time_limit are not for networks; leave them out.")
+            raise DataError(
+                "X, discrete and time_limit are not for networks; leave them out, and name the region: region=..."
+            )
         most = whole_number(pieces, "pieces", least=1)
         return certify_network(jacobians, region, inputs, equilibrium, most)
     if equilibrium is not None:

@@ -236,8 +236,8 @@ def _called(
         return on_pieces(lambda z: function(z, kind.params), box[0].T, box[1].T, n, pieces, checked)
     except UnsupportedError as error:
         raise DataError(
-            f"{where} cannot be enclosed: {error}. Write it with arithmetic and functions of numpy that act entry by "
-            "entry on rows such as x[0], and with numbers from p."
+            f"{where} cannot be enclosed: {error}. Write it as f(x, u, p), or g(x, p), with arithmetic and functions "
+            "of numpy that act entry by entry on rows such as x[0], and with numbers from p."
         ) from None
     except UnboundedError as error:
         j = int(net.model.members[k][_first_unbounded(kind, function, box, n)])

@@ -235,6 +235,14 @@ def robust_margin(sys: Any, structure: Any = None) -> RobustMargin:
     return robust_margin_of(structured_gain(sys, "diagonal" if structure is None else structure))
 
 
+def _in_words(lower: float, upper: float) -> str:
+    """What both bounds of the margin say."""
+    gains = f"L2 gains below {floored(lower)}" if np.isfinite(lower) else "finite L2 gains"
+    text = f"Proved: loops u = Delta y that are well posed are stable for all causal Delta whose blocks have {gains}"
+    some = f"; some Delta of gains up to {raised(upper)} makes the loop unstable or not well posed"
+    return f"{text}{some * bool(np.isfinite(upper))}."
+
+
 def robust_margin_of(cert: StructuredGainCertificate) -> RobustMargin:
     """The margin that bounds of the structured gain prove."""
     if cert.positivity.witness is not None:
@@ -245,11 +253,14 @@ def robust_margin_of(cert: StructuredGainCertificate) -> RobustMargin:
         return RobustMargin(status=cert.status, certificate=cert, message="No margin is proven.")
     blocks = Blocks(np.array(cert.input_blocks), np.array(cert.output_blocks))
     moderate = len(cert.input_blocks) * len(cert.output_blocks) <= _LARGEST**2
+    lower = float(np.nextafter(1 / cert.upper, 0)) if cert.upper else float("inf")
+    upper = float(np.nextafter(1 / cert.lower, np.inf)) if cert.lower else float("inf")
     return RobustMargin(
         status=cert.status,
         certificate=cert,
-        lower=float(np.nextafter(1 / cert.upper, 0)) if cert.upper else float("inf"),
-        upper=float(np.nextafter(1 / cert.lower, np.inf)) if cert.lower else float("inf"),
+        message=_in_words(lower, upper),
+        lower=lower,
+        upper=upper,
         scaling=cert.d,
         delta=blocks.worst(cert.y, cert.a) if cert.lower and moderate else None,
     )

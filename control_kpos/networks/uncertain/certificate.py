@@ -407,8 +407,8 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         scope = "This choice is a member: the network itself is refuted."
         if isinstance(inner, NetworkInstability):
             alive = np.unique(self.model.owners(0)[np.asarray(inner.x) != 0])
-            if len(alive) == 1 and not np.any(inner.u):
-                j = int(alive[0])
+            j = int(alive[0])
+            if len(alive) == 1 and not np.any(np.asarray(inner.u)[self.model.owners(1) == j]):
                 return (
                     f"{self.model.name_of(j)} at {self._place(int(w.vertices[j]))} does not decay even without the "
                     f"others. {scope} Raise the local gain there."

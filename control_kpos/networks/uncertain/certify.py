@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 
+from ...exact.matrix import Matrix
 from ...proof.certificate import Status
 from ..blocks import Index
 from ..certificate import NetworkCertificate
 from ..certify import at_own_link, certify_as_given, violation
 from ..model import NetworkModel
+from ..nodes import NodeStack
 from ..witnesses import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation
 from .certificate import UncertainNetworkCertificate
 from .halves import Half, by_bounds, by_storage
@@ -104,7 +107,7 @@ def certify_all(models: Vertices, lower: NetworkModel | None = None) -> Uncertai
         return tried.broken if turned is None else turned
     for found in _members(tried.storage):
         if found.status is Status.REFUTED:
-            return found
+            return next(_alone(tried.storage, found), found)
     return _excluded(tried.storage, tried.bound)
 
 
@@ -154,6 +157,27 @@ def _choices(models: Vertices, worst: Worst | None) -> Iterator[Index]:
         yield worst.mixture.majority(models[0], len(models))
     for s in range(len(models)):
         yield np.full(models[0].n_nodes, s)
+
+
+def _alone(half: Half, found: UncertainNetworkCertificate) -> Iterator[UncertainNetworkCertificate]:
+    """The same refusal by one node at one vertex that is unstable without links, if there is one: it names both."""
+    for s, model in enumerate(half.models):
+        if any(_may_grow(stack, model.discrete) for stack in model.stacks):
+            bare = replace(model, coupling=Matrix(sp.csr_array(model.coupling.shape)))
+            alone = certify_as_given(bare).witness
+            if isinstance(alone, NetworkInstability):
+                w = FailingMember(np.full(model.n_nodes, float(s)), alone)
+                named = UncertainNetworkCertificate.settle(**half.given, loop_weights=found.loop_weights, witness=w)
+                if named.status is Status.REFUTED:
+                    yield named
+
+
+def _may_grow(stack: NodeStack, discrete: bool) -> bool:
+    """Whether computed eigenvalues of a node are unstable, or nearly."""
+    if not stack.sizes[0]:
+        return False
+    values = np.linalg.eigvals(stack.A.values)
+    return bool((abs(values) >= 1 - 1e-9).any() if discrete else (values.real >= -1e-9 * abs(values)).any())
 
 
 def _not_positive(models: Vertices, given: Any) -> UncertainNetworkCertificate | None:

@@ -14,6 +14,7 @@ from ..blocks import Index
 from ..coupling import read_ends
 from ..model import NetworkModel
 from ..network import ConeNetwork
+from ..nodes import known_by
 from ..ranges import has_ranges
 from .certificate import UncertainNetworkCertificate
 from .certify import certify_all
@@ -172,7 +173,8 @@ class UncertainNetwork(ConeNetwork):
         return UncertainNetwork(self.models, self.lower, external=self._external, progress=self._progress)
 
     def __repr__(self) -> str:
-        return f"<UncertainNetwork{ConeNetwork.__repr__(self)[len('<ConeNetwork') : -1]}, {len(self.models)} vertices>"
+        known = known_by(len(self.models), self.lower)
+        return f"<UncertainNetwork{ConeNetwork.__repr__(self)[len('<ConeNetwork') : -1]}, {known}>"
 
     def _repr_html_(self) -> str | None:
         certificate = self.__dict__.get("certificate")
