@@ -59,6 +59,7 @@ def messages():
         if name.split(".")[0] in ("design", "families", "find") or name in (
             "networks.certificate",
             "networks.any_size",
+            "theorems.robust_margin",
         ):
             silent = {id(n) for n in parts_of(tree, ("stage", "report", "Condition", "_report"))}
             silent |= {id(v) for n in ast.walk(tree) if isinstance(n, ast.JoinedStr) for v in n.values}
