@@ -325,7 +325,7 @@ def test_what_is_about_one_system_refuses_networks_with_vertices():
         lambda: kp.optimal_feedback(net, [1, 1], [0, 0], [[1, 1]] * 2),
     ]
     for call in refused:
-        with pytest.raises(DataError, match="grid is a network with vertices, and this is about one system"):
+        with pytest.raises(DataError, match="grid is a network with vertices or ranges, and this is about one system"):
             call()
     stack = kp.stack([[[[-1.0]]], [[[-2.0]]]], [[1]], [[1]])
     for call in (kp.scale_free_certificate, lambda s: net.nominal.with_node(s)):

@@ -135,6 +135,13 @@ def differential_positivity(
     >>> cert = differential_positivity(pendulum, X, [[-1.5, 1.5], [-9, 9]])
     >>> cert.status.name, cert.source
     ('PROVED', 'enclosed')
+
+    Two towns that infect each other:
+
+    >>> towns = kp.nonlinear_nodes(lambda x, u, p: [(1 - x[0]) * u[0] - x[0]], n_nodes=2)
+    >>> net = kp.nonlinear_interconnect(towns, [[0, 0.5], [0.5, 0]])
+    >>> differential_positivity(net, region=[[0, 1]]).contracts
+    True
     """
     if isinstance(jacobians, NonlinearNetwork):
         if X is not None or discrete is not None or time_limit is not None:

@@ -113,8 +113,8 @@ class UncertainNetwork(ConeNetwork):
     def require_certain(self) -> None:
         """See `ConeNetwork`."""
         raise DataError(
-            f"{self.name} is a network with vertices, and this is about one system. Its verdict for all vertices is "
-            ".certificate; give .nominal, or another .member(choice), for one of them."
+            f"{self.name} is a network with vertices or ranges, and this is about one system. Its verdict for all "
+            "choices is .certificate; give .nominal, or another .member(choice), for one of them."
         )
 
     @property
