@@ -137,17 +137,19 @@ def _vertices(systems: Sequence[Any], name: str) -> UncertainStack:
         raise ShapeError(f"{name} is an empty list of vertices; give at least one system.")
     if not all(isinstance(item, StateSpace) for item in systems):
         raise ShapeError(f"{name} is a list; the vertices of a node are systems, such as ConeStateSpace objects.")
-    (first, *others), _, dt = gather(systems, name)
-    if others:
-        sizes = [(item.nstates, item.ninputs, item.noutputs) for item in systems]
-        other = next((s for s, size in enumerate(sizes) if size != sizes[0]), None)
+    _, _, dt = gather(systems, name)
+    parts = [gather(system, name)[0][0] for system in systems]
+    first, sizes = parts[0], [(item.nstates, item.ninputs, item.noutputs) for item in systems]
+    other = next((s for s, size in enumerate(sizes) if size != sizes[0]), None)
+    if other is not None or any((s.X, s.U, s.Y) != (first.X, first.U, first.Y) for s in parts):
         which = "their cones differ" if other is None else f"vertex {other} has {sizes[other]}, but vertex 0 {sizes[0]}"
         raise ConeMismatchError(
             f"{name}: the vertices of a node have the same numbers of states, inputs and outputs, and the same cones; "
             f"{which}."
         )
-    common = {"X": first.X, "U": first.U, "Y": first.Y, "dt": dt, "names": first.names[:1]}
-    return with_vertices(tuple(replace(gather(system)[0][0], **common) for system in systems))
+    names = next((s.names for s in parts if s.names), ())
+    common = {"X": first.X, "U": first.U, "Y": first.Y, "dt": dt, "names": names}
+    return with_vertices(tuple(replace(part, **common) for part in parts))
 
 
 def _select(model: NetworkModel, chosen: Sequence[int | str] | int | str | None, kind: int, what: str) -> Index:
