@@ -151,7 +151,11 @@ def fraction(o: Json) -> Fraction:
 
 def fractions(o: Json) -> list[Fraction]:
     """{"fractions": [number, ...]}, {"tuple": []} if there is none."""
-    return [] if o == {"tuple": []} else [number(x) for x in listing(content(o, "fractions"))]
+    if o == {"tuple": []}:
+        return []
+    numbers = [number(x) for x in listing(content(o, "fractions"))]
+    expect(bool(numbers), "no fractions are an empty tuple")
+    return numbers
 
 
 def array(o: Json, depth: int = 1) -> list[Fraction]:

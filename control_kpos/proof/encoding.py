@@ -258,6 +258,8 @@ class Decoder:
         if "fraction" in value:
             return number(value["fraction"])
         if "fractions" in value:
+            if not value["fractions"]:
+                raise CertificateFileError("an empty tuple is written as a tuple.")
             return tuple(map(number, value["fractions"]))
         if "array" in value:
             return self._array(value["array"])

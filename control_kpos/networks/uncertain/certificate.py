@@ -438,7 +438,9 @@ def _at(condition: Condition, vertex: int) -> Condition:
 
 
 def _parts(vector: Matrix, count: int) -> list[Matrix]:
-    size = vector.shape[0] // count
+    size, rest = divmod(vector.shape[0], count)
+    if rest:
+        raise DataError("the vertices have vectors of one length.")
     return [vector[np.arange(s * size, (s + 1) * size)] for s in range(count)]
 
 
