@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from control import StateSpace
+from control import InputOutputSystem, StateSpace
 from numpy.typing import ArrayLike, NDArray
 
 from ..cones import Cone
@@ -103,7 +103,7 @@ def delayed(
         seconds(time_limit)
         return delayed_network(A, A_delay)
     is_system = isinstance(A, (StateSpace, System))
-    if not is_system and hasattr(A, "ninputs"):  # python-control's other systems
+    if not is_system and isinstance(A, InputOutputSystem):
         raise DataError(f"A is {found(A)}; give a matrix, or a state-space system (control.ss makes one).")
     system = System.read(A if is_system else exact_matrix(A, "A"), "A")
     if not system.sizes[0]:
