@@ -277,3 +277,12 @@ def test_weights_of_a_loop_stand_where_they_are_needed(tmp_path, capsys):
     c.save(tmp_path / "rates.json")
     assert kp.load_certificate(tmp_path / "rates.json") == c and checker.main(tmp_path / "rates.json") == 1
     assert capsys.readouterr().out.startswith("REFUTED")
+
+
+def test_a_certificate_that_proves_nothing_comes_back_from_its_file(tmp_path, capsys):
+    proven = kp.linear_lyapunov([[-2, 1], [1, -2]], kp.orthant(2))
+    undecided = type(proven).settle(positivity=proven.positivity)
+    undecided.save(tmp_path / "c.json")
+    assert load_certificate(tmp_path / "c.json") == undecided and undecided.status is kp.Status.UNDECIDED
+    assert main(["check", str(tmp_path / "c.json")]) == 1 and checker.main(tmp_path / "c.json") == 1
+    assert "UNDECIDED" in capsys.readouterr().out

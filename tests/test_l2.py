@@ -372,3 +372,13 @@ def test_gains_beyond_the_range_of_doubles():
     assert cert.status == "UNDECIDED" and cert.explain().startswith("Undecided")
     assert kp.robust_margin(kp.ConeStateSpace([[-(2.0**-60)]], [[1]], [[1]], 0), "full").upper == pytest.approx(2**-60)
     assert PYRAMID.n_rays == 4
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-200, 1e200, 1e300])
+def test_worst_uncertainties_at_any_scale(scale):
+    data = [[-1, 0.5], [0.5, -1]], scale * np.eye(2), np.eye(2), 0  # G(0) = scale [[4, 2], [2, 4]] / 3
+    system = kp.ConeStateSpace(*data)
+    for structure in ("full", "diagonal", [([0], [1]), ([1], [0])]):
+        found = kp.robust_margin(system, structure)
+        gain = found.delta @ (scale * np.array([[4, 2], [2, 4]]) / 3)
+        assert abs(np.abs(np.linalg.eigvals(gain)).max() - 1) < 1e-6, structure

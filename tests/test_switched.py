@@ -252,3 +252,14 @@ def test_cones_and_times_that_do_not_fit_are_refused():
 def test_a_time_limit_ends_the_search():
     s = kp.switched(ONLY_E, time_limit=1e-9)
     assert s.status in ("PROVED", "UNDECIDED") and (s or "ended" in s.message)
+
+
+def test_numbers_in_sentences_are_no_more_than_what_is_proven():
+    s = kp.switched([[[0, "2.2"], [0, 0]], [[0, 0], ["0.77", 0]]], discrete=True)  # one cycle takes x to 1.694 x
+    said = Fraction(str(s.witness).split(" than ")[1].split()[0])
+    assert s.witness.factor - Fraction(1, 10**5) < said <= s.witness.factor
+    (low, high), (facts,) = s.growth_bounds, [text for name, text in s.facts() if name == "growth per step"]
+    assert Fraction(facts.split()[0]) <= low and Fraction(facts.split()[2]) >= high
+    mixed = kp.switched([[[-1, 5], [0, -1]], [[-1, 0], [5, -1]], [[-2, 0], [0, -2]]])
+    assert "of member 0 + " in str(replace(mixed.witness, weights=(Fraction(1, 3), Fraction(2, 3), Fraction(0))))
+    assert "about 0.333333 of member 0" in str(replace(mixed.witness, weights=(Fraction(1, 3), Fraction(2, 3))))

@@ -277,7 +277,7 @@ class DelayCertificate(Certificate):
             f"For delays up to {floored(self.max_delay)} the state decays at least like "
             f"{law.format(floored(self.rate))}."
             if self.rate is not None and self.max_delay is not None
-            else "The decay rate depends on the delays; none is claimed. Give the longest one as max_delay to have one."
+            else "The decay rate depends on the delays; none is claimed. max_delay, the longest one, asks for one."
         )
         return (
             f"Proved: A {kept}, the delayed matrices map X into X, and the system is exponentially stable for all "

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..cards import floored, raised
 from ..cones import Cone
 from ..cones.polyhedral import has_open_facets
 from ..errors import DataError
@@ -105,8 +106,8 @@ class Switching(Answer):
         list of (str, str)
         """
         (low, high), (least, enough) = self.growth_bounds, self.dwell_bounds
-        out = [("growth per step", f"{low:.9g} to {high:.9g}")] if np.isfinite(high) else []
-        return out + ([("least dwell time", f"{least:.6g} to {enough:.6g}")] if 0 < enough < np.inf else [])
+        out = [("growth per step", f"{floored(low, 9)} to {raised(high, 9)}")] if np.isfinite(high) else []
+        return out + ([("least dwell time", f"{floored(least)} to {raised(enough)}")] if 0 < enough < np.inf else [])
 
 
 def switched(

@@ -26,7 +26,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
-from ..cards import floored, raised, shown
+from ..cards import about, floored, raised, shown
 from ..cones import Cone
 from ..errors import DataError
 from ..exact.condition import Condition
@@ -65,7 +65,7 @@ class CycleOfGrowth:
 
     def __str__(self) -> str:
         modes = ", ".join(map(str, self.modes))
-        return f"a cycle of the members {modes} that takes x = {shown(self.x)} to no less than {raised(self.factor)} x"
+        return f"a cycle of the members {modes} that takes x = {shown(self.x)} to no less than {floored(self.factor)} x"
 
 
 @register_record
@@ -86,7 +86,7 @@ class UnstableMixture:
     exact: Fractions = Fractions("x")
 
     def __str__(self) -> str:
-        used = [f"{raised(a)} of member {s}" for s, a in enumerate(self.weights) if a]
+        used = [f"{about(a)} of member {s}" for s, a in enumerate(self.weights) if a]
         if len(used) == 1:
             member = next(s for s, a in enumerate(self.weights) if a)
             return f"member {member} alone does not take x = {shown(self.x)} to 0"

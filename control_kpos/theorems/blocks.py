@@ -91,10 +91,17 @@ class Blocks:
 
     def worst(self, y: Floats, a: Floats) -> Floats:
         """Delta >= 0 with a gain |a_b| / |y_b| in each block and Delta y = a, shape (m, q)."""
-        sizes = np.bincount(self.outputs, y**2, self.count)
-        weights = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > 0)
-        same = self.inputs[:, None] == self.outputs
-        return np.where(same, a[:, None] * y * weights[self.outputs], 0.0)
+        tops, sizes = np.zeros(self.count), np.zeros(self.count)
+        np.maximum.at(tops, self.outputs, y)
+        shares = _over(y, tops[self.outputs])  # no squares of large or small numbers
+        np.add.at(sizes, self.outputs, shares**2)
+        gains = _over(_over(a, tops[self.inputs]), sizes[self.inputs])
+        return np.where(self.inputs[:, None] == self.outputs, gains[:, None] * shares, 0.0)
+
+
+def _over(x: Floats, y: Floats) -> Floats:
+    """x / y, and 0 where y is 0."""
+    return np.divide(x, y, out=np.zeros_like(x), where=y > 0)
 
 
 def is_diagonal(inputs: Sequence[int], outputs: Sequence[int]) -> bool:
