@@ -113,7 +113,9 @@ def delayed(
     matrices = _delayed_matrices(A_delay, n)
     longest = None if max_delay is None else exact_number(max_delay, "max_delay", nonnegative=True)
     if longest is not None and steps and (longest.denominator != 1 or longest > MOST_STEPS):
-        raise DataError(f"max_delay is {longest}; in discrete time it is a number of steps, at most {MOST_STEPS}.")
+        raise DataError(
+            f"max_delay is {float(longest):g}; in discrete time it is a number of steps, at most {MOST_STEPS}."
+        )
     with budget(float("inf"), time_limit=seconds(time_limit)), np.errstate(all="ignore"):
         return _decided(state_positivity(system.A, cone, discrete=steps), matrices, longest)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import reprlib
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -108,20 +107,24 @@ def _jumps(jumps: Any, count: int, n: int) -> Pairs:
 def _listed(jumps: Any, count: int) -> Iterator[tuple[int, int, Any]]:
     if isinstance(jumps, Mapping):
         for key, J in jumps.items():
-            if not isinstance(key, tuple) or len(key) != 2 or not all(k in range(count) for k in key):
-                raise DataError(
-                    f"jumps has the key {reprlib.repr(key)}; give pairs (i, j) of members, each below {count}."
-                )
+            if not isinstance(key, tuple) or len(key) != 2 or not all(_is_member(k, count) for k in key):
+                raise DataError(f"jumps has the key {key!r:.60}; give pairs (i, j) of members, each below {count}.")
             yield int(key[0]), int(key[1]), J
         return
     if dimensions(jumps) != 4 and not isinstance(jumps, (list, tuple)):
         raise DataError(f"jumps is {found(jumps)}; give a dictionary of (i, j): J_ij, or an array (M, M, n, n).")
     rows = items(jumps, "jumps")
+    if len(rows) != count:
+        raise ShapeError(f"jumps has length {len(rows)}; there must be {count} x {count} matrices.")
     for i, row in enumerate(rows):
         parts = items(row, f"jumps[{i}]")
-        if len(rows) != count or len(parts) != count:
-            raise ShapeError(f"jumps is {len(rows)} x {len(parts)} matrices; there must be {count} x {count} of them.")
+        if len(parts) != count:
+            raise ShapeError(f"jumps[{i}] has length {len(parts)}; there must be {count} x {count} matrices.")
         yield from ((i, j, J) for j, J in enumerate(parts) if J is not None)
+
+
+def _is_member(k: Any, count: int) -> bool:
+    return isinstance(k, (int, np.integer)) and not isinstance(k, bool) and k in range(count)
 
 
 def _is_identity(M: Matrix) -> bool:
