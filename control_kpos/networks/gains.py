@@ -44,6 +44,8 @@ _APART = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)
 _REACHED = (1e-6, 1e-3, 0.0)
 # Products with G that find where to begin; then steps towards the largest gain, and how close ends them.
 _PRODUCTS, _STEPS, _CLOSE = 8, 20, 1e-13
+# Multiples of a first guess that are tried as a bound where the guess for the vector gives a bad one.
+_BEYOND = (1.01, 1.5, 4.0, 64.0, 2.0**20)
 # Accuracy of solves.  Parts of the largest entry that others are raised to, so that none vanishes.
 _ACCURACY, _LEAST = 1e-13, 1e-200
 
@@ -219,8 +221,7 @@ class _Loops:
 
     def largest(self) -> tuple[float, Floats]:
         """rho(H) from above, and nearly the Perron vector; 0 if H is."""
-        z = self.start()
-        best = float((self.times(z) / z).max(initial=0.0))
+        best, z = self._from_ones(self.start())
         for _ in range(_STEPS if 0 < best < np.inf else 0):
             ahead = self.solve(best, z)
             if not (np.isfinite(ahead).all() and (ahead > 0).all()):
@@ -230,6 +231,18 @@ class _Loops:
             if not 0 < now < best * (1 - _CLOSE):
                 break
             best = now
+        return best, z
+
+    def _from_ones(self, z: Floats) -> tuple[float, Floats]:
+        """A bound of rho(H) and its z; where parts that H does not connect spoil the given one, from c = 1."""
+        ahead = self.times(z)
+        best, size = float((ahead / z).max(initial=0.0)), float(np.linalg.norm(ahead) / np.linalg.norm(z))
+        for factor in _BEYOND:
+            if not 2 * factor * size < best:
+                break
+            ahead = self.solve(factor * size, np.ones(len(z)))
+            if np.isfinite(ahead).all() and (ahead > 0).all():
+                return factor * size * (1 - 1 / float(ahead.max())), _raised(ahead)
         return best, z
 
     def _solve(self, model: NetworkModel, c: Floats, kind: str = "") -> tuple[Floats, Floats]:
