@@ -218,3 +218,22 @@ def test_theorems_about_systems_without_states():
     p = positivity_of(sys.exact)
     assert p and p.A.shape == (1, 1) and lyapunov_on(p) and lyapunov_on(p, rate="max")
     assert sys.gain("L2") == 1 and kp.structured_gain(sys).upper == pytest.approx(1)
+
+
+@pytest.mark.parametrize("structure", ["full", "diagonal"])
+@pytest.mark.parametrize("changed", ["none", "inputs", "outputs", "links"])
+def test_parts_that_do_not_meet_leave_gains_close(changed, structure):
+    """The first guess of the vector is the Perron vector itself, or far from it in parts that it does not reach."""
+    B, C, W = np.ones((160, 2, 1)), np.ones((160, 1, 2)), sp.csr_array((160, 160))
+    if changed == "inputs":
+        B[3] = 0
+    if changed == "outputs":
+        C[5] = 0
+    if changed == "links":  # sparse chains of nodes that differ
+        rng = np.random.default_rng(3)
+        B, C = rng.random((160, 2, 1)) * (rng.random((160, 2, 1)) < 0.6), rng.random((160, 1, 2))
+        W = sp.csr_array(sp.triu(sp.random_array((160, 160), density=0.01, rng=rng) * 0.3, 1))
+    net = kp.feedback_interconnect(kp.stack([[[-3, 1], [0, -3]]] * 160, B=B, C=C), W)
+    found, size = kp.structured_gain(net, structure), size_of(gain_of(net), structure)
+    assert found and found.check() and size * (1 - 1e-2) < found.lower <= size * (1 + 1e-9)
+    assert size * (1 - 1e-9) <= found.upper < size * (1 + 1e-2)

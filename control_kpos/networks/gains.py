@@ -46,6 +46,8 @@ _REACHED = (1e-6, 1e-3, 0.0)
 _PRODUCTS, _STEPS, _CLOSE = 8, 20, 1e-13
 # Multiples of a first guess that are tried as a bound where the guess for the vector gives a bad one.
 _BEYOND = (1.01, 1.5, 4.0, 64.0, 2.0**20)
+# Relative distance from a bound at which equations are solved: at rho(H) itself they have no solution.
+_BESIDE = 2.0**-36
 # Accuracy of solves.  Parts of the largest entry that others are raised to, so that none vanishes.
 _ACCURACY, _LEAST = 1e-13, 1e-200
 
@@ -223,10 +225,11 @@ class _Loops:
         """rho(H) from above, and nearly the Perron vector; 0 if H is."""
         best, z = self._from_ones(self.start())
         for _ in range(_STEPS if 0 < best < np.inf else 0):
-            ahead = self.solve(best, z)
+            sigma = best * (1 + _BESIDE)
+            ahead = self.solve(sigma, z)
             if not (np.isfinite(ahead).all() and (ahead > 0).all()):
                 break
-            now = best * (1 - float((z / ahead).min()))
+            now = sigma * (1 - float((z / ahead).min()))
             z = _raised(ahead)
             if not 0 < now < best * (1 - _CLOSE):
                 break
