@@ -72,7 +72,7 @@ def loose_product(a: Interval, b: Interval) -> Interval:
         for y, y_zero, y_power in second:
             p = x * y
             exact = x_zero | y_zero | ((x_power | y_power) & (np.abs(p) >= SMALLEST_NORMAL))
-            down, up = np.where(exact, p, below(p)), np.where(exact, p, above(p))
+            down, up = (p, p) if exact.all() else (np.where(exact, p, below(p)), np.where(exact, p, above(p)))
             low = down if low is None else np.minimum(low, down)
             high = up if high is None else np.maximum(high, up)
     return low, high
@@ -93,9 +93,10 @@ def sum_of(a: Interval, b: Interval) -> Interval:
 def loose_sum(a: Interval, b: Interval) -> Interval:
     """The sum, which may be infinite."""
     low, high = a[0] + b[0], a[1] + b[1]
+    too_high, too_low = _error(a[0], b[0], low) < 0, _error(a[1], b[1], high) > 0
     return (
-        np.where(_error(a[0], b[0], low) < 0, below(low), low),
-        np.where(_error(a[1], b[1], high) > 0, above(high), high),
+        np.where(too_high, below(low), low) if np.any(too_high) else low,
+        np.where(too_low, above(high), high) if np.any(too_low) else high,
     )
 
 

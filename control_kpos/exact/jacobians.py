@@ -82,7 +82,9 @@ def _known(y: Any, n: int) -> Known:
     raise UnsupportedError("the function returns something that is not a finite number")
 
 
-def jacobian_blocks(function: Callable[[Any], Any], lower: Array, upper: Array, n: int) -> tuple[Array, Array]:
+def jacobian_blocks(
+    function: Callable[[Any], Any], lower: Array, upper: Array, n: int, more: str = "growth"
+) -> tuple[Array, Array]:
     """Bounds of the Jacobians of one function at many nodes, each on a box of its own.
 
     Costs one call of the function, and for each of its operations a few passes over arrays of N (1 + n) numbers.
@@ -97,6 +99,8 @@ def jacobian_blocks(function: Callable[[Any], Any], lower: Array, upper: Array, 
         Bounds of the m quantities at each of N nodes.
     n : int
         Derivatives are by the first n quantities.
+    more : {"growth", ""}
+        Relative growth sharpens the bounds, and takes three times as long.
 
     Returns
     -------
@@ -113,15 +117,15 @@ def jacobian_blocks(function: Callable[[Any], Any], lower: Array, upper: Array, 
     >>> low.shape, low[0].tolist(), high[0].tolist()
     ((3, 1, 2), [[-1.0, 0.25]], [[-1.0, 1.0]])
     """
-    return values_and_blocks(function, lower, upper, n)[2:]
+    return values_and_blocks(function, lower, upper, n, more)[2:]
 
 
 def values_and_blocks(
-    function: Callable[[Any], Any], lower: Array, upper: Array, n: int
+    function: Callable[[Any], Any], lower: Array, upper: Array, n: int, more: str = ""
 ) -> tuple[Array, Array, Array, Array]:
     """Bounds of the values, shape (N, k) each, and then those of `jacobian_blocks`."""
     lower, upper = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
-    values = [_known(y, n) for y in _called(function, Rows, _arguments(lower, upper, n, "growth"), lower, upper)[0]]
+    values = [_known(y, n) for y in _called(function, Rows, _arguments(lower, upper, n, more), lower, upper)[0]]
     count = lower.shape[1]
     ends = ([np.broadcast_to(y.value[side], count) for y in values] for side in (0, 1))
     slopes = ([np.broadcast_to(y.gradient[side], (count, n)) for y in values] for side in (0, 1))
@@ -137,16 +141,17 @@ def on_pieces(
     n: int,
     pieces: int = 1,
     turned: Callable[..., tuple[Array, Array, Array, Array]] = lambda *found: found,
+    more: str = "",
 ) -> tuple[Array, Array, Array, Array]:
     """What `turned` makes of what `values_and_blocks` returns, with the box of every node cut into at most `pieces`
     boxes: the smallest bounds that hold those of all pieces.  Only quantities on which slopes depend are cut, all into
     as many parts.
     """
-    whole = values_and_blocks(function, lower, upper, n)
+    whole = values_and_blocks(function, lower, upper, n, more if pieces == 1 else "")
     sides = [i for i in range(len(lower)) if pieces > 1 and _bends(function, lower, upper, n, i, whole)]
     parts = int(pieces ** (1 / len(sides)) + 1e-9) if sides else 1
     if parts < 2:
-        return turned(*whole)
+        return turned(*(whole if pieces == 1 or not more else values_and_blocks(function, lower, upper, n, more)))
     edges = np.clip(np.linspace(lower, upper, parts + 1), lower, upper)
     edges[0], edges[-1] = lower, upper
     ends: list[Array] = []
@@ -154,7 +159,7 @@ def on_pieces(
         low, high = lower.copy(), upper.copy()
         for i, k in zip(sides, cell, strict=True):
             low[i], high[i] = edges[k][i], edges[k + 1][i]
-        found = turned(*values_and_blocks(function, low, high, n))
+        found = turned(*values_and_blocks(function, low, high, n, more))
         joined = zip(ends, found, (np.minimum, np.maximum) * 2, strict=True)
         ends = [join(a, b) for a, b, join in joined] if ends else list(found)
     return ends[0], ends[1], ends[2], ends[3]

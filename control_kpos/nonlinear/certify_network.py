@@ -17,7 +17,9 @@ from ..exact.unreadable import UnboundedError
 from ..proof.certificate import Status
 from .contraction import DifferentialNetworkCertificate, OrderViolation
 from .enclosed import (
+    QUICK,
     Blocks,
+    Care,
     Coordinates,
     between,
     block_matrix,
@@ -74,17 +76,17 @@ def certify_network(
 def _decided(
     net: NonlinearNetwork, region: tuple[Array, Array], inputs: tuple[Array, Array], pieces: int
 ) -> DifferentialNetworkCertificate:
-    """The certificate on a region, with more pieces if one does not show contraction."""
+    """The certificate on a region, with more care if the first enclosure does not show contraction."""
     states = boxes(net, *region)
     x, w = (0.5 * low + 0.5 * high for low, high in (region, inputs))
     require_agreement(net, x, w, _at(net, x, w))
     corners = _corners(net, region, inputs)
     most = min(pieces, max(1, _MOST_BOXES // net.totals[0]))
-    blocks = enclose(net, states, inputs)
-    found = _settled(net, blocks, corners)
-    if not found.contracts and most > 1:
-        blocks = enclose(net, states, inputs, pieces=most)
+    for care in dict.fromkeys((QUICK, Care(growth=True), Care(most, growth=True))):
+        blocks = enclose(net, states, inputs, care=care)
         found = _settled(net, blocks, corners)
+        if found.contracts:
+            return found
     if found.status is Status.PROVED:
         return found
     refuted = _refuted(net, _ends(net, blocks), region, inputs)

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -118,6 +118,29 @@ class Blocks:
     rates: list[Ends]
 
 
+class Care(NamedTuple):
+    """What is done for narrow enclosures.
+
+    Attributes
+    ----------
+    pieces : int
+        Boxes that the box of every node is cut into, at most.
+    growth : bool
+        Relative growth is used too, in three times the time.
+    """
+
+    pieces: int = 1
+    growth: bool = False
+
+    @property
+    def more(self) -> str:
+        """In the words of `values_and_blocks`."""
+        return "growth" if self.growth else ""
+
+
+QUICK = Care()
+
+
 def boxes(net: NonlinearNetwork, low: Array, high: Array) -> list[Ends]:
     """For every kind the smallest box (N, n) of states that holds the order interval between two vectors."""
     out = []
@@ -152,7 +175,7 @@ def between(net: NonlinearNetwork, low: Array, high: Array, part: Array) -> Arra
 
 
 def enclose(
-    net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes: bool = True, pieces: int = 1
+    net: NonlinearNetwork, states: list[Ends], external: Ends, *, slopes: bool = True, care: Care = QUICK
 ) -> Blocks:
     """Ends of all Jacobians and rates while states and external inputs are in their boxes; or of the rates alone.
 
@@ -164,18 +187,18 @@ def enclose(
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         n, _, q = kind.sizes
         outputs: Any = lambda z, p, kind=kind: kind.outputs(z, p)  # noqa: E731
-        found = _called(net, k, outputs, box, (n * slopes, q), "g", pieces, turns[k].of_outputs)
+        found = _called(net, k, outputs, box, (n * slopes, q), "g", care, turns[k].of_outputs)
         y_parts.append(found[:2])
         C.append(found[2:])
     y = both(lambda side: net.model.join([part[side] for part in y_parts], 2))
-    u, W, S = _received(net, y, external, slopes)
+    u, W, S = _received(net, y, external, slopes, care)
     inputs = [net.model.split(u[side], 1) for side in (0, 1)]
     A, B, rates = [], [], []
     for k, (kind, box) in enumerate(zip(net.kinds, states, strict=True)):
         n, m, _ = kind.sizes
         whole = both(lambda side, k=k, box=box: np.concatenate([box[side], inputs[side][k]], axis=1))
         rhs: Any = lambda z, p, kind=kind, n=n: kind.f(z[:n], z[n:], p)  # noqa: E731
-        found = _called(net, k, rhs, whole, ((n + m) * slopes, n), "f", pieces, turns[k].of_rates)
+        found = _called(net, k, rhs, whole, ((n + m) * slopes, n), "f", care, turns[k].of_rates)
         A.append(both(lambda side, J=found[2:], n=n: J[side][:, :, :n]))
         B.append(both(lambda side, J=found[2:], n=n: J[side][:, :, n:]))
         rates.append(found[:2])
@@ -219,7 +242,7 @@ def _called(
     box: Ends,
     shape: tuple[int, int],
     name: str,
-    pieces: int,
+    care: Care,
     turned: Callable[..., Any],
 ) -> tuple[Array, Array, Array, Array]:
     """Values and slopes of f or g of a kind of nodes, by coordinates of generators, or an error that names the node."""
@@ -233,7 +256,7 @@ def _called(
         return turned(*found)
 
     try:
-        return on_pieces(lambda z: function(z, kind.params), box[0].T, box[1].T, n, pieces, checked)
+        return on_pieces(lambda z: function(z, kind.params), box[0].T, box[1].T, n, care.pieces, checked, care.more)
     except UnsupportedError as error:
         raise DataError(
             f"{where} cannot be enclosed: {error}. Write it as f(x, u, p), or g(x, p), with arithmetic and functions "
@@ -264,7 +287,7 @@ def _first_unbounded(kind: NonlinearNodes, function: Callable[..., Any], box: En
     return first
 
 
-def _received(net: NonlinearNetwork, y: Ends, external: Ends, with_slopes: bool) -> tuple[Ends, Ends, Ends]:
+def _received(net: NonlinearNetwork, y: Ends, external: Ends, with_slopes: bool, care: Care) -> tuple[Ends, Ends, Ends]:
     """Inputs that links bring and external ones, and the slopes of both kinds of links."""
     m, q = net.totals[1:]
     joint = sp.coo_array(abs(net.lower) + abs(net.upper))
@@ -277,7 +300,7 @@ def _received(net: NonlinearNetwork, y: Ends, external: Ends, with_slopes: bool)
         d = y[0][each.sources], y[1][each.sources]
         if own is not None:
             d = difference(d, (y[0][own], y[1][own]))
-        values, slopes = _sent(each, d)
+        values, slopes = _sent(each, d, care.more)
         arriving.append((each.targets, values))
         (plain if own is None else differences).append((each.targets, each.sources, slopes))
     u = _summed(arriving, external, m)
@@ -290,7 +313,7 @@ def _at(M: sp.csr_array, rows: Index, columns: Index) -> Array:
     return np.asarray(M[rows, columns]).ravel() if len(rows) else np.zeros(0)
 
 
-def _sent(each: Links, d: Ends) -> tuple[Ends, Ends]:
+def _sent(each: Links, d: Ends, more: str) -> tuple[Ends, Ends]:
     """Values and slopes of links for arguments between ends."""
     weights = each.weights, each.weights
     if isinstance(each.function, Interval):
@@ -299,7 +322,7 @@ def _sent(each: Links, d: Ends) -> tuple[Ends, Ends]:
         return product(slopes, d), slopes
     phi = each.function
     try:
-        low, high, below, above = values_and_blocks(lambda z: [phi(z[0])], d[0][None], d[1][None], 1)
+        low, high, below, above = values_and_blocks(lambda z: [phi(z[0])], d[0][None], d[1][None], 1, more)
     except UnsupportedError as error:
         raise DataError(
             f"the function of links cannot be enclosed: {error}. Write it with arithmetic and functions of numpy that "
