@@ -72,7 +72,7 @@ def loose_product(a: Interval, b: Interval) -> Interval:
         for y, y_zero, y_power in second:
             p = x * y
             exact = x_zero | y_zero | ((x_power | y_power) & (np.abs(p) >= SMALLEST_NORMAL))
-            down, up = (p, p) if exact.all() else (np.where(exact, p, below(p)), np.where(exact, p, above(p)))
+            down, up = (p, p) if np.all(exact) else (np.where(exact, p, below(p)), np.where(exact, p, above(p)))
             low = down if low is None else np.minimum(low, down)
             high = up if high is None else np.maximum(high, up)
     return low, high

@@ -367,7 +367,7 @@ def logaddexp2(a: Known, b: Known) -> Known:
 
 def arctan2(a: Known, b: Known) -> Known:
     """The angle of (b, a), for b > 0."""
-    if not (b.value[0] > 0).all():
+    if not np.all(b.value[0] > 0):
         raise UnboundedError("arctan2 with a second argument that may not be positive")
     return applied("arctan", over(a, b))
 

@@ -27,11 +27,11 @@ from .enclosed import (
     enclose,
     least_in_ranges,
     own_shares,
-    require_agreement,
     taken_off,
 )
 from .network import NonlinearNetwork
 from .nodes import is_orthant
+from .steady import rates_at, require_agreement, steady
 from .weights import ROOM, contractions, own_output
 
 Array = NDArray[np.float64]
@@ -40,6 +40,8 @@ Array = NDArray[np.float64]
 _MOST_BOXES = 2 * 10**6
 # Corners of the region that are looked at for a violation, besides the middle and the two of the order.
 _CORNERS, _INSIDE = 8, 1e-6
+# Where between the ends of the region functions are compared with their enclosures.
+_BETWEEN = 0.3, 0.7
 # At an equilibrium rates are no larger than this, relative to states and rates nearby.
 _AT_REST = 1e-6
 
@@ -77,8 +79,10 @@ def _decided(
     net: NonlinearNetwork, region: tuple[Array, Array], inputs: tuple[Array, Array], pieces: int
 ) -> DifferentialNetworkCertificate:
     """The certificate on a region, with more care if the first enclosure does not show contraction."""
-    states = boxes(net, *region)
-    x, w = (0.5 * low + 0.5 * high for low, high in (region, inputs))
+    net, states = steady(net), boxes(net, *region)
+    rng = np.random.default_rng(0)  # at a middle, which is often zero, functions that differ may agree
+    x = between(net, *region, rng.uniform(*_BETWEEN, len(region[0])))
+    w = inputs[0] + rng.uniform(*_BETWEEN, len(inputs[0])) * (inputs[1] - inputs[0])
     require_agreement(net, x, w, _at(net, x, w))
     corners = _corners(net, region, inputs)
     most = min(pieces, max(1, _MOST_BOXES // net.totals[0]))
@@ -136,8 +140,8 @@ def _require_inside(net: NonlinearNetwork, x: Array, low: Array, high: Array, w:
             )
     if net.is_ranged:
         return
-    rates = net.dynamics(x, w)
-    size = 1 + np.abs(x).max(initial=0.0) + np.abs(net.dynamics(high, w)).max(initial=0.0)
+    rates = rates_at(net, x, w)
+    size = 1 + np.abs(x).max(initial=0.0) + np.abs(rates_at(net, high, w)).max(initial=0.0)
     if not np.abs(rates).max(initial=0.0) <= _AT_REST * size:
         i = int(np.argmax(np.abs(rates)))
         raise DataError(f"equilibrium: state {i} still changes at the rate {rates[i]:.6g}; give a point at rest.")

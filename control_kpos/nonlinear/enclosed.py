@@ -39,9 +39,6 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Ends = tuple[Any, Any]
 
-# A value beside its enclosure by more than this, relative, is no rounding.
-_DIFFERENCE = 1e-6
-
 
 @dataclass(frozen=True)
 class Coordinates:
@@ -332,6 +329,10 @@ def _sent(each: Links, d: Ends, more: str) -> tuple[Ends, Ends]:
         raise DataError(
             f"the enclosed slope of links is unbounded on the region: {error}; choose a smaller region."
         ) from None
+    if low.shape[1] != 1:
+        raise ShapeError(
+            f"the function of links returned {low.shape[1]} values for each argument; it has to return one."
+        )
     return product(weights, (low[:, 0], high[:, 0])), product(weights, (below[:, 0, 0], above[:, 0, 0]))
 
 
@@ -375,25 +376,6 @@ def _collected(parts: list[tuple[Index, Index, Ends]], shape: tuple[int, int]) -
     zero = np.zeros(len(key))
     ends = _summed([(place, (low, high))], (zero, zero), len(key))
     return both(lambda side: sp.csr_array((ends[side], (key // shape[1], key % shape[1])), shape=shape))
-
-
-def require_agreement(net: NonlinearNetwork, x: Array, w: Array, blocks: Blocks) -> None:
-    """Refuse functions that do with numbers something else than with intervals, as far as one point shows."""
-    if net.is_ranged:
-        return
-    rates = net.model.split(net.dynamics(x, w), 0)
-    for k, (kind, seen) in enumerate(zip(net.kinds, rates, strict=True)):
-        T = Coordinates.of(kind)
-        near, far = (seen, seen) if T is None else vectors(T.inverse, (seen, seen))
-        low, high = blocks.rates[k]
-        room = (high - low) + _DIFFERENCE * (1 + np.abs(low) + np.abs(high))
-        apart = (far < low - room) | (high + room < near)
-        if apart.any() or not np.isfinite(seen).all():
-            j = int(net.model.members[k][int(np.argmax(apart.any(axis=1)))])
-            raise DataError(
-                f"f or g of {net.model.name_of(j)} returns numbers that are not in their enclosure; give functions "
-                "that do the same at every call."
-            )
 
 
 def block_matrix(model: NetworkModel, parts: list[Ends], side: int, rows: int, columns: int) -> sp.csr_array:

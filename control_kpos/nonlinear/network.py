@@ -149,7 +149,8 @@ class NonlinearNetwork:
         external = None if w is None else vector(w, "w", self.totals[1])
         u = self._received(self.outputs(states), external)
         parts = zip(self.kinds, states, self.model.split(u, 1), strict=True)
-        return self.model.join([_evaluated(k, k.f(x.T, u.T, k.params), k.sizes[0], "f") for k, x, u in parts], 0)
+        rates = (_evaluated(k, k.f(_rows(x), _rows(u), k.params), k.sizes[0], "f") for k, x, u in parts)
+        return self.model.join(list(rates), 0)
 
     def outputs(self, states: list[Array]) -> Array:
         """The outputs of all nodes.
@@ -160,7 +161,7 @@ class NonlinearNetwork:
             The states of every kind of nodes.
         """
         parts = zip(self.kinds, states, strict=True)
-        return self.model.join([_evaluated(k, k.outputs(x.T, k.params), k.sizes[2], "g") for k, x in parts], 2)
+        return self.model.join([_evaluated(k, k.outputs(_rows(x), k.params), k.sizes[2], "g") for k, x in parts], 2)
 
     def _received(self, y: Array, external: Array | None) -> Array:
         if self.is_ranged:
@@ -168,6 +169,7 @@ class NonlinearNetwork:
         u = self.upper @ y + (0.0 if external is None else external)
         for each, own in zip(self.links, self.own, strict=True):
             d = y[each.sources] if own is None else y[each.sources] - y[own]
+            d.flags.writeable = False
             np.add.at(u, each.targets, each.weights * np.asarray(each.function(d)))
         return u
 
@@ -291,6 +293,13 @@ def _skeleton(kinds: tuple[NonlinearNodes, ...]) -> NetworkModel:
         first += kind.count
     W = Matrix(sp.csr_array((sum(len(k) * k.sizes[1] for k in kinds), sum(len(k) * k.sizes[2] for k in kinds))))
     return NetworkModel(tuple(stacks), tuple(members), W, 0)
+
+
+def _rows(values: Array) -> Array:
+    """One row for each state or input, which a function cannot change: intervals are not changed either."""
+    rows = values.T
+    rows.flags.writeable = False
+    return rows
 
 
 def _evaluated(kind: NonlinearNodes, result: Any, rows: int, name: str) -> Array:

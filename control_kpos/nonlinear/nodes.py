@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -42,8 +43,8 @@ class NonlinearNodes:
         Number of states, inputs and outputs of one node.
     count : int
         N.
-    params : dict
-        Numbers, or arrays of N numbers, by name.
+    params : mapping
+        Numbers, or arrays of N numbers, by name; read only.
     X : Cone
         Simplicial, in R^n: the order of the states.
     names : tuple of str
@@ -69,9 +70,9 @@ class NonlinearNodes:
         """The outputs for rows of states."""
         return [x[k] for k in range(self.sizes[2])] if self.g is None else self.g(x, params)
 
-    def part(self, chosen: slice) -> dict[str, Any]:
+    def part(self, chosen: slice) -> Mapping[str, Any]:
         """The params of some of the nodes."""
-        return {k: v[chosen] if np.ndim(v) else v for k, v in self.params.items()}
+        return MappingProxyType({k: v[chosen] if np.ndim(v) else v for k, v in self.params.items()})
 
 
 def nonlinear_nodes(
@@ -155,9 +156,10 @@ def nonlinear_nodes(
     return NonlinearNodes(f, g, (n, m, q), count, _numbers(params, count), cone, labels)
 
 
-def _numbers(params: Any, count: int) -> dict[str, Any]:
+def _numbers(params: Any, count: int) -> Mapping[str, Any]:
+    """Numbers and arrays that functions can read, and not change."""
     if params is None:
-        return {}
+        return MappingProxyType({})
     if not isinstance(params, Mapping):
         raise DataError(f"params is a {type(params).__name__}; give a dict of numbers and arrays.")
     out: dict[str, Any] = {}
@@ -171,7 +173,7 @@ def _numbers(params: Any, count: int) -> dict[str, Any]:
             raise ShapeError(f"{label} has {values.size} entries; give one number, or one for each of {count} nodes.")
         values.flags.writeable = False
         out[name] = float(values[0]) if values.shape == (1,) else values
-    return out
+    return MappingProxyType(out)
 
 
 @dataclass(frozen=True, eq=False)
