@@ -112,6 +112,23 @@ def test_negative_feedback_inside_nodes_is_closed_first():
     assert found.lower <= 2 <= found.upper
 
 
+def test_own_links_between_vertices_of_inputs_and_outputs_are_closed_at_pairs():
+    """What is proven at the factor 1 is found: the link itself, which leaves the cones at all factors, is no reason."""
+    B, C = (
+        [np.array([part]) for part in parts] for parts in ([[[1], [0.2]], [[1.1], [0.3]]], [[[0.2, 1]], [[0.3, 1.1]]])
+    )
+    net = kp.feedback_interconnect(kp.stack([[[-3, 1], [1, -3]]], B, C), [[-0.2]])
+    found = kp.largest_uncertainty(net)
+    assert net.certificate and found.lower > 1 and found.certificate.check()
+    assert found.upper == np.inf and not found.scope and "nothing is refuted" in found.explain()
+
+
+def test_what_is_not_positive_without_uncertainty_is_refuted_at_zero():
+    nodes = kp.stack([[[-2, 0], [0, -2]]], [[[[-1], [0]]], [[[0], [1]]]], [[1, 1]])
+    found = kp.largest_uncertainty(kp.feedback_interconnect(nodes, [[0.5]]))
+    assert found == (0, 0) and found.scope == "positivity" and found.certificate is None
+
+
 def test_it_is_a_pair_that_can_be_sent():
     found = kp.largest_uncertainty(loop("0.4", "0.6"))
     copy = pickle.loads(pickle.dumps(found))

@@ -107,10 +107,8 @@ class LargestUncertainty(tuple[float, float]):
             "bounds": "the bounds of ranges that change sign fail, which says nothing of what is in the ranges",
             "": "nothing is refuted",
         }[self.scope]
-        return (
-            f"{below}: ranges grow around their middles, vertices away from the first one. From the factor "
-            f"{raised(self.upper, 9)} on {above}."
-        )
+        where = f"From the factor {raised(self.upper, 9)} on" if self.upper < inf else "At larger ones"
+        return f"{below}: ranges grow around their middles, vertices away from the first one. {where} {above}."
 
 
 @np.errstate(all="ignore")
@@ -129,7 +127,7 @@ def largest_uncertainty(net: UncertainNetwork) -> LargestUncertainty:
     LargestUncertainty
         Reads as ``lower, upper = largest_uncertainty(net)``, and has a `certificate` for `lower` and a `refutation` for
         `upper`, whose `scope` says what is refuted.  (0, 0) if already the network without uncertainty is refuted;
-        inf if nothing is refuted up to 2^60.
+        inf where nothing is refuted; factors up to 2^60 are tried.
 
     Raises
     ------
@@ -158,12 +156,12 @@ def largest_uncertainty(net: UncertainNetwork) -> LargestUncertainty:
         )
     closed = Searches(net.models, net.lower).closed
     family = _Family(*(closed if closed is not None and len(closed[0]) == len(net.models) else (net.models, net.lower)))
-    low, high = _bracket(lambda t: Searches(*family.at(t, rounded=0)).seems_proven())
+    low, high = _bracket(lambda t: any(tried.seems_proven() for tried in _searches(family, t, 0)))
     proof = next(((t, c) for t, c in _proofs(family, low) if c is not None), (0.0, None))
     if high == inf:
         return LargestUncertainty((proof[0], inf), proof[1], None, "")
     for t in _beside(high, up=True):
-        refuted, scope = _refutation(family, t)
+        refuted, scope = _refutation(family, t, proof[0] if proof[1] else None)
         if refuted is not None:
             return LargestUncertainty((proof[0], t), proof[1], refuted, scope)
     return LargestUncertainty((proof[0], inf), proof[1], None, "")
@@ -205,11 +203,19 @@ def _beside(t: float, *, up: bool) -> Iterator[float]:
 def _proofs(family: _Family, low: float) -> Iterator[tuple[float, UncertainNetworkCertificate | None]]:
     """Proofs in exact numbers, at the largest factors first."""
     for t in (*_beside(low, up=False), 0.0):
-        yield t, Searches(*family.at(t, rounded=1)).proof()
+        yield t, next(filter(None, (tried.proof() for tried in _searches(family, t, 1))), None)
 
 
-def _refutation(family: _Family, t: float) -> tuple[UncertainNetworkCertificate | None, str]:
-    """What stands against a factor in exact numbers, and what that refutes."""
+def _searches(family: _Family, t: float, rounded: int) -> Iterator[Searches]:
+    """The searches for a proof at a factor: as it is, and with links of nodes to themselves closed at all pairs."""
+    tried = Searches(*family.at(t, rounded=rounded))
+    yield tried
+    if tried.closed is not None:
+        yield Searches(*tried.closed)
+
+
+def _refutation(family: _Family, t: float, proven: float | None) -> tuple[UncertainNetworkCertificate | None, str]:
+    """What stands against a factor in exact numbers, and what that refutes; there is a proof at `proven`."""
     models, lower = family.at(t, rounded=-1)
     found = certify_all(models, lower)
     if _is_about_decay(found.refuted_by):
@@ -220,6 +226,10 @@ def _refutation(family: _Family, t: float) -> tuple[UncertainNetworkCertificate 
         bound = certify_all(bounds_of(models, lower))
         if _is_about_decay(bound.refuted_by):
             return bound, "bounds"
+    if (
+        proven is not None and Searches(*family.at(proven, rounded=1)).broken is not None
+    ):  # what leaves the cones does not stop a proof
+        return None, ""
     return (found, "positivity") if found.refuted_by is not None else (None, "")
 
 
