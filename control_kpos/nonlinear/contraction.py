@@ -351,14 +351,15 @@ class DifferentialNetworkCertificate(Certificate):
             )
         rate = floored(self.decay_rate, 4)
         text = (
-            f"It contracts: any two solutions under the same inputs approach each other at least like "
+            f"It contracts: any two solutions under the same inputs and links approach each other at least like "
             f"exp(-{rate} t) in the norm {self.norm} of their difference in coordinates by generators, while they "
             "remain in the region."
         )
         if self.invariant:
             text += (
-                " So for constant external inputs within their box there is one equilibrium in the region, and all "
-                "solutions in it converge to it; under periodic ones all converge to one solution of the same period."
+                " So for constant external inputs within their box, and links that do not change in time, there is one "
+                "equilibrium in the region, and all solutions in it converge to it; under periodic ones all converge "
+                "to one solution of the same period."
             )
         if not self._has_differences:
             text += (
