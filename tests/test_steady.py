@@ -1,4 +1,4 @@
-"""Functions of nonlinear networks that change what they are given, or do something else at another call."""
+"""Functions of nonlinear networks that change what they are given, or do otherwise at another call."""
 
 import numpy as np
 import pytest
@@ -108,3 +108,12 @@ def test_angles_of_quantities_that_are_never_zero():
     x = np.linspace(0.3, 0.9, 50)
     slope = 2**x * (1 - x * np.log(2)) / (x**2 + 4**x)
     assert low[0, 0] <= slope.min() and slope.max() <= high[0, 0]
+
+
+def test_a_no_is_about_a_node_or_link():
+    """x_j' = -2 x_j + x_k / 2, written with two signs that cancel: the flow keeps the order, the parts do not."""
+    found = decided(lambda x, u, p: [-u[0] - 2 * x[0]], lambda x, p: [-x[0]], [[0, 0.5], [0.5, 0]])
+    assert found.status.name == "REFUTED" and "a node or link does not keep the order" in found.explain()
+    assert "judged one by one" in found.explain()
+    turned = decided(lambda x, u, p: [u[0] - 2 * x[0]], None, [[0, 0.5], [0.5, 0]])
+    assert turned.contracts and "links that do not change in time" in turned.explain()

@@ -328,8 +328,9 @@ class DifferentialNetworkCertificate(Certificate):
         if self.refuted_by is not None:
             where = "" if self.witness.x is None else f" at x = {shown(self.witness.x)}"
             return (
-                f"Not differentially positive: {what} does not keep the order of its cones{where}. In coordinates by "
-                f"generators {self.witness}. Other cones may do."
+                f"Not differentially positive: in {what} a node or link does not keep the order of its cones{where}. "
+                f"In coordinates by generators {self.witness}. Nodes and links are judged one by one: what signs that "
+                "cancel each other would do together is not seen. Turn the signs of signals, or choose other cones."
             )
         if not self:
             return (
