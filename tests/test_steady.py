@@ -1,5 +1,7 @@
 """Functions of nonlinear networks that change what they are given, or do otherwise at another call."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from control_kpos.exact.jacobians import jacobian_enclosure
 COUPLING = [[0, 0.1], [0.1, 0]]
 
 
-def decided(f, g=None, coupling=COUPLING, region=(-1, 1), **how):
+def decided(f, g=None, coupling=COUPLING, region=(-1, 1), **how) -> Any:
     net = kp.nonlinear_interconnect(kp.nonlinear_nodes(f, g, n_nodes=2, **how), coupling)
     return kp.differential_positivity(net, region=[region])
 

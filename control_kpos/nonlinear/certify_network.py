@@ -17,7 +17,6 @@ from ..exact.unreadable import UnboundedError
 from ..proof.certificate import Status
 from .contraction import DifferentialNetworkCertificate, OrderViolation
 from .enclosed import (
-    QUICK,
     Blocks,
     Care,
     Coordinates,
@@ -86,11 +85,13 @@ def _decided(
     require_agreement(net, x, w, _at(net, x, w))
     corners = _corners(net, region, inputs)
     most = min(pieces, max(1, _MOST_BOXES // net.totals[0]))
-    for care in dict.fromkeys((QUICK, Care(growth=True), Care(most, growth=True))):
+    blocks = enclose(net, states, inputs)
+    found = _settled(net, blocks, corners)
+    for care in dict.fromkeys((Care(growth=True), Care(most, growth=True))):
+        if found.contracts:
+            break
         blocks = enclose(net, states, inputs, care=care)
         found = _settled(net, blocks, corners)
-        if found.contracts:
-            return found
     if found.status is Status.PROVED:
         return found
     refuted = _refuted(net, _ends(net, blocks), region, inputs)
