@@ -102,7 +102,8 @@ def test_growth_decides_where_the_first_enclosure_does_not():
         lambda x, u, p: [u[0] - 2 * x[0]], lambda x, p: [x[0] ** 3 / (1 + x[0] + x[0] ** 3)], n_nodes=2
     )
     net = kp.nonlinear_interconnect(nodes, COUPLING)
-    assert kp.differential_positivity(net, region=[[0, 1]], pieces=1).contracts
+    found: Any = kp.differential_positivity(net, region=[[0, 1]], pieces=1)
+    assert found.contracts
 
 
 def test_angles_of_quantities_that_are_never_zero():
