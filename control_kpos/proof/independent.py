@@ -45,7 +45,7 @@ def verdict(content: dict[str, Any]) -> Verdict:
     content : dict
         What `read_content` returned; arrays of archives are turned into text.
     """
-    if content["status"] == "UNDECIDED":
+    if content.get("status") == "UNDECIDED":
         return Verdict("", "It claims nothing that could be checked.")
     # not before it is needed: python -m control_kpos.checker warns where the package has loaded it
     checker: Any = importlib.import_module("..checker", __package__)
