@@ -341,12 +341,8 @@ class _FullBlock(_Loops):
 
 
 def transposed(model: NetworkModel) -> NetworkModel:
-    """The network with all matrices and links transposed, on the dual cones: its DC gain is the transposed one."""
-    stacks = tuple(
-        replace(s, A=s.A.T, B=s.C.T, C=s.B.T, D=s.D.T, X=s.X.dual, U=s.Y.dual, Y=s.U.dual, names=(), labels=())
-        for s in model.stacks
-    )
-    return NetworkModel(stacks, model.members, Matrix(model.WT), model.dt)
+    """The network with all nodes and links transposed, whose DC gain is the transposed one."""
+    return NetworkModel(tuple(s.transposed for s in model.stacks), model.members, Matrix(model.WT), model.dt)
 
 
 def beside_its_transpose(model: NetworkModel, external: tuple[Index, Index], weight: float) -> NetworkModel:

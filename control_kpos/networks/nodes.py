@@ -64,6 +64,13 @@ class NodeStack:
         """Generators of X, U and Y in dense form."""
         return self.X.exact_rays.dense(), self.U.exact_rays.dense(), self.Y.exact_rays.dense()
 
+    @property
+    def transposed(self) -> NodeStack:
+        """The nodes (A', C', B', D') on X*, Y*, U*."""
+        labels = tuple((x, y, u) for x, u, y in self.labels)
+        cones = self.X.dual, self.Y.dual, self.U.dual
+        return NodeStack(self.A.T, self.C.T, self.B.T, self.D.T, *cones, self.dt, self.names, labels)
+
     def take(self, index: Any) -> NodeStack:
         """The nodes at these places, as a stack."""
         index = np.atleast_1d(np.asarray(index, dtype=np.intp))

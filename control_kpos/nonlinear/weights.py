@@ -84,11 +84,11 @@ def _model(net: NonlinearNetwork, A: Any, B: Any, C: Any, W: Any, *, transposed:
     """A linear network on nonnegative orthants; the v of the transposed one are the e of the network."""
     stacks = []
     for parts in zip(A, B, C, strict=True):
-        a, b, c = (np.swapaxes(M, 1, 2) for M in (parts[0], parts[2], parts[1])) if transposed else parts
-        n, m, q = a.shape[1], b.shape[2], c.shape[1]
-        A_j, B_j, C_j = (Matrix(np.ascontiguousarray(M)) for M in (a, b, c))
-        D_j = Matrix(np.zeros((len(a), q, m)))
-        stacks.append(NodeStack(A_j, B_j, C_j, D_j, orthant(n), orthant(m), orthant(q)))
+        A_j, B_j, C_j = map(Matrix, parts)
+        (count, n, m), q = B_j.shape, C_j.shape[1]
+        D_j = Matrix(np.zeros((count, q, m)))
+        stack = NodeStack(A_j, B_j, C_j, D_j, orthant(n), orthant(m), orthant(q))
+        stacks.append(stack.transposed if transposed else stack)
     coupling = sp.csr_array(W.T if transposed else W, copy=True)
     coupling.sort_indices()
     return NetworkModel(tuple(stacks), net.model.members, Matrix(coupling), 0)

@@ -53,9 +53,7 @@ def transposed(models: Sequence[NetworkModel]) -> Vertices:
 
     def turned(s: NodeStack) -> NodeStack:  # the same object for the same vertex, see `counts`
         if id(s) not in stacks:
-            A, B, C, D = s.A.T, s.C.T, s.B.T, s.D.T
-            labels = tuple((x, y, u) for x, u, y in s.labels)
-            stacks[id(s)] = NodeStack(A, B, C, D, s.X.dual, s.Y.dual, s.U.dual, s.dt, s.names, labels)
+            stacks[id(s)] = s.transposed
         return stacks[id(s)]
 
     out = []
