@@ -109,6 +109,7 @@ if TYPE_CHECKING:
         nonlinear_links,
         nonlinear_nodes,
     )
+    from .observers import IntervalObserver, IntervalObserverCertificate, interval_observer
     from .plotting import (
         phase_portrait,
         plot_closed_loop,
@@ -153,6 +154,8 @@ __all__ = [
     "FoundCone",
     "InstabilityCombination",
     "InstabilityDirection",
+    "IntervalObserver",
+    "IntervalObserverCertificate",
     "KposError",
     "LyapunovCertificate",
     "MeanDirection",
@@ -206,6 +209,7 @@ __all__ = [
     "gain_rate_tradeoff",
     "induced_gain",
     "interval",
+    "interval_observer",
     "largest_uncertainty",
     "linear_lyapunov",
     "load_certificate",
@@ -263,6 +267,7 @@ _ON_DEMAND = {
             "DifferentialCertificate DifferentialNetworkCertificate NonlinearNetwork OrderViolation "
             "differential_positivity nonlinear_interconnect nonlinear_links nonlinear_nodes"
         ),
+        ".observers": "IntervalObserver IntervalObserverCertificate interval_observer",
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_poles plot_tradeoff",
     }.items()
     for name in names.split()

@@ -1,0 +1,335 @@
+"""`interval_observer`: two copies of an observer that enclose the state of a plant for all time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from control import StateSpace, forced_response
+from numpy.typing import ArrayLike
+
+from ..cards import raised
+from ..cones import Cone
+from ..design.feedback import state_feedback
+from ..design.plant import Floats, read_system
+from ..design.running import Programs, within
+from ..errors import DataError, ShapeError
+from ..exact.intake import exact_matrix, items
+from ..exact.matrix import Matrix
+from ..find import design_cone_and_feedback
+from ..proof.answer import Answer, first_proven
+from ..proof.certificate import Status
+from ..systems.statespace import ConeStateSpace
+from ..systems.system import System
+from .bounds import entry_rows, least_above, proven_observer
+from .certificate import IntervalObserverCertificate
+from .program import Measured, shifted, unshifted
+
+# States up to which observers are designed: their bounds are proven in fractions.
+_STATES = 60
+_NONE = (
+    "no gains L and N were proven to keep this cone; other cones may do: leave X out, with a plain system, and one is "
+    "looked for."
+)
+_NOWHERE = "no cone with gains L and N was proven; see `message` of find_cone for this plant transposed, or give X."
+_IMPOSSIBLE = "no gains L and N make (I - N C) A + L C keep this cone and decay; the proof is about the transposed plant."
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class IntervalObserver(Answer):
+    """Outcome of `interval_observer`.  `bool(answer)` is True only for PROVED; otherwise there is no observer.
+
+    Attributes
+    ----------
+    L, N : ndarray, shape (n, q), or None
+        Gains: z = (I - N C) x, and F = (I - N C) A + L C keeps `cone`.  python-control's observer gain is -L.
+    cone : Cone or None
+        In whose order the two copies enclose z.
+    width : ndarray, shape (n,), or None
+        Proven: the bounds on each state are at last no further apart.
+    system : control.StateSpace or None
+        Both copies, from (y, u, one) to (upper, lower); the last input is 1 at all times.
+    certificate : IntervalObserverCertificate or None
+        Proof of the enclosure; or that no gains exist for the cone.
+    """
+
+    L: Floats | None = None
+    N: Floats | None = None
+    cone: Cone | None = None
+    width: Floats | None = None
+    system: StateSpace | None = None
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Final widths, for the card that a notebook shows.
+
+        Returns
+        -------
+        list of (str, str)
+        """
+        return [] if self.width is None else [("final width", ", ".join(raised(x, 4) for x in self.width))]
+
+    def simulate(self, T: ArrayLike, y: ArrayLike, u: ArrayLike | None = None, *, x0: Any) -> tuple[Floats, Floats]:
+        """Bounds on the states from measurements.
+
+        Parameters
+        ----------
+        T : array_like, shape (k,)
+            Times, evenly spaced, from the first measurement on.
+        y : array_like, shape (q, k), or (k,) for one output
+            Measurements.
+        u : array_like, shape (m, k), or (k,) for one input, optional
+            Known inputs; default: 0.
+        x0 : (lo, hi), shapes (n,)
+            Bounds on the first state, entry by entry.
+
+        Returns
+        -------
+        lower, upper : ndarray, shape (n, k)
+
+        Raises
+        ------
+        DataError, ShapeError
+            Nothing was proven; times that are not evenly spaced; signals of other sizes; lo > hi.
+
+        Notes
+        -----
+        In floating point.  In continuous time y and u are taken as linear between their samples: what they differ
+        from that in between counts as noise of y and as disturbance.
+
+        Examples
+        --------
+        >>> import control as ct, control_kpos as kp, numpy as np
+        >>> o = kp.interval_observer(ct.ss(-1, 1, 1, 0), disturbance=([-1], [1]), noise=[0.1])
+        >>> lower, upper = o.simulate([0, 1, 2], [0, 0, 0], x0=([-1], [1]))
+        >>> bool((lower <= 0).all() and (upper >= 0).all())
+        True
+        """
+        proof, system = self.certificate, self.system
+        if not isinstance(proof, IntervalObserverCertificate) or system is None:
+            raise DataError(f"the observer is {self.status.name}, and encloses nothing; see explain().")
+        times = _times(T, system.dt)
+        q, n = len(proof.noise), proof.X.dim
+        m = system.ninputs - q - 1
+        signals = [_signal(y, "y", q, len(times)), _signal(np.zeros((m, len(times))) if u is None else u, "u", m, len(times))]
+        start = np.concatenate([_first(proof, x0, 1), -_first(proof, x0, -1)])
+        inputs = np.concatenate([*signals, np.ones((1, len(times)))])
+        bounds = np.asarray(forced_response(system, times, inputs, start, squeeze=False).outputs)
+        return bounds[n:], bounds[:n]
+
+
+def _times(T: Any, dt: Any) -> Floats:
+    times = exact_matrix(T, "T", ndim=1).dense().values
+    steps = np.diff(times)
+    if len(times) < 2 or not (steps > 0).all() or np.ptp(steps) > 1e-6 * steps[0]:
+        raise DataError("T must hold two times at least, evenly spaced and increasing.")
+    if dt and dt is not True and abs(steps[0] - dt) > 1e-6 * dt:
+        raise DataError(f"T has steps of {steps[0]:g}; the plant has steps of {dt:g}.")
+    return np.asarray(times, dtype=float)
+
+
+def _signal(values: Any, name: str, count: int, length: int) -> Floats:
+    many = np.ndim(values) == 2 if isinstance(values, (list, tuple, np.ndarray)) else True
+    array = np.atleast_2d(np.asarray(exact_matrix(values, name, ndim=2 if many else 1).dense().values, dtype=float))
+    if array.shape != (count, length):
+        raise ShapeError(
+            f"{name} has shape {np.shape(values)}; it must be ({count}, {length}), one row per signal and one column "
+            "per time."
+        )
+    return array
+
+
+def _first(proof: IntervalObserverCertificate, x0: Any, sign: int) -> Floats:
+    """A vector above z(0) = T x(0) in the order of X; with the other sign one above -z(0)."""
+    lo, hi = (part.fractions() for part in _pair(x0, "x0", proof.X.dim))
+    H = proof.X.exact_facets.plain().fractions() @ proof.equation.T
+    d = least_above(proof.X, np.maximum(sign * H * hi, sign * H * lo).sum(axis=1))
+    if d is None:
+        raise DataError("x0 could not be enclosed in the order of the cone; scale the states.")
+    return np.array(d, dtype=float)
+
+
+def _pair(given: Any, name: str, size: int) -> tuple[Matrix, Matrix]:
+    """Bounds (lo, hi) of vectors of this size."""
+    pair = items(given, name) if given is not None else [np.zeros(size)] * 2
+    if len(pair) != 2:
+        raise ShapeError(f"{name} must be a pair (lo, hi) of vectors of {size} numbers.")
+    lo, hi = (exact_matrix(part, f"{name}[{k}]", ndim=1) for k, part in enumerate(pair))
+    for k, part in enumerate((lo, hi)):
+        if part.shape != (size,):
+            raise ShapeError(f"{name}[{k}] has {part.shape[0]} entries; it must have {size}, one for each state.")
+    for i in np.flatnonzero(lo.fractions() > hi.fractions()):
+        raise DataError(f"{name} has its lower bound above the upper one in entry {i}; exchange them.")
+    return lo, hi
+
+
+def _noise(given: Any, q: int) -> Matrix:
+    scalar = np.ndim(given) == 0 and not isinstance(given, (list, tuple))
+    noise = exact_matrix([given] * q if scalar else given, "noise", ndim=1)
+    if noise.shape != (q,):
+        raise ShapeError(f"noise has {noise.shape[0]} entries; give one number, or one for each of {q} outputs.")
+    if any(x < 0 for x in noise.fractions()):
+        raise DataError("noise holds bounds on |n|; a number in it is negative.")
+    return noise
+
+
+def interval_observer(
+    sys: Any,
+    *,
+    disturbance: Any = None,
+    noise: ArrayLike = 0,
+    X: Cone | ArrayLike | None = None,
+    time_limit: float | None = None,
+) -> IntervalObserver:
+    """Find two copies of an observer that enclose the state for all time, with a small final width.
+
+    The plant is x' = A x + B u + w, y = C x + D u + n with w in [w_lo, w_hi] and |n| <= noise, entry by entry.  The
+    observer is z' = F z + K (y - D u) + T B u + constants for z = T x, T = I - N C; see `IntervalObserverCertificate`.
+
+    Parameters
+    ----------
+    sys : ConeStateSpace or control.StateSpace
+        In continuous or discrete time.
+    disturbance : (w_lo, w_hi), shapes (n,), optional
+        Bounds on what adds to x' (to x[k+1]); default: 0.
+    noise : float or array_like, shape (q,)
+        Bounds on the noise of the measurements.
+    X : Cone or array_like of rays, optional
+        The cone in whose order z is enclosed.  Default: that of a ConeStateSpace; of a plain system the orthant, and
+        where that does not work one that is found for the transposed plant.
+    time_limit : float, optional
+        Seconds; what is not settled by then is UNDECIDED.
+
+    Returns
+    -------
+    IntervalObserver
+        PROVED with gains, cone, final width and both copies as one system.  REFUTED: no gains L and N make F keep the
+        cone and decay, which must be simplicial for that.  UNDECIDED: none was found, or none could be proven.
+
+    Raises
+    ------
+    DataError, ShapeError, ConeMismatchError, NotProperConeError
+        Arguments that do not fit together; more than 60 states.
+
+    Notes
+    -----
+    On simplicial cones the sum of the final widths is minimised by a linear program for N = 0 and for an N of another
+    program, and the narrower of the two is taken; without noise the gains are kept small.  On other cones the gains are
+    those of `observer_gain`.  Proofs take n^3 operations in fractions.
+
+    Examples
+    --------
+    The double integrator, for which no A + L C keeps the orthant and decays:
+
+    >>> import control as ct, control_kpos as kp
+    >>> plant = ct.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)
+    >>> o = kp.interval_observer(plant, disturbance=([0, -1], [0, 1]), noise=[0.1])
+    >>> bool(o), o.L.shape, bool(o.width.max() < 5)
+    (True, (2, 1), True)
+    """
+    system = read_system(sys, X)
+    system.X.require_proper("X")
+    n, _, q = system.sizes
+    if n > _STATES:
+        raise DataError(f"sys has {n} states; observers are designed for at most {_STATES}. Take its parts one by one.")
+    if not q:
+        raise ShapeError("sys has no outputs; an observer needs a measurement.")
+    box = (*_pair(disturbance, "disturbance", n), _noise(noise, q))
+    free = X is None and not isinstance(sys, ConeStateSpace)
+    return within(time_limit, lambda lp: _designed(sys, system, box, free, lp), answer=IntervalObserver)
+
+
+Box = tuple[Matrix, Matrix, Matrix]
+
+
+def _designed(sys: StateSpace, system: System, box: Box, free: bool, lp: Programs) -> IntervalObserver:
+    best = _narrowest(system, system.X, box, lp)
+    if best is None:
+        dual = state_feedback(_dual(system, moved=True))
+        if not dual and not free:
+            refuted = dual.status is Status.REFUTED and system.X.is_simplicial
+            return IntervalObserver(
+                status=Status.REFUTED if refuted else Status.UNDECIDED,
+                certificate=dual.certificate if refuted else None,
+                message=_IMPOSSIBLE if refuted else _NONE,
+            )
+        best = proven_observer(system, system.X, box, _split(dual.F.T, system)) if dual else None
+    if best is None and free:
+        best = _elsewhere(system, box, lp)
+    if best is None:
+        return IntervalObserver(status=Status.UNDECIDED, message=_NOWHERE if free else _NONE)
+    return _answer(sys, system, best)
+
+
+def _narrowest(system: System, X: Cone, box: Box, lp: Programs) -> IntervalObserverCertificate | None:
+    """The narrowest observer of those proven first with N = 0 and with another N; None without a simplicial cone."""
+    if not X.is_simplicial:
+        return None
+    A, C, w_lo, w_hi, noise = (np.asarray(M.dense().values, dtype=float) for M in (system.A, system.C, *box))
+    plant = Measured(A, C, np.asarray(X.rays, dtype=float).T, w_hi - w_lo, noise, system.discrete)
+    proofs = [
+        first_proven(proposals(plant, lp), lambda p: proven_observer(system, X, box, (p.L, p.N)))
+        for proposals in (unshifted, shifted)
+    ]
+    return min((p for p in proofs if p is not None), key=lambda p: float(np.sum(p.width)), default=None)
+
+
+def _dual(system: System, *, moved: bool) -> ConeStateSpace:
+    """x' = A'x + C'u on the dual cone, with the inputs -(C A)' besides: its gains are those of an observer."""
+    A, C = (M.plain().fractions() for M in (system.A, system.C))
+    outputs = np.concatenate([C, -(C @ A)]) if moved else C
+    n = len(A)
+    return ConeStateSpace(A.T, outputs.T, np.eye(n), np.zeros((n, len(outputs))), system.dt, X=system.X.dual)
+
+
+def _split(both: Floats, system: System) -> tuple[Floats, Floats]:
+    """L and N of the gain for C x and -C A x."""
+    q = system.sizes[2]
+    return both[:, :q], both[:, q:]
+
+
+def _elsewhere(system: System, box: Box, lp: Programs) -> IntervalObserverCertificate | None:
+    """An observer for a cone that is found together with a gain of the transposed plant."""
+    dual = StateSpace(system.A.dense().values.T, system.C.dense().values.T, np.eye(system.sizes[0]), 0, system.dt)
+    found_cone = design_cone_and_feedback(dual)
+    if not found_cone or found_cone.cone is None or found_cone.F is None:
+        return None
+    X = found_cone.cone.dual
+    narrow = _narrowest(system, X, box, lp)
+    L = np.asarray(found_cone.F).T
+    return proven_observer(system, X, box, (L, np.zeros_like(L))) if narrow is None else narrow
+
+
+def _answer(sys: StateSpace, system: System, proof: IntervalObserverCertificate) -> IntervalObserver:
+    return IntervalObserver(
+        status=Status.PROVED,
+        certificate=proof,
+        L=np.asarray(proof.gain.values),
+        N=np.asarray(proof.shift.values),
+        cone=proof.X,
+        width=proof.width,
+        system=_copies(sys, system, proof),
+    )
+
+
+def _copies(sys: StateSpace, system: System, proof: IntervalObserverCertificate) -> StateSpace:
+    """Both copies, from (y, u, one) to bounds on the states, entry by entry."""
+    equation, (n, m, q) = proof.equation, system.sizes
+    T, F, K = (np.array(M, dtype=float) for M in (equation.T, equation.F, equation.K))
+    B, D, N = (np.asarray(M.dense().values, dtype=float) for M in (system.B, system.D, proof.shift))
+    driven = np.hstack([K, T @ B - K @ D])
+    inputs = np.block([[driven, proof.upper[:, None]], [driven, proof.lower[:, None]]])
+    a, b = entry_rows(proof)
+    around = (np.abs(N) @ proof.noise)[:, None]
+    through = np.hstack([N, -N @ D])
+    return StateSpace(
+        np.kron(np.eye(2), F),
+        inputs,
+        np.block([[a, -b], [-b, a]]),
+        np.block([[through, around], [through, -around]]),
+        system.dt,
+        remove_useless_states=False,
+        inputs=[*sys.output_labels, *sys.input_labels, "one"],
+        outputs=[f"{label}_{end}" for end in ("upper", "lower") for label in sys.state_labels],
+        states=[f"{label}_{end}" for end in ("hi", "lo") for label in sys.state_labels],
+    )

@@ -1,0 +1,211 @@
+"""Gains of an interval observer on a simplicial cone, by linear programs.
+
+In generator coordinates, R = [x_1 ... x_n], the error equation of `certificate` has the matrix M = R^{-1} F R, and the
+width tends to -M^{-1} g in them, with g_k = sum_j |(R^{-1}T)_kj| (w_hi - w_lo)_j + 2 sum_i |(R^{-1}K)_ki| noise_i.  Let
+c be what generators count in the sum of the entries.  For eta > 0 with eta'M + c' <= 0 the sum of the final widths is at
+most eta'g, and for the best eta equal to it.  With N fixed and Z = diag(eta) R^{-1} L everything is linear in (eta, Z):
+
+    minimise    sum_k eta_k |(R^{-1}T)_k|'(w_hi - w_lo) + 2 |Z'_k|'noise,   Z' = diag(eta) R^{-1} T A N + Z (C N - I)
+    subject to  diag(eta) R^{-1} T A R + Z C R >= 0 off the diagonal (discrete time: everywhere),
+                its column sums + c' <= 0    (discrete time: - eta' besides).
+
+So the smallest final width for a given N takes one program.  N and L together are the gains of the outputs -C A x and C x,
+linear as long as the products of N and L in the noise are replaced by |Z_N| and |Z_L|: a first N, which a search improves
+entry by entry.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ..design.plant import Floats
+from ..design.running import Programs
+from ..exact.program import Block, Program
+
+# Parts of the size of A that entries off the diagonal keep from 0, tried in turn: rounding may move gains by them.
+_KEPT = (0.0, 1e-9, 1e-6, 1e-3)
+# Noise that gains are measured by, relative to the disturbance, where there is less: without noise no gain is largest.
+_NOISE = 1e-3
+# Rates of decay are at most so many times the size of A.
+_FASTEST = 100.0
+# Sizes of N that are tried, relative to the outputs of generators.
+_SHIFTS = (1.0, 10.0, 100.0)
+# Programs of a search for a better N, and its smallest step, relative to N.
+_SEARCHES, _STEP = 300, 1e-3
+
+
+class Measured(NamedTuple):
+    """A plant in doubles, with its bounds.
+
+    Attributes
+    ----------
+    A, C : ndarray, shapes (n, n) and (q, n)
+    R : ndarray, shape (n, n)
+        Generators of the cone, one a column.
+    disturbance, noise : ndarray, shapes (n,) and (q,)
+        w_hi - w_lo, and the bounds on noise.
+    discrete : bool
+    """
+
+    A: Floats
+    C: Floats
+    R: Floats
+    disturbance: Floats
+    noise: Floats
+    discrete: bool
+
+    @property
+    def least_noise(self) -> Floats:
+        """The noise that is counted."""
+        floor = _NOISE * (float(self.disturbance.max(initial=0.0)) or float(self.noise.max(initial=0.0)) or 1.0)
+        return np.maximum(self.noise, floor)
+
+
+class Proposal(NamedTuple):
+    """Gains, and the sum of the final widths that the program promises."""
+
+    L: Floats
+    N: Floats
+    value: float
+
+
+def unshifted(plant: Measured, lp: Programs) -> Iterator[Proposal]:
+    """The best gains with N = 0, with less and less on the edge.
+
+    Parameters
+    ----------
+    plant : Measured
+    lp : Programs
+    """
+    yield from _safer(plant, np.zeros((len(plant.A), len(plant.C))), lp)
+
+
+def shifted(plant: Measured, lp: Programs) -> Iterator[Proposal]:
+    """Gains with an N that makes the promised width small, with less and less on the edge.
+
+    Parameters
+    ----------
+    plant : Measured
+    lp : Programs
+    """
+    starts = [N for most in _SHIFTS if (N := _jointly(plant, most, lp)) is not None]
+    first = min(filter(None, (_best(plant, N, 0.0, lp) for N in starts)), key=lambda p: p.value, default=None)
+    if first is None:
+        return
+    better = _descended(plant, first, lp)
+    for N in (np.round(better.N, 6), better.N):
+        yield from _safer(plant, N, lp)
+
+
+def _safer(plant: Measured, N: Floats, lp: Programs) -> Iterator[Proposal]:
+    for kept in _KEPT:
+        found = _best(plant, N, kept, lp)
+        if found is not None:
+            yield found
+
+
+def _descended(plant: Measured, best: Proposal, lp: Programs) -> Proposal:
+    """Better N, one entry after another, with smaller and smaller steps."""
+    step, left = float(np.abs(best.N).max()) / 2, _SEARCHES
+    while left > 0 and step > _STEP * float(np.abs(best.N).max()):
+        before = best.value
+        for i, j in np.ndindex(best.N.shape):
+            for sign in (1.0, -1.0):
+                N = best.N.copy()
+                N[i, j] += sign * step
+                found, left = _best(plant, N, 0.0, lp), left - 1
+                if found is not None and found.value < best.value:
+                    best = found
+                    break
+        if best.value == before:
+            step /= 2
+    return best
+
+
+def _best(plant: Measured, N: Floats, kept: float, lp: Programs) -> Proposal | None:
+    """L of the smallest sum of the final widths for this N."""
+    n, q = N.shape
+    T = np.eye(n) - N @ plant.C
+    inverse = np.linalg.inv(plant.R)
+    own, measured = inverse @ T @ plant.A @ plant.R, plant.C @ plant.R
+    cost = np.abs(inverse @ T) @ plant.disturbance
+    program = _program(plant, cost, n * q)
+    _keep(program, plant, kept, own, {"Z": measured})
+    noisy, through = inverse @ T @ plant.A @ N, plant.C @ N - np.eye(q)
+    eta = np.zeros((n * q, n))
+    for k in range(n):
+        eta[k * q : (k + 1) * q, k] = noisy[k]
+    _sizes(program, "noise", 2 * np.tile(plant.least_noise, n), eta=eta, Z=np.kron(np.eye(n), through.T))
+    answer = program.solve(lp)
+    if not answer:
+        return None
+    value = float(cost @ answer["eta"] + 2 * np.tile(plant.least_noise, n) @ answer["noise"])
+    shifted = 2 * float(np.abs(N).sum(axis=0) @ plant.least_noise)
+    return Proposal(_gain(plant, answer["eta"], answer["Z"]), N, value + shifted)
+
+
+def _jointly(plant: Measured, most: float, lp: Programs) -> Floats | None:
+    """An N for which L exists, relative to the outputs of generators at most so large, with noise counted by |L|, |N|."""
+    n, q = len(plant.A), len(plant.C)
+    inverse, scale = np.linalg.inv(plant.R), max(float(np.abs(plant.A).max()), 1.0)
+    program = _program(plant, np.zeros(n), n * q)
+    program.add(Y=Block(n * q))
+    own, seen = inverse @ plant.A @ plant.R, plant.C @ plant.R
+    _keep(program, plant, 0.0, own, {"Z": seen, "Y": -plant.C @ plant.A @ plant.R})
+    count = 2 * np.tile(plant.least_noise, n)
+    _sizes(program, "noise", count, Z=np.eye(n * q))
+    _sizes(program, "moved", scale * count, Y=np.eye(n * q))
+    units = most / np.where(seen.any(axis=1), np.abs(seen).max(axis=1), 1.0)
+    program.above(0.0, eta=np.kron(np.eye(n), units[:, None]), moved=-np.eye(n * q))
+    eta = np.zeros((n * n, n))
+    for k in range(n):
+        eta[k * n : (k + 1) * n, k] = inverse[k]
+    _sizes(program, "pushed", np.tile(plant.disturbance, n), eta=eta, Y=np.kron(np.eye(n), -plant.C.T))
+    answer = program.solve(lp)
+    return _gain(plant, answer["eta"], answer["Y"]) if answer else None
+
+
+def _program(plant: Measured, cost: Floats, size: int) -> Program:
+    size_of_a = float(np.abs(np.linalg.solve(plant.R, plant.A @ plant.R)).max()) or 1.0
+    least = np.abs(plant.R).sum(axis=0) / (_FASTEST * size_of_a)
+    return Program(eta=Block(len(plant.A), low=least, cost=cost), Z=Block(size))
+
+
+def _keep(program: Program, plant: Measured, kept: float, own: Floats, measured: dict[str, Floats]) -> None:
+    """Rows of M >= 0 off the diagonal, and of eta'M + c' <= 0."""
+    n = len(own)
+    scale = kept * float(np.abs(own).max())
+    for k in range(n):
+        columns = np.array([j for j in range(n) if plant.discrete or j != k], dtype=int)
+        if not columns.size:
+            continue
+        reached = np.array([any(G[:, j].any() for G in measured.values()) for j in columns])
+        eta = np.zeros((len(columns), n))
+        eta[:, k] = own[k, columns] - scale * reached
+        parts = {name: _at(k, n, G[:, columns].T) for name, G in measured.items()}
+        program.above(0.0, eta=eta, **parts)
+    counted = np.abs(plant.R).sum(axis=0)
+    sums = {name: np.tile(G.T, (1, n)) for name, G in measured.items()}
+    program.below(-counted, eta=own.T - plant.discrete * np.eye(n), **sums)
+
+
+def _at(k: int, n: int, rows: Floats) -> Floats:
+    """Rows about the k-th of n parts."""
+    out = np.zeros((len(rows), n * rows.shape[1]))
+    out[:, k * rows.shape[1] : (k + 1) * rows.shape[1]] = rows
+    return out
+
+
+def _sizes(program: Program, name: str, cost: Floats, **parts: Floats) -> None:
+    """Variables of this name that are at least the sizes of the sums of these parts."""
+    program.add(**{name: Block(len(cost), low=0.0, cost=cost)})
+    for sign in (1.0, -1.0):
+        program.above(0.0, **{name: np.eye(len(cost))}, **{part: sign * M for part, M in parts.items()})
+
+
+def _gain(plant: Measured, eta: Floats, Z: Floats) -> Floats:
+    n = len(plant.A)
+    return plant.R @ (np.asarray(Z).reshape(n, -1) / np.asarray(eta)[:, None])
