@@ -1626,6 +1626,54 @@ def no_order_interval(e: Said, limit: int) -> None:
     exceeded(e, s, least, fields, bounds)
 
 
+# -- interval observers
+
+
+def interval_observer(e: Said, limit: int) -> None:
+    """Two copies of an observer enclose z = T x for all time, and are at last no further apart than stated.
+
+    The plant is x' = plant x + w, y = output x + n with w_lo <= w <= w_hi and |n| <= noise;  T = I - shift output,
+    A = T plant + gain output,  K = A shift - gain,  so that z' = A z + K y + T w - K n.  positive,  v'x > 0,  v'A x < 0;
+    h'lower <= h'(T w - K n) <= h'upper  for all w and n, and all facets h;  -(A spread + upper - lower) in X.
+    For the rows a_i of covers:  a_i and a_i - e_i are in X*,  (2 a_i - e_i)'spread + 2 |shift_i|'noise <= width_i.
+    """
+    (s,) = family("interval observer", e, limit)
+    positive(s, e)
+    names = ("w_lo", "w_hi", "noise", "upper", "lower", "v", "spread", "width")
+    lo, hi, around, upper, lower, v, spread, width = exactly(e, *names)
+    n, q = s.X.dim, len(around)
+    decreases(s, entries(v, n), {})
+    N, T, K = observer(e, s, q)
+    up, down, x = (entries(y, n) for y in (upper, lower, spread))
+    expect(len(lo) == len(hi) == n and all(a <= b for a, b in zip(lo, hi, strict=True)), "w_lo is at most w_hi")
+    expect(all(a >= 0 for a in around), "noise is not negative")
+    for h in facets(s.X, limit):
+        g, noisy = pullback(h, T), dot(sizes(pullback(h, K)), entries(around, q))
+        ends = [[a * g.get(j, 0) for a in end] for j, end in enumerate(zip(lo, hi, strict=True))]
+        need(dot(h, up) >= sum(map(max, ends)) + noisy, "h'upper is at least h'(T w - K n)")
+        need(dot(h, down) <= sum(map(min, ends)) - noisy, "h'lower is at most h'(T w - K n)")
+    listed(e, "z", total((-1, drift(s, x)), (-1, up), (1, down)), s.X)
+    shifts = transposed(N, n)
+    for i, a in enumerate(row_vectors(e, "covers", s)):
+        need(above(a, s.X), "a is in X*")
+        need(above(total((1, a), (-1, {i: Fraction(1)})), s.X), "a - e is in X*")
+        last = 2 * dot(a, x) - x.get(i, 0) + 2 * dot(sizes(shifts[i]), entries(around, q))
+        need(last <= width[i], "the final width is at most the one stated")
+    expect(len(width) == n == len(rows(e["covers"], n)), "every state has a width and a row of covers")
+
+
+def observer(e: Said, s: System, q: int) -> tuple[Matrix, Matrix, Matrix]:
+    """N, T = I - N C and K = A N - L, of a plant and gains that give A = T plant + L C."""
+    n = s.X.dim
+    plant, C, L, N = (given(e[k], *shape) for k, shape in zip(OBSERVER, ((n, n), (q, n), (n, q), (n, q)), strict=True))
+    T = [total((1, {j: Fraction(1)}), (-1, image(N, column))) for j, column in enumerate(C)]
+    need(plus(chained(T, plant), chained(L, C)) == s.A, "A = T plant + L C")
+    return N, T, [total((1, image(s.A, shift)), (-1, gain)) for shift, gain in zip(N, L, strict=True)]
+
+
+OBSERVER = ("plant", "output", "gain", "shift")
+
+
 # -- order intervals of networks
 
 
@@ -2593,6 +2641,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("bounded feedback exists", "REFUTED"): no_bounded_feedback,
     ("order interval", "PROVED"): order_interval,
     ("order interval", "REFUTED"): no_order_interval,
+    ("interval observer", "PROVED"): interval_observer,
     ("network interval", "PROVED"): network_interval,
     ("network interval", "REFUTED"): no_network_interval,
     ("uncertain network", "PROVED"): uncertain_network,
@@ -2625,7 +2674,10 @@ FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 BELONGS: dict[str, tuple[str, ...]] = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
 BELONGS["own_links_closed"] = NETWORKS[:3]
 BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
-BELONGS["generator_proof"] = ("positive", "stable", "dissipative", "structured gain", "order interval")
+BELONGS["generator_proof"] = (
+    *("positive", "stable", "dissipative", "structured gain"),
+    *("order interval", "interval observer"),
+)
 PROOF = {*"PNLKM", *("normal", "z"), *(f"w{name}" for name in "xuyzsbWCmc")}
 KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 

@@ -1,6 +1,7 @@
 """A certificate of every kind about networks with vertices, and nonlinear ones; part of `certified`."""
 
 import certified_nonlinear
+import certified_observers
 import numpy as np
 
 import control_kpos as kp
@@ -82,4 +83,4 @@ CERTIFICATES = {
     "not for any vertices, mixed": crossed,
     "not for any vertices, mixed directly": lambda: crossed([[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]),
 }
-CERTIFICATES |= certified_nonlinear.CERTIFICATES
+CERTIFICATES |= certified_nonlinear.CERTIFICATES | certified_observers.CERTIFICATES

@@ -21,6 +21,7 @@ import checker_families
 import checker_gains
 import checker_intervals
 import checker_nonlinear
+import checker_observers
 import checker_pieces
 import checker_uncertain
 import numpy as np
@@ -40,6 +41,7 @@ LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES | checker_bounded.CASES
+HAND |= checker_observers.CASES
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ _FASTEST = 100.0
 # Sizes of N that are tried, relative to the outputs of generators.
 _SHIFTS = (1.0, 10.0, 100.0)
 # Programs of a search for a better N, and its smallest step, relative to N.
-_SEARCHES, _STEP = 300, 1e-3
+_SEARCHES, _STEP = 40, 2e-2
 
 
 class Measured(NamedTuple):
