@@ -115,6 +115,7 @@ if TYPE_CHECKING:
         plot_closed_loop,
         plot_cone,
         plot_network,
+        plot_observer,
         plot_poles,
         plot_tradeoff,
     )
@@ -227,6 +228,7 @@ __all__ = [
     "plot_closed_loop",
     "plot_cone",
     "plot_network",
+    "plot_observer",
     "plot_poles",
     "plot_tradeoff",
     "product",
@@ -268,7 +270,7 @@ _ON_DEMAND = {
             "differential_positivity nonlinear_interconnect nonlinear_links nonlinear_nodes"
         ),
         ".observers": "IntervalObserver IntervalObserverCertificate interval_observer",
-        ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_poles plot_tradeoff",
+        ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_observer plot_poles plot_tradeoff",
     }.items()
     for name in names.split()
 }

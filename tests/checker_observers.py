@@ -78,7 +78,10 @@ CASES = {
         "WRONG",
     ),
     "observer, downwards": (observer(DOWN, covers=0, ray=-1), "PROVED"),
-    "observer, downwards, cover too large": (observer(ends("-9/8", "13/8", "-11/8", 9, v=-1), covers="1/2", ray=-1), "WRONG"),
+    "observer, downwards, cover too large": (
+        observer(ends("-9/8", "13/8", "-11/8", 9, v=-1), covers="1/2", ray=-1),
+        "WRONG",
+    ),
     "observer, nothing pushes": (
         observer(ends(1, 1, 0, 0, w=(2, 2), noise=0)),
         "PROVED",

@@ -18,6 +18,12 @@ ROWS = {
         "X": lambda: (kp.delayed([[-1, 0], [0, -1]], [[0, 0], [0, 0]], CONE).X, SAME),
         "max_delay": lambda: (kp.delayed(**LATE, max_delay="1/3").max_delay, THIRD),
     },
+    "interval_observer": {
+        "sys": lambda: (kp.interval_observer(THIRDS).certificate.plant, [[-THIRD]]),
+        "disturbance": lambda: (kp.interval_observer(LAG, disturbance=([0], ["1/3"])).certificate.exact[1], (THIRD,)),
+        "noise": lambda: (kp.interval_observer(LAG, noise="1/3").certificate.exact[2], (THIRD,)),
+        "X": lambda: (kp.interval_observer(plant(MINUS, TWO, TWO), X=CONE).cone, SAME),
+    },
     "ConeStateSpace": {
         "args": lambda: (kp.ConeStateSpace([["-1/3"]], SIDE, SIDE, [["1/9"]]).exact.D, [["1/9"]]),
         "X": lambda: (plant(MINUS, X=CONE).exact.X, SAME),

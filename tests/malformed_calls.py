@@ -228,6 +228,19 @@ CALLS |= {  # families
     ),
     "delayed of a network": (kp.delayed, {"A": NETWORK, "A_delay": 0.01 * np.eye(2), "time_limit": 2.0}),
 }
+OBSERVER = kp.interval_observer(ct.ss(-1, 1, 1, 0), disturbance=([-1], [1]), noise=[0.1])
+MEASURED = {"T": [0, 1, 2], "y": [0.0, 0.0, 0.0], "u": [0.0, 0.0, 0.0], "x0": ([-1], [1])}
+CALLS |= {  # observers
+    "interval_observer": (
+        kp.interval_observer,
+        {"sys": SYSTEM, "disturbance": ([-1, 0], [1, 0]), "noise": [0.1], "X": X2, "time_limit": 2.0},
+    ),
+    "IntervalObserver.simulate": (OBSERVER.simulate, MEASURED),
+    "plot_observer": (
+        kp.plot_observer,
+        {"observer": OBSERVER, **MEASURED, "states": [[0.0, 0.0, 0.0]], "title": None},
+    ),
+}
 CALLS |= {  # cone finding, nonlinear systems
     "find_cone": (
         kp.find_cone,

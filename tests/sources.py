@@ -32,6 +32,7 @@ FLOORS = {
     "families of systems": {"families"},
     "design": {"design"},
     "search for cones": {"find"},
+    "observers": {"observers"},
     "examples": {"examples"},
     "pictures": {"plotting"},
     "entrance": {"__init__", "__main__"},

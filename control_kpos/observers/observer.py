@@ -15,7 +15,7 @@ from ..design.feedback import state_feedback
 from ..design.plant import Floats, read_system
 from ..design.running import Programs, within
 from ..errors import DataError, ShapeError
-from ..exact.intake import exact_matrix, items
+from ..exact.intake import dimensions, exact_matrix, items
 from ..exact.matrix import Matrix
 from ..find import design_cone_and_feedback
 from ..proof.answer import Answer, first_proven
@@ -32,8 +32,13 @@ _NONE = (
     "no gains L and N were proven to keep this cone; other cones may do: leave X out, with a plain system, and one is "
     "looked for."
 )
-_NOWHERE = "no cone with gains L and N was proven; see `message` of find_cone for this plant transposed, or give X."
-_IMPOSSIBLE = "no gains L and N make (I - N C) A + L C keep this cone and decay; the proof is about the transposed plant."
+_NOWHERE = (
+    "no cone with gains L and N was proven, and none was excluded: the plant may be hard to observe, or not observable. "
+    "Give X, or measure more."
+)
+_IMPOSSIBLE = (
+    "no gains L and N make (I - N C) A + L C keep this cone and decay; the proof is about the transposed plant."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -111,7 +116,10 @@ class IntervalObserver(Answer):
         times = _times(T, system.dt)
         q, n = len(proof.noise), proof.X.dim
         m = system.ninputs - q - 1
-        signals = [_signal(y, "y", q, len(times)), _signal(np.zeros((m, len(times))) if u is None else u, "u", m, len(times))]
+        signals = [
+            _signal(y, "y", q, len(times)),
+            _signal(np.zeros((m, len(times))) if u is None else u, "u", m, len(times)),
+        ]
         start = np.concatenate([_first(proof, x0, 1), -_first(proof, x0, -1)])
         inputs = np.concatenate([*signals, np.ones((1, len(times)))])
         bounds = np.asarray(forced_response(system, times, inputs, start, squeeze=False).outputs)
@@ -129,11 +137,11 @@ def _times(T: Any, dt: Any) -> Floats:
 
 
 def _signal(values: Any, name: str, count: int, length: int) -> Floats:
-    many = np.ndim(values) == 2 if isinstance(values, (list, tuple, np.ndarray)) else True
+    many = dimensions(values) != 1
     array = np.atleast_2d(np.asarray(exact_matrix(values, name, ndim=2 if many else 1).dense().values, dtype=float))
     if array.shape != (count, length):
         raise ShapeError(
-            f"{name} has shape {np.shape(values)}; it must be ({count}, {length}), one row per signal and one column "
+            f"{name} has shape {array.shape}; it must be ({count}, {length}), one row per signal and one column "
             "per time."
         )
     return array
@@ -164,7 +172,7 @@ def _pair(given: Any, name: str, size: int) -> tuple[Matrix, Matrix]:
 
 
 def _noise(given: Any, q: int) -> Matrix:
-    scalar = np.ndim(given) == 0 and not isinstance(given, (list, tuple))
+    scalar = dimensions(given) == 0
     noise = exact_matrix([given] * q if scalar else given, "noise", ndim=1)
     if noise.shape != (q,):
         raise ShapeError(f"noise has {noise.shape[0]} entries; give one number, or one for each of {q} outputs.")

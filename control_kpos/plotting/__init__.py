@@ -3,6 +3,7 @@
 from .cones import plot_cone
 from .design import plot_closed_loop, plot_tradeoff
 from .network import plot_network, plot_poles
+from .observer import plot_observer
 from .phase import phase_portrait
 
 __all__ = [
@@ -10,6 +11,7 @@ __all__ = [
     "plot_closed_loop",
     "plot_cone",
     "plot_network",
+    "plot_observer",
     "plot_poles",
     "plot_tradeoff",
 ]
