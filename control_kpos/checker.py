@@ -1633,7 +1633,7 @@ def interval_observer(e: Said, limit: int) -> None:
     """Two copies of an observer enclose z = T x for all time, and are at last no further apart than stated.
 
     The plant is x' = plant x + w, y = output x + n with w_lo <= w <= w_hi and |n| <= noise;  T = I - shift output,
-    A = T plant + gain output,  K = A shift - gain,  so that z' = A z + K y + T w - K n.  positive,  v'x > 0,  v'A x < 0;
+    A = T plant + gain output,  K = A shift - gain,  so that z' = A z + K y + T w - K n.  positive,  v'x > 0 > v'A x;
     h'lower <= h'(T w - K n) <= h'upper  for all w and n, and all facets h;  -(A spread + upper - lower) in X.
     For the rows a_i of covers:  a_i and a_i - e_i are in X*,  (2 a_i - e_i)'spread + 2 |shift_i|'noise <= width_i.
     """

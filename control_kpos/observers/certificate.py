@@ -160,7 +160,7 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         """
         n, q = self.X.dim, self.output.shape[0]
         shapes = [M.shape for M in (self.plant, self.output, self.gain, self.shift)]
-        if shapes != [(n, n), (q, n), (n, q), (n, q)]:
+        if any(s != t for s, t in zip(shapes, [(n, n), (q, n), (n, q), (n, q)], strict=True)):
             raise DataError("the plant, its output and the gains have not the sizes of the states and the outputs.")
         found = ErrorEquation.of(self.plant, self.output, self.gain, self.shift)
         if (found.F != self.positivity.A.plain().fractions()).any():

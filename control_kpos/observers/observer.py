@@ -33,8 +33,8 @@ _NONE = (
     "looked for."
 )
 _NOWHERE = (
-    "no cone with gains L and N was proven, and none was excluded: the plant may be hard to observe, or not observable. "
-    "Give X, or measure more."
+    "no cone with gains L and N was proven, and none was excluded: the plant may be hard to observe, or not observable "
+    "at all. Give X, or measure more."
 )
 _IMPOSSIBLE = (
     "no gains L and N make (I - N C) A + L C keep this cone and decay; the proof is about the transposed plant."
@@ -322,7 +322,7 @@ def _answer(sys: StateSpace, system: System, proof: IntervalObserverCertificate)
 
 def _copies(sys: StateSpace, system: System, proof: IntervalObserverCertificate) -> StateSpace:
     """Both copies, from (y, u, one) to bounds on the states, entry by entry."""
-    equation, (n, m, q) = proof.equation, system.sizes
+    equation = proof.equation
     T, F, K = (np.array(M, dtype=float) for M in (equation.T, equation.F, equation.K))
     B, D, N = (np.asarray(M.dense().values, dtype=float) for M in (system.B, system.D, proof.shift))
     driven = np.hstack([K, T @ B - K @ D])

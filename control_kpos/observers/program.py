@@ -1,17 +1,17 @@
 """Gains of an interval observer on a simplicial cone, by linear programs.
 
 In generator coordinates, R = [x_1 ... x_n], the error equation of `certificate` has the matrix M = R^{-1} F R, and the
-width tends to -M^{-1} g in them, with g_k = sum_j |(R^{-1}T)_kj| (w_hi - w_lo)_j + 2 sum_i |(R^{-1}K)_ki| noise_i.  Let
-c be what generators count in the sum of the entries.  For eta > 0 with eta'M + c' <= 0 the sum of the final widths is at
-most eta'g, and for the best eta equal to it.  With N fixed and Z = diag(eta) R^{-1} L everything is linear in (eta, Z):
+width tends to -M^{-1} g in them, g_k = sum_j |(R^{-1}T)_kj| (w_hi - w_lo)_j + 2 sum_i |(R^{-1}K)_ki| noise_i.  Let c be
+what generators count in the sum of the entries.  For eta > 0 with eta'M + c' <= 0 the sum of the final widths is at
+most eta'g, and for the best eta equal to it.  With N fixed and Z = diag(eta) R^{-1} L all is linear in (eta, Z):
 
     minimise    sum_k eta_k |(R^{-1}T)_k|'(w_hi - w_lo) + 2 |Z'_k|'noise,   Z' = diag(eta) R^{-1} T A N + Z (C N - I)
     subject to  diag(eta) R^{-1} T A R + Z C R >= 0 off the diagonal (discrete time: everywhere),
                 its column sums + c' <= 0    (discrete time: - eta' besides).
 
-So the smallest final width for a given N takes one program.  N and L together are the gains of the outputs -C A x and C x,
-linear as long as the products of N and L in the noise are replaced by |Z_N| and |Z_L|: a first N, which a search improves
-entry by entry.
+So the smallest final width for a given N takes one program.  N and L together are the gains of the outputs -C A x and
+C x, linear as long as the products of N and L in the noise are replaced by |Z_N| and |Z_L|: that gives a first N, which
+a search improves entry by entry.
 """
 
 from __future__ import annotations
@@ -148,7 +148,7 @@ def _best(plant: Measured, N: Floats, kept: float, lp: Programs) -> Proposal | N
 
 
 def _jointly(plant: Measured, most: float, lp: Programs) -> Floats | None:
-    """An N for which L exists, relative to the outputs of generators at most so large, with noise counted by |L|, |N|."""
+    """An N for which L exists, at most so large relative to outputs of generators; noise is counted by |L| and |N|."""
     n, q = len(plant.A), len(plant.C)
     inverse, scale = np.linalg.inv(plant.R), max(float(np.abs(plant.A).max()), 1.0)
     program = _program(plant, np.zeros(n), n * q)
