@@ -163,7 +163,7 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         if any(s != t for s, t in zip(shapes, [(n, n), (q, n), (n, q), (n, q)], strict=True)):
             raise DataError("the plant, its output and the gains have not the sizes of the states and the outputs.")
         found = ErrorEquation.of(self.plant, self.output, self.gain, self.shift)
-        if (found.F != self.positivity.A.plain().fractions()).any():
+        if (self.positivity.A.plain().fractions() != found.F).any():
             raise DataError("the matrix that keeps X is not (I - N C) A + L C.")
         return found
 
