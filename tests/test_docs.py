@@ -95,7 +95,7 @@ def rows(page: str) -> dict[tuple[str, str], str]:
     return {(file, name): value.strip("` ") for file, name, value in found}
 
 
-FOLDERS = ("exact", "cones", "proof", "theorems", "networks", "families", "design", "find", "nonlinear")
+FOLDERS = ("exact", "cones", "proof", "theorems", "networks", "families", "design", "find", "nonlinear", "observers")
 
 
 def constants() -> dict[tuple[str, str], str]:

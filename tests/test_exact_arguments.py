@@ -392,7 +392,7 @@ NO_DATA = {
     "a timebase, which python-control keeps in doubles": {"dt"},
     "patterns of zeros": {"structure"},
     "code of the user": {"constraints", "objective", "solver", "f", "g", "function"},
-    "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax", "nodes"},
+    "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax", "nodes", "observer"},
     "passed on": {"args", "kwargs"},
 }
 # Data classes are made by the functions above; what they hold is checked there.

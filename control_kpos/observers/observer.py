@@ -142,7 +142,7 @@ def _signal(values: Any, name: str, count: int, length: int) -> Floats:
     if array.shape != (count, length):
         raise ShapeError(
             f"{name} has shape {array.shape}; it must be ({count}, {length}), one row per signal and one column "
-            "per time."
+            "per time in T."
         )
     return array
 
