@@ -17,7 +17,7 @@ a search improves entry by entry.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -185,7 +185,7 @@ def _keep(program: Program, plant: Measured, kept: float, own: Floats, measured:
         reached = np.array([any(G[:, j].any() for G in measured.values()) for j in columns])
         eta = np.zeros((len(columns), n))
         eta[:, k] = own[k, columns] - scale * reached
-        parts = {name: _at(k, n, G[:, columns].T) for name, G in measured.items()}
+        parts: dict[str, Any] = {name: _at(k, n, G[:, columns].T) for name, G in measured.items()}
         program.above(0.0, eta=eta, **parts)
     counted = np.abs(plant.R).sum(axis=0)
     sums = {name: np.tile(G.T, (1, n)) for name, G in measured.items()}
@@ -199,11 +199,12 @@ def _at(k: int, n: int, rows: Floats) -> Floats:
     return out
 
 
-def _sizes(program: Program, name: str, cost: Floats, **parts: Floats) -> None:
+def _sizes(program: Program, name: str, cost: Floats, **parts: Any) -> None:
     """Variables of this name that are at least the sizes of the sums of these parts."""
     program.add(**{name: Block(len(cost), low=0.0, cost=cost)})
     for sign in (1.0, -1.0):
-        program.above(0.0, **{name: np.eye(len(cost))}, **{part: sign * M for part, M in parts.items()})
+        signed: dict[str, Any] = {name: np.eye(len(cost)), **{part: sign * M for part, M in parts.items()}}
+        program.above(0.0, **signed)
 
 
 def _gain(plant: Measured, eta: Floats, Z: Floats) -> Floats:
