@@ -50,6 +50,13 @@ if TYPE_CHECKING:
         scale_free_feedback,
         state_feedback,
     )
+    from .data import (
+        DataAnswer,
+        DataCertificate,
+        LeavingPlant,
+        data_feedback,
+        data_positivity,
+    )
     from .families import (
         CommonVectorCertificate,
         CycleOfGrowth,
@@ -138,6 +145,8 @@ __all__ = [
     "ConeStateSpace",
     "CouplingViolation",
     "CycleOfGrowth",
+    "DataAnswer",
+    "DataCertificate",
     "DataError",
     "DelayCertificate",
     "DelayedNetworkCertificate",
@@ -158,6 +167,7 @@ __all__ = [
     "IntervalObserver",
     "IntervalObserverCertificate",
     "KposError",
+    "LeavingPlant",
     "LyapunovCertificate",
     "MeanDirection",
     "MeanStabilityCertificate",
@@ -200,6 +210,8 @@ __all__ = [
     "UnstableMixture",
     "__version__",
     "cone_positivity",
+    "data_feedback",
+    "data_positivity",
     "delayed",
     "design_cone_and_feedback",
     "differential_positivity",
@@ -252,6 +264,7 @@ _ON_DEMAND = {
             "OrderInterval OrderIntervalCertificate Tradeoff gain_rate_tradeoff network_feedback observer_gain "
             "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
         ),
+        ".data": "DataAnswer DataCertificate LeavingPlant data_feedback data_positivity",
         ".families": (
             "CommonVectorCertificate CycleOfGrowth DelayCertificate DwellCertificate DwellCycle FailingTerm "
             "MeanDirection MeanStabilityCertificate NextModeCertificate NoCommonVector StabilisingCertificate "

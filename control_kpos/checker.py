@@ -2590,6 +2590,91 @@ def order_violated(e: Said, limit: int) -> None:
     absent(e, "decay_rate", "nan")
 
 
+# -- measurements
+
+
+@dataclass
+class Measured:
+    """Plants [A B] with |X1 - [A B] Z| <= noise, entry by entry, and the gain F of u = F x; one column a sample."""
+
+    X: Cone
+    discrete: bool
+    Z: Matrix
+    X1: Matrix
+    noise: Matrix
+    F: Matrix
+    signals: int
+
+    def with_input(self, x: Vector) -> Vector:
+        """(x; F x)."""
+        return x | {self.X.dim + i: a for i, a in image(self.F, x).items()}
+
+    def agrees(self, plant: Matrix) -> None:
+        """This is one of the plants."""
+        for z, x, v in zip(self.Z, self.X1, self.noise, strict=True):
+            off = sizes(total((1, x), (-1, image(plant, z))))
+            need(all(a <= v.get(i, 0) for i, a in off.items()), "a plant agrees with the samples")
+
+    def bound(self, l: Vector, i: int, side: int) -> Fraction:
+        """What row i of all plants does at Z l at least (side 0) or at most (1)."""
+        terms = [(a, self.X1[t].get(i, Fraction(0)), self.noise[t].get(i, Fraction(0))) for t, a in l.items()]
+        return sum((a * x + (abs(a) if side else -abs(a)) * v for a, x, v in terms), Fraction(0))
+
+
+def measured(e: Said, limit: int) -> Measured:
+    """X0, X1, noise with a column for each sample; with inputs U0 and F as well, Z being X0 above U0."""
+    X, discrete = cone(e["X"], limit), e["discrete"]
+    n, T = X.dim, len(listing(listing(content(e["X0"], "matrix"))[0]))
+    expect(isinstance(discrete, bool), "discrete is neither true nor false")
+    Z, X1, noise = (given(e[name], n, T) for name in ("X0", "X1", "noise"))
+    expect((e["U0"] is None) == (e["F"] is None), "inputs and a gain come together")
+    if e["U0"] is None:
+        return Measured(X, discrete, Z, X1, noise, [{} for _ in range(n)], n)
+    m = len(listing(content(e["U0"], "matrix")))
+    U0, F = given(e["U0"], m, T), given(e["F"], m, n)
+    Z = [x | {n + i: a for i, a in u.items()} for x, u in zip(Z, U0, strict=True)]
+    return Measured(X, discrete, Z, X1, noise, F, n + m)
+
+
+def from_data(e: Said, limit: int) -> None:
+    """Every plant of `measured` keeps X, and one plant agrees; with `e` all are stable, in continuous or discrete time.
+
+    h'(A + BF) x >= 0 for all h in the facets of X (continuous time: with h'x = 0), as the sum of h_i times the lower
+    bound of row i where h_i > 0, the upper one where h_i < 0: Z l = (x; F x) for the next row l of `combinations`.  And
+    h'(A + BF) e < 0 (discrete time: < h'e) by the bounds of the other sides, for all h, h'e > 0.
+    """
+    d, vector = measured(e, limit), exactly(e, "e")[0]
+    d.agrees(given(e["plant"], d.X.dim, d.signals))
+    hs, left = facets(d.X, limit), rows(e["combinations"], len(d.Z))
+    asked = [(x, [h for h in hs if d.discrete or dot(h, x) == 0], 1) for x in d.X.rays]
+    if vector:
+        asked.append((entries(vector, d.X.dim), hs, -1))
+    for x, counted, sign in asked:
+        found = dict[tuple[int, int], Fraction]()
+        for i, side in pairs(range(d.X.dim), (0, 1)):
+            if any(h.get(i, 0) * sign * (1 - 2 * side) > 0 for h in counted):
+                expect(bool(left), "a combination is missing")
+                l = entries(left.pop(0), len(d.Z))
+                need(image(d.Z, l) == d.with_input(x), "Z l = (x; F x)")
+                found[i, side] = d.bound(l, i, side)
+        for h in counted:
+            worst = sum((a * found[i, int(a * sign < 0)] for i, a in h.items()), Fraction(0))
+            need(worst >= 0 if sign > 0 else worst < d.discrete * dot(h, x), "h'(A + BF) x at the worst plant")
+            need(sign > 0 or dot(h, x) > 0, "h'e > 0")
+    expect(not left, "there are more combinations than bounds")
+
+
+def leaving_plant(e: Said, limit: int) -> None:
+    """A plant of `measured` leaves X: h in X*, h'(A + BF) x < 0 at a generator x (continuous time: with h'x = 0)."""
+    d, (_, w) = measured(e, limit), record(e, "witness", "LeavingPlant")
+    plant, h = given(w["plant"], d.X.dim, d.signals), entries(exactly(w, "normal")[0], d.X.dim)
+    x = d.X.rays[index(w["ray"])]
+    d.agrees(plant)
+    need(above(h, d.X), "h'x >= 0 on X")
+    need(d.discrete or dot(h, x) == 0, "h'x = 0")
+    need(dot(h, image(plant, d.with_input(x))) < 0, "the plant leaves X")
+
+
 # -- files
 
 PROOFS: dict[str, Callable[[System, Said], str | None]] = {
@@ -2662,6 +2747,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("delayed", "REFUTED"): not_stable_with_delays,
     ("delayed network", "PROVED"): delayed_network,
     ("delayed network", "REFUTED"): not_delayed_network,
+    ("from data", "PROVED"): from_data,
+    ("from data", "REFUTED"): leaving_plant,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }
