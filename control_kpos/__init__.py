@@ -32,6 +32,13 @@ from .theorems.stability import LyapunovCertificate, linear_lyapunov
 from .theorems.structured_gain import StructuredGainCertificate
 
 if TYPE_CHECKING:
+    from .data import (
+        DataAnswer,
+        DataCertificate,
+        LeavingPlant,
+        data_feedback,
+        data_positivity,
+    )
     from .design import (
         DesignResult,
         FiniteCostCertificate,
@@ -49,13 +56,6 @@ if TYPE_CHECKING:
         output_feedback,
         scale_free_feedback,
         state_feedback,
-    )
-    from .data import (
-        DataAnswer,
-        DataCertificate,
-        LeavingPlant,
-        data_feedback,
-        data_positivity,
     )
     from .families import (
         CommonVectorCertificate,

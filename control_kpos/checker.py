@@ -2610,7 +2610,7 @@ class Measured:
         return x | {self.X.dim + i: a for i, a in image(self.F, x).items()}
 
     def agrees(self, plant: Matrix) -> None:
-        """This is one of the plants."""
+        """A plant that is one of them."""
         for z, x, v in zip(self.Z, self.X1, self.noise, strict=True):
             off = sizes(total((1, x), (-1, image(plant, z))))
             need(all(a <= v.get(i, 0) for i, a in off.items()), "a plant agrees with the samples")

@@ -1,5 +1,6 @@
 """A certificate of every kind about networks with vertices, and nonlinear ones; part of `certified`."""
 
+import certified_data
 import certified_nonlinear
 import certified_observers
 import numpy as np
@@ -84,3 +85,4 @@ CERTIFICATES = {
     "not for any vertices, mixed directly": lambda: crossed([[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]),
 }
 CERTIFICATES |= certified_nonlinear.CERTIFICATES | certified_observers.CERTIFICATES
+CERTIFICATES |= certified_nonlinear.CERTIFICATES | certified_data.CERTIFICATES

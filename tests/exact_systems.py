@@ -11,7 +11,27 @@ SIDE, SIDES = [["1/3"]], [[THIRD]]
 MINUS, TWO = [[-1, 0], [0, -1]], [[1, 0], [0, 1]]
 LOOP = kp.feedback_interconnect([THIRDS], [[0]])
 LATE = {"A": [["-1/3"]], "A_delay": [["1/7"]]}
+DATA = {"X0": [[1, 0]], "X1": [["1/3", "1/7"]], "U0": [[0, 1]], "noise": "1/99"}
+
+
+def of_data(**more):
+    """Certificates of both functions about measurements."""
+    return [ask(**DATA | more).certificate for ask in (kp.data_feedback, kp.data_positivity)]
+
+
+MEASURED = {
+    "X0": lambda: ([c.X0 for c in of_data(X0=[["1/3", 0]])], [[["1/3", 0]]] * 2),
+    "X1": lambda: ([c.X1 for c in of_data()], [[[THIRD, "1/7"]]] * 2),
+    "U0": lambda: ([c.U0 for c in of_data(U0=[[0, "1/3"]])], [[[0, THIRD]]] * 2),
+    "noise": lambda: ([c.noise for c in of_data()], [[["1/99"] * 2]] * 2),
+    "X": lambda: (
+        kp.data_positivity([[1, 0], [0, 1]], [["1/2", 0], [0, "1/2"]], noise=0, X=CONE).certificate.X,
+        SAME,
+    ),
+}
 ROWS = {
+    "data_feedback": MEASURED,
+    "data_positivity": MEASURED,
     "delayed": {
         "A": lambda: (kp.delayed(**LATE).A, [[-THIRD]]),
         "A_delay": lambda: (kp.delayed(**LATE).A_delay[0], [[Fraction(1, 7)]]),

@@ -30,7 +30,7 @@ FLOORS = {
     "systems": {"systems"},
     "theorems about many systems": {"networks", "nonlinear"},
     "families of systems": {"families"},
-    "design": {"design"},
+    "design": {"design", "data"},
     "search for cones": {"find"},
     "observers": {"observers"},
     "examples": {"examples"},

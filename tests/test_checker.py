@@ -16,6 +16,7 @@ import checker_chains
 import checker_claims
 import checker_cones
 import checker_costs
+import checker_data
 import checker_delays
 import checker_families
 import checker_gains
@@ -42,6 +43,7 @@ HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COS
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES | checker_bounded.CASES
 HAND |= checker_observers.CASES
+HAND |= checker_data.CASES
 
 
 @pytest.fixture(scope="module")

@@ -258,8 +258,12 @@ class DataCertificate(Certificate):
             return f"Refuted: not every plant that agrees with the data keeps X{law}: there is {self.witness}."
         if not self:
             return "Undecided: no statement about all plants that agree with the data is proven."
-        stable = " Stability is not claimed." if self.e is None else (
-            " All of them are exponentially stable, also if the plant changes in time: the gauge norm of e, the largest "
-            "abs(h'x) / h'e over the facets h, falls under each of them."
+        stable = (
+            " Stability is not claimed."
+            if self.e is None
+            else (
+                " All of them are exponentially stable, also if the plant changes in time: the gauge norm of e, the "
+                "largest abs(h'x) / h'e over the facets h, falls under each of them."
+            )
         )
         return f"Proved: every plant that agrees with the data within the noise keeps X{law}.{stable}"

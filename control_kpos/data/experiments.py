@@ -98,9 +98,7 @@ def _complete(part: Any, name: str) -> Matrix:
     except DataError as error:
         if "must be finite" not in str(error) and "masked" not in str(error):
             raise
-        raise DataError(
-            f"{error} Leave out samples with a missing entry, the same columns in X0, X1 and U0."
-        ) from None
+        raise DataError(f"{error} Leave out samples with a missing entry, the same columns in X0, X1 and U0.") from None
 
 
 def _listed(given: Any) -> list[Any]:
@@ -120,7 +118,7 @@ def _noise(given: Any, n: int, pieces: list[int]) -> Matrix:
         entries = np.broadcast_to(bound.fractions().reshape(-1, 1), (n, total))
         bound = Matrix.from_fractions(entries)
     else:
-        bound, counts = _samples(given, "noise", pieces)
+        bound, _ = _samples(given, "noise", pieces)
         if bound.shape[0] != n:
             raise ShapeError(f"noise has {bound.shape[0]} rows, but X0 has {n}; give one for each state.")
     if (bound.values < 0).any():

@@ -52,7 +52,9 @@ class Samples:
         return (high, -low) if side else (low, -high)
 
 
-def extreme(samples: Samples, i: int, side: int, z: Floats, lp: Solver) -> tuple[Solution, Floats | None, Floats | None]:
+def extreme(
+    samples: Samples, i: int, side: int, z: Floats, lp: Solver
+) -> tuple[Solution, Floats | None, Floats | None]:
     """The best bound of row i at z: the outcome, l, and the row of the plant that attains it."""
     sign = 1.0 if side else -1.0
     cost = sign * np.concatenate(samples.coefficients(i, side))

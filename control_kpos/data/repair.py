@@ -17,6 +17,8 @@ from .program import Floats
 
 # Entries of l below this part of the largest are left out: rounding of the solver.
 _NOTHING = 1e-13
+# Samples so close to dependent count as such.
+_RANK = 1e-12
 
 
 class Repair:
@@ -32,7 +34,7 @@ class Repair:
         # the scaled data, so that units of the signals do not choose the samples
         sizes = np.abs(values).max(axis=1, initial=0.0)
         _, triangle, order = qr(values / np.where(sizes > 0, sizes, 1.0)[:, None], mode="economic", pivoting=True)
-        self.rank = int((np.abs(np.diag(triangle)) > 1e-12 * abs(triangle[0, 0])).sum()) if triangle.size else 0
+        self.rank = int((np.abs(np.diag(triangle)) > _RANK * abs(triangle[0, 0])).sum()) if triangle.size else 0
         self.basis = np.sort(order[: len(values)])
         self._integers, self._unit = Z.as_integers()
 

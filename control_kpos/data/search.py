@@ -25,6 +25,8 @@ from .repair import Repair
 
 # Shares of the plant in the middle, in turn: a plant at the edge of the noise is moved inside.
 _INWARDS = (1e-12, 1e-9, 1e-6, 1e-3, 0.1)
+# Room inside the noise, relative to the data, below which samples may contradict each other.
+_EDGE = 1e-9
 # Turns of gain and vector e on cones that are not simplicial.
 _TURNS = 8
 _NOBODY = (
@@ -201,7 +203,7 @@ class _Search:
     def _plant(self, rows: list[Any]) -> Matrix | None:
         """One that agrees, exactly; `DataError` if there is none."""
         for i, (w, inside, l) in enumerate(rows):
-            if w is not None and inside < 1e-9 * np.abs(self.samples.X1).max(initial=0.0):
+            if w is not None and inside < _EDGE * np.abs(self.samples.X1).max(initial=0.0):
                 self._exclude(i, w, inside, l)
         if any(w is None for w, _, _ in rows):
             return None
@@ -388,6 +390,7 @@ def _decided(search: _Search) -> DataAnswer:
 
 def _refuted(search: _Search, bounds: dict[Place, float], rows: dict[Place, Floats | None]) -> DataAnswer:
     """A plant that leaves X at the worst pair, in the middle but for the rows that matter."""
+
     def worst(pair: tuple[int, int]) -> float:
         h, k = pair
         return sum(search.h[h, i] * bounds[k, i, int(search.h[h, i] < 0)] for i in np.flatnonzero(search.h[h]))
@@ -407,4 +410,3 @@ def _refuted(search: _Search, bounds: dict[Place, float], rows: dict[Place, Floa
             if proof.status is Status.REFUTED:
                 return DataAnswer(status=Status.REFUTED, certificate=proof, plant=np.asarray(plant.values))
     return DataAnswer(status=Status.UNDECIDED, message=not_enough(search, gain=False))
-

@@ -59,7 +59,9 @@ _BARE = ("dt", "source")
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
 
 # Folders imported on demand; they register their claims when they are.
-_FOLDERS_WITH_CLAIMS = tuple(f"control_kpos.{name}" for name in ("networks", "families", "design", "find", "nonlinear", "data"))
+_FOLDERS_WITH_CLAIMS = tuple(
+    f"control_kpos.{name}" for name in ("networks", "families", "design", "find", "nonlinear", "data")
+)
 
 _restorers: dict[str, Any] = {}
 
