@@ -4,7 +4,7 @@ from checker_cases import HALF, TWICE, changed
 from checker_families import CORNERS, WEDGE
 
 EYE = [[1, 0], [0, 1]]
-QUARTER = {"cone": [[2, {"rays": [[1]]}]]}
+PLANE = {"cone": [[2, {"rays": [[1]]}]]}
 # its facets are (0, 1) and (1, -1)
 TILTED = {"cone": [[1, {"rays": [[1, 0], [1, 1]]}]]}
 
@@ -24,6 +24,9 @@ def measured(X1, noise, l=((1,),), plant=None, *, X0=((1,),), X=HALF, e=None, di
 
 def one(a, noise, l=((1,),), plant=None, **more):
     return measured([[a]], [[noise]], l, None if plant is None else [[plant]], **more)
+
+
+TURNING = {"X1": [[-1, -1], [0, -1]], "noise": [[0, 0]] * 2, "X0": EYE, "X": PLANE, "discrete": False}
 
 
 def leaving(plant, normal, X1, noise, *, ray=0, **more):
@@ -55,7 +58,7 @@ def tilted(A, noise, *, discrete=True, l=None, e=None):
 def wedge(A, noise=0, *, discrete=True):
     """On the cone of four generators, samples at unit vectors."""
     eye = [[int(i == j) for j in range(3)] for i in range(3)]
-    # rows 0 and 1 from below and above, row 2 from below; continuous time: at a corner two facets, (-s, 0, 1), (0, -t, 1)
+    # rows 0 and 1 from below and above, row 2 from below
     X1 = A if isinstance(A, list) else [[A if x else 0 for x in row] for row in eye]
     rows = [x for x in CORNERS for _ in range(5 if discrete else 3)]
     return measured(X1, [[noise] * 3] * 3, rows, X0=eye, X=WEDGE, discrete=discrete)
@@ -110,15 +113,11 @@ CASES = {
         "UNREADABLE",
     ),
     "no data, derivatives": (
-        leaving(
-            [[-1, -1], [0, -1]], [1, 0], [[-1, -1], [0, -1]], [[0, 0]] * 2, ray=1, X0=EYE, X=QUARTER, discrete=False
-        ),
+        leaving([[-1, -1], [0, -1]], [1, 0], **TURNING, ray=1),
         "REFUTED",
     ),
     "no data, derivatives inside": (
-        leaving(
-            [[-1, -1], [0, -1]], [1, 0], [[-1, -1], [0, -1]], [[0, 0]] * 2, ray=0, X0=EYE, X=QUARTER, discrete=False
-        ),
+        leaving([[-1, -1], [0, -1]], [1, 0], **TURNING, ray=0),
         "WRONG",
     ),
 }

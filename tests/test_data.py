@@ -94,10 +94,10 @@ def test_bounds_are_those_of_the_plants():
 
 
 def test_one_combination_for_all_entries_is_only_sufficient():
-    """h = (1, 1), X1 = [0 0 0; 0 0 3/2], Z = [1 0 1; 0 1 1], noise 1: one l for both rows is off by 1/2."""
+    """h = (1, 1), X1 = [0 0 0; 0 0 3/2], Z = [1 0 1; 0 1 1], z = (1, 0), noise 1: one l is off by 1/2."""
     Z, X1 = np.array([[1.0, 0, 1], [0, 1, 1]]), np.array([[0.0, 0, 0], [0, 0, 1.5]])
     samples = Samples(Z, X1, np.ones((2, 3)))
-    z = np.array([1.0, 1.0])
+    z = np.array([1.0, 0.0])
     each = [-extreme(samples, i, 0, z, solve)[0].value for i in range(2)]
     both = solve(np.concatenate([2 - X1.sum(0), 2 + X1.sum(0)]), None, None, np.hstack([Z, -Z]), z)
     assert sum(each) - (-both.value) == pytest.approx(0.5)
@@ -161,7 +161,7 @@ def test_data_that_do_not_suffice_come_with_advice():
     X0, U0 = [[1, 0, 1, 2], [0, 1, 1, 1]], [[0, 0, 1, -1]]
     X1 = np.array([[1.2, 0.3], [0.1, 0.5]]) @ X0 + np.array([[1], [0.2]]) @ U0
     noisy = kp.data_feedback(X0, X1, U0, noise=0.5)
-    assert noisy.status.name == "UNDECIDED" and "generator" in noisy.message and "of this noise" in noisy.message
+    assert noisy.status.name == "UNDECIDED" and "facet" in noisy.message and "of this noise" in noisy.message
     assert kp.data_feedback(X0, X1, U0, noise=0.05)
     never = kp.data_feedback(X0, np.array([[2, 0], [0, 2]]) @ X0 + 0 * np.array(U0), U0, noise=0.01)
     assert "does not allow it even without noise" in never.message and not never.check()
