@@ -16,6 +16,7 @@ PAGE = (ROOT / "docs" / "statements.md").read_text(encoding="utf-8").replace("&#
 # Text of systems: what they are, no verdict.
 SYSTEMS = {"ConeStateSpace", "ConeNetwork"}
 SEARCHING = ("design", "families", "find", "observers")
+SEARCHING = ("design", "data", "families", "find")
 
 
 def alternatives(node):
@@ -57,6 +58,7 @@ def messages():
     for module, tree in TREES.items():
         name = module.partition(".")[2]
         if name.split(".")[0] in ("design", "families", "find", "observers") or name in (
+        if name.split(".")[0] in ("design", "data", "families", "find") or name in (
             "networks.certificate",
             "networks.any_size",
             "theorems.robust_margin",

@@ -38,7 +38,7 @@ def not_enough(search: Any, *, gain: bool) -> str:
             f"the inputs of the samples depend on their states: the rank of X0 above U0 is {_rank(Z)}, not {len(Z)}. "
             "Add samples with other inputs at the same states, at least one for each missing rank."
         )
-    return f"{_open(search, gain=gain)} {_tolerable(search, gain=gain)}"
+    return f"{_open(search, gain=gain)} {_tolerable(search, gain=gain)}".rstrip()
 
 
 def _rank(Z: Any) -> int:
@@ -84,9 +84,14 @@ def _open(search: Any, *, gain: bool) -> str:
 
 def _tolerable(search: Any, *, gain: bool) -> str:
     """For the plant in the middle: the share of the noise at which the same experiment would suffice."""
+    if search.plant is None:
+        return ""
     plant, low, high = np.asarray(search.plant.values), 0.0, 1.0
     if not _suffices(search, plant, 0.0, gain=gain):
-        return "The plant in the middle of those that agree does not allow it even without noise; try another cone."
+        return (
+            "The plant in the middle of those that agree does not seem to allow it even without noise; try another "
+            "cone."
+        )
     for _ in range(_HALVINGS):
         share = (low + high) / 2
         low, high = (share, high) if _suffices(search, plant, share, gain=gain) else (low, share)

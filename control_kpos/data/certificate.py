@@ -237,7 +237,13 @@ class DataCertificate(Certificate):
         return out
 
     def agreement(self, plant: Matrix) -> list[Condition]:
-        """The inequalities that say that a plant [A B] agrees with the data."""
+        """The inequalities that say that a plant agrees with the data.
+
+        Parameters
+        ----------
+        plant : Matrix, shape (n, n + m)
+            [A B].
+        """
         n, eye = self.X.dim, Matrix.identity(self.X.dim)
         if plant.shape != (n, self._Z.shape[0]):
             raise DataError("the plant is of another size than the data.")

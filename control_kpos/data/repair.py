@@ -51,6 +51,8 @@ class Repair:
         guesses : ndarray, shape (K, T)
         targets : ndarray of Fraction, shape (K, k)
         """
+        if len(self.basis) < self.Z.shape[0]:
+            return None
         small = np.abs(guesses) <= _NOTHING * np.abs(guesses).max(axis=1, keepdims=True, initial=0.0)
         guessed = Matrix(np.where(small, 0.0, guesses))
         l, unit = guessed.as_integers()

@@ -239,10 +239,11 @@ class _Search:
             y = None if exact is None else exact.fractions()[0]
             if y is not None and row @ y > noise @ np.abs(y):
                 least = float(noise.max()) - min(inside, 0.0)
+                names = "X0, X1 and U0" if self.m else "X0 and X1"
                 raise DataError(
-                    f"no plant agrees with the samples: those of state {i} contradict each other by more than the "
-                    f"noise of {float(noise.max()):.3g}. Give a larger one (about {least:.2g}), or look for samples "
-                    "that belong to another plant."
+                    f"no plant agrees with the samples {names}: those of state {i} contradict each other by more than "
+                    f"the noise of {float(noise.max()):.3g}. Give a larger one (about {least:.2g}), or look for "
+                    "samples that belong to another plant."
                 )
 
     def settle(self, F: Matrix | None, e: Matrix | None, l: Floats) -> DataCertificate | None:
