@@ -106,7 +106,7 @@ def data_feedback(
     --------
     >>> import control_kpos as kp
     >>> X0, U0 = [[1, 0, 1, 2], [0, 1, 1, 1]], [[0, 0, 1, -1]]
-    >>> X1 = [["1.2", "0.3", "1.5", "2.7"], ["0.1", "0.5", "1.6", "-0.3"]]
+    >>> X1 = [["1.2", "0.3", "2.5", "1.7"], ["0.1", "0.5", "0.8", "0.5"]]
     >>> found = kp.data_feedback(X0, X1, U0, noise="0.01")
     >>> bool(found), found.F.shape, found.check()
     (True, (1, 2), True)
