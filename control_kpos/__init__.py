@@ -23,6 +23,7 @@ from .proof.certificate import Certificate, Status
 from .proof.files import load_certificate
 from .proof.inclusion import PlaneViolation, PositivityViolation
 from .systems.statespace import ConeStateSpace
+from .theorems.compartments import CompartmentalCertificate, Trap
 from .theorems.dissipativity import DissipativityCertificate, SupplyViolation, dissipativity
 from .theorems.gains import induced_gain
 from .theorems.growing_direction import InstabilityCombination, InstabilityDirection
@@ -86,6 +87,7 @@ if TYPE_CHECKING:
         AbscissaCertificate,
         AlgebraicLoop,
         BoundedNetworkCertificate,
+        Compartments,
         ConeNetwork,
         CouplingViolation,
         DelayedNetworkCertificate,
@@ -100,6 +102,7 @@ if TYPE_CHECKING:
         NoWeights,
         OutWeightCertificate,
         UncertainNetworkCertificate,
+        compartmental,
         feedback_interconnect,
         interval,
         largest_uncertainty,
@@ -138,6 +141,8 @@ __all__ = [
     "CertificateFileError",
     "CodesignResult",
     "CommonVectorCertificate",
+    "CompartmentalCertificate",
+    "Compartments",
     "Cone",
     "ConeCertificate",
     "ConeMismatchError",
@@ -205,10 +210,12 @@ __all__ = [
     "TimebaseError",
     "TooLargeError",
     "Tradeoff",
+    "Trap",
     "UncertainNetworkCertificate",
     "UndecidedError",
     "UnstableMixture",
     "__version__",
+    "compartmental",
     "cone_positivity",
     "data_feedback",
     "data_positivity",
@@ -272,10 +279,10 @@ _ON_DEMAND = {
         ),
         ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
         ".networks": (
-            "AbscissaCertificate AlgebraicLoop BoundedNetworkCertificate ConeNetwork CouplingViolation "
+            "AbscissaCertificate AlgebraicLoop BoundedNetworkCertificate Compartments ConeNetwork CouplingViolation "
             "DelayedNetworkCertificate FailingEnd FailingMember NetworkCertificate NetworkInstability "
             "NoCommonStorage NoCommonVectors NoWeights NodeNotDissipative NodeViolation OutWeightCertificate "
-            "UncertainNetworkCertificate feedback_interconnect interval largest_uncertainty "
+            "UncertainNetworkCertificate compartmental feedback_interconnect interval largest_uncertainty "
             "scale_free_certificate stack"
         ),
         ".nonlinear": (

@@ -2296,6 +2296,40 @@ def delays_are_links(e: Said, limit: int, status: str) -> Json:
     return inner["data"]
 
 
+def compartments(e: Said, limit: int) -> tuple[Matrix, Vector]:
+    """Rates f_ij >= 0 from compartment j to i, those from j in one column, and o_i >= 0 to the outside."""
+    o = e["flows"]
+    n = index(o["shape"][0]) if "sparse" in o else len(listing(content(o, "matrix")))
+    expect(0 < n <= limit, "a size is absurd for this file")
+    F, leaving = given(o, n, n), given(e["outflows"], 1, n)
+    out = {i: a for i, column in enumerate(leaving) for a in column.values()}
+    need(all(a == abs(a) for column in [*F, out] for a in column.values()), "rates are nonnegative")
+    return F, out
+
+
+def drains(e: Said, limit: int) -> None:
+    """x' = (F - diag(F'1 + o)) x is positive and exponentially stable: every compartment reaches an outflow.
+
+    With the numbers l_i in `levels`:  o_i > 0,  or f_ji > 0 for some j with l_j < l_i.
+    """
+    F, out = compartments(e, limit)
+    levels = array(e["levels"])
+    expect(len(levels) == len(F), "every compartment has a level")
+    down = (i in out or any(levels[j] < levels[i] for j in column) for i, column in enumerate(F))
+    need(all(down), "material leaves every compartment, or goes to a lower level")
+
+
+def never_drains(e: Said, limit: int) -> None:
+    """It is positive and not stable: the members of a trap have no outflow and no flow to others."""
+    F, out = compartments(e, limit)
+    _, w = record(e, "witness", "Trap")
+    members = array(w["members"])
+    expect(bool(members) and all(a < b for a, b in pairwise(members)), "members are in order, and there is one")
+    expect(set(members) <= set(range(len(F))), "members are compartments")
+    inside = set(map(int, members))
+    need(not inside & out.keys() and all(F[i].keys() <= inside for i in inside), "nothing leaves the trap")
+
+
 def dwells_long_enough(e: Said, limit: int) -> None:
     """Stable for every order in which each member stays active for T = dwell_time > 0 or longer.
 
@@ -2749,6 +2783,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("delayed network", "REFUTED"): not_delayed_network,
     ("from data", "PROVED"): from_data,
     ("from data", "REFUTED"): leaving_plant,
+    ("compartmental", "PROVED"): drains,
+    ("compartmental", "REFUTED"): never_drains,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }

@@ -1,6 +1,7 @@
 """Certificates about families, for the tests of files and of the checker."""
 
 import numpy as np
+import scipy.sparse as sp
 
 import control_kpos as kp
 
@@ -96,4 +97,9 @@ DELAYED = {
     "network with delays, not stable": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [[[2]], [[1]]]),
     "network with delays, not positive": lambda: kp.delayed(kp.feedback_interconnect(TWO, RING), [["-1/8"]]),
 }
-SWITCHED |= DELAYED  # all families
+COMPARTMENTS = {
+    "compartments": lambda: kp.compartmental([[0, "1/3", 0], [2, 0, 0], [0, 1, 0]], [0, 0, "1/7"]).certificate,
+    "compartments, sparse": lambda: kp.compartmental(sp.csr_array([[0, 1], [2, 0]]), [0, 1e-200]).certificate,
+    "compartments, not drained": lambda: kp.compartmental([[0, 3, 0], ["1/3", 0, 0], [0, 0, 0]], [0, 0, 1]).certificate,
+}
+SWITCHED |= DELAYED | COMPARTMENTS  # all families

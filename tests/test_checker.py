@@ -14,6 +14,7 @@ import certified
 import checker_bounded
 import checker_chains
 import checker_claims
+import checker_compartments
 import checker_cones
 import checker_costs
 import checker_data
@@ -38,12 +39,13 @@ from control_kpos.proof.portable_cones import encode_cone
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
-LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS
+LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS + checker_compartments.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES | checker_bounded.CASES
 HAND |= checker_observers.CASES
 HAND |= checker_data.CASES
+HAND |= checker_compartments.CASES
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 from .any_size import OutWeightCertificate, scale_free_certificate
 from .certificate import NetworkCertificate
+from .compartmental import Compartments, compartmental
 from .interconnect import feedback_interconnect
 from .model import NetworkModel
 from .network import ConeNetwork
@@ -27,6 +28,7 @@ __all__ = [
     "AbscissaCertificate",
     "AlgebraicLoop",
     "BoundedNetworkCertificate",
+    "Compartments",
     "ConeNetwork",
     "CouplingViolation",
     "DelayedNetworkCertificate",
@@ -45,6 +47,7 @@ __all__ = [
     "UncertainNetwork",
     "UncertainNetworkCertificate",
     "UncertainStack",
+    "compartmental",
     "feedback_interconnect",
     "interval",
     "largest_uncertainty",
