@@ -32,6 +32,14 @@ MEASURED = {
 ROWS = {
     "data_feedback": MEASURED,
     "data_positivity": MEASURED,
+TANKS = {"flows": [[0, "1/3"], [0, 0]], "outflows": ["1/7", 0], "B": [["1/3"], [0]], "C": [[0, "1/3"]]}
+ROWS = {
+    "compartmental": {
+        "flows": lambda: (kp.compartmental(**TANKS).certificate.flows, [[0, THIRD], [0, 0]]),
+        "outflows": lambda: (kp.compartmental(**TANKS).certificate.outflows, [[Fraction(1, 7), 0]]),
+        "B": lambda: (kp.compartmental(**TANKS).B, [[THIRD], [0]]),
+        "C": lambda: (kp.compartmental(**TANKS).C, [[0, THIRD]]),
+    },
     "delayed": {
         "A": lambda: (kp.delayed(**LATE).A, [[-THIRD]]),
         "A_delay": lambda: (kp.delayed(**LATE).A_delay[0], [[Fraction(1, 7)]]),

@@ -235,6 +235,10 @@ CALLS |= {  # families
         kp.delayed,
         {"A": A, "A_delay": [[0.1, 0], [0, 0.1]], "X": X2, "discrete": False, "max_delay": 1.0, "time_limit": 2.0},
     ),
+    "compartmental": (
+        kp.compartmental,
+        {"flows": [[0, 1.0], [2.0, 0]], "outflows": [0, 1.0], "B": [[1.0], [0]], "C": [[0, 1.0]]},
+    ),
     "delayed of a network": (kp.delayed, {"A": NETWORK, "A_delay": 0.01 * np.eye(2), "time_limit": 2.0}),
 }
 OBSERVER = kp.interval_observer(ct.ss(-1, 1, 1, 0), disturbance=([-1], [1]), noise=[0.1])

@@ -1,0 +1,173 @@
+"""Compartments: verdicts from flows and outflows alone, residence times and gains with all digits."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import networkx as nx
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import control_kpos as kp
+from control_kpos.theorems.compartments import CompartmentalCertificate, Trap
+from control_kpos.theorems.subtraction_free import relative_error, solve_without_subtraction
+
+
+def rates(n, seed, density=0.3):
+    rng = np.random.default_rng(seed)
+    F = rng.uniform(0.1, 1, (n, n)) * (rng.random((n, n)) < density) * 10.0 ** rng.integers(-6, 6, (n, n))
+    np.fill_diagonal(F, 0)
+    return F, rng
+
+
+def inverse(F, o):
+    """-A^-1 in fractions."""
+    n = len(o)
+    M = [[-Fraction(F[i][j]) if i != j else Fraction(0) for j in range(n)] + [Fraction(i == k) for k in range(n)]
+         for i in range(n)]  # fmt: skip
+    for j in range(n):
+        M[j][j] = sum((Fraction(F[i][j]) for i in range(n) if i != j), Fraction(o[j]))
+    for k in range(n):
+        p = next(i for i in range(k, n) if M[i][k])
+        M[k], M[p] = M[p], M[k]
+        M[k] = [x / M[k][k] for x in M[k]]
+        for i in range(n):
+            if i != k and M[i][k]:
+                M[i] = [x - M[i][k] * y for x, y in zip(M[i], M[k], strict=True)]
+    return np.array([row[n:] for row in M], dtype=object)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_the_verdict_is_that_of_the_eigenvalues(seed):
+    n = 2 + seed % 6
+    F, rng = rates(n, seed, 0.25)
+    F = np.round(np.log10(F, where=F > 0, out=np.zeros((n, n))) ** 2, 3)
+    o = np.where(rng.random(n) < 0.3, 1.0, 0.0)
+    found = kp.compartmental(F, o)
+    A = F - np.diag(F.sum(axis=0) + o)
+    assert found.check()
+    assert bool(found) == (np.linalg.eigvals(A).real.max() < -1e-9)
+    if not found:
+        inside = found.witness.members.astype(int)
+        outside = np.setdiff1d(np.arange(n), inside)
+        assert inside.size and not o[inside].any() and not F[np.ix_(outside, inside)].any()
+
+
+@pytest.mark.parametrize(("n", "leak"), [(4, 1e-10), (8, 1e-60), (12, 1e-200)])
+def test_every_entry_has_all_digits(n, leak):
+    F, rng = rates(n, n)
+    F += np.roll(np.eye(n), 1, axis=1)
+    np.fill_diagonal(F, 0)
+    o = np.zeros(n)
+    o[n // 2] = leak
+    B, C = rng.random((n, 2)), rng.random((3, n))
+    found = kp.compartmental(F, o, B, C)
+    exact = inverse(F, o)
+    gain = np.vectorize(Fraction)(C) @ exact @ np.vectorize(Fraction)(B)
+    for got, wanted in ((found.gain, gain), (found.residence_times, exact.sum(axis=0))):
+        errors = [abs(Fraction(x) - y) / y for x, y in zip(got.ravel().tolist(), wanted.ravel(), strict=True)]
+        assert max(errors) <= found.relative_error < 1e-12
+
+
+def test_what_is_typed_is_what_is_proven():
+    found = kp.compartmental([[0, "1/3"], [2, 0]], ["1/7", 0], [["1/3"], [0]], [[0, "1/5"]])
+    assert found.system.exact.A.fractions().tolist() == [[Fraction(-15, 7), Fraction(1, 3)], [2, Fraction(-1, 3)]]
+    assert found.system.linear_lyapunov()
+    exact = Fraction(1, 5) * inverse([[0, Fraction(1, 3)], [2, 0]], [Fraction(1, 7), 0])[1, 0] * Fraction(1, 3)
+    assert abs(Fraction(found.gain[0, 0]) - exact) <= found.relative_error * exact
+
+
+def test_mass_balance():
+    F, rng = rates(6, 5, 0.6)
+    o = rng.random(6)
+    found = kp.compartmental(F, o)
+    assert np.allclose(o @ found.gain, 1)  # in a steady state what flows in leaves
+    exact = found.system.exact.A.fractions()
+    assert (exact.sum(axis=0) == [-Fraction(x) for x in o]).all()
+
+
+def test_graphs_have_names():
+    graph = nx.DiGraph()
+    graph.add_edge("blood", "tissue", weight=0.5)
+    graph.add_edge("tissue", "blood", weight="1/3")
+    found = kp.compartmental(graph, [0.25, 0])
+    assert found and found.system.state_labels == ["blood", "tissue"]
+    assert np.allclose(found.residence_times, [(1 + 0.5 * 3) * 4, (1 + 0.5 * 3) * 4 + 3])
+    both = kp.compartmental(nx.path_graph(3), [0, 0, 1])
+    assert np.array_equal(both.certificate.flows.values.toarray(), nx.to_numpy_array(nx.path_graph(3)))
+
+
+def test_a_ring_of_many():
+    n = 20_000
+    ring = sp.csr_array(sp.eye_array(n, k=1) + sp.eye_array(n, k=-1))
+    leak = np.zeros(n)
+    assert kp.compartmental(ring, leak).status is kp.Status.REFUTED
+    leak[7] = 1e-300
+    found = kp.compartmental(ring, leak)
+    assert found and found.check()
+    with pytest.raises(kp.TooLargeError, match="20000 compartments are eliminated"):
+        _ = found.gain
+    with pytest.raises(kp.TooLargeError, match="limit is 1000"):
+        _ = found.system
+
+
+def test_wrong_certificates_are_noticed():
+    cert = kp.compartmental([[0, 0], [1, 0]], [0, 1]).certificate
+    assert cert and cert.check()
+    settle = CompartmentalCertificate.settle
+    data = {"flows": cert.flows, "outflows": cert.outflows}
+    for levels in ([0, 1], [1, 1]):
+        assert not settle(**data, levels=np.array(levels, dtype=float))
+        assert not replace(cert, levels=np.array(levels, dtype=float)).check()
+    assert not replace(cert, outflows=-cert.outflows).check()
+    assert not replace(cert, flows=cert.flows.T).check()
+    for members in ([0.0], [1.0], [], [0.5], [2.0], [-1.0]):
+        assert settle(**data, witness=Trap(np.array(members))).status is kp.Status.UNDECIDED
+    trapped = kp.compartmental([[0, 0], [1, 0]], [1, 0]).certificate
+    assert trapped.status is kp.Status.REFUTED and trapped.witness.members.tolist() == [1]
+    assert not replace(trapped, outflows=cert.outflows).check()
+
+
+def test_rates_that_doubles_cannot_multiply():
+    chain = kp.compartmental([[0, 0, 1e-300], [1e300, 0, 0], [0, 1e-300, 0]], [1e-300, 0, 0])
+    assert chain
+    with pytest.raises(kp.UndecidedError, match="leaves the range of doubles"):
+        _ = chain.residence_times
+    tiny = kp.compartmental([[0, Fraction(1, 10**320)], [1, 0]], [1, 0])
+    with pytest.raises(kp.UndecidedError, match="below the range"):
+        _ = tiny.residence_times
+
+
+def test_no_gain_without_a_drain():
+    stuck = kp.compartmental([[0, 1], [1, 0]], [0, 0])
+    with pytest.raises(kp.KposError, match="never leaves"):
+        _ = stuck.gain
+
+
+def test_the_bound_counts_every_rounding():
+    n = 5
+    steps = sum(2 * k * (k + 3) + 2 * k + 2 for k in range(n))
+    assert steps + 2 * n <= relative_error(n) * 2**53 <= 1.02 * (steps + 2 * n)
+    x = solve_without_subtraction(np.zeros((1, 1)), np.array([4.0]), np.array([[2.0]]))
+    assert x.tolist() == [[0.5]]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (([[0, 1, 0], [1, 0, 0]], [1, 1]), "flows is 2 x 3, but must be 2 x 2"),
+        (([[0, 1], [1, 0]], [1]), "outflows is 1, but must be 2"),
+        (([[0, -1], [1, 0]], [1, 1]), r"flows\[0, 1\] is -1"),
+        (([[-1, 0], [1, 0]], [1, 1]), r"flows\[0, 0\] is -1; .*leave out the diagonal"),
+        (([[2, 1], [1, 0]], [1, 1]), r"flows\[0, 0\] is 2, a flow from a compartment to itself"),
+        (([[0, 1], [1, 0]], [1, "-1/3"]), r"outflows\[1\] is -0.333"),
+        (([[0, 1], [1, 0]], [1, 0], [[1]]), "B is 1 x 1, but must be 2 x any"),
+        (([[0, 1], [1, 0]], [1, 0], [[1], [-1]]), r"B\[1, 0\] is -1"),
+        (([[0, 1], [1, 0]], [1, 0], None, [[1, 0, 0]]), "C is 1 x 3, but must be any x 2"),
+        ((np.zeros((0, 0)), []), "flows has no compartments"),
+        ((nx.MultiGraph(), []), "flows is a multigraph"),
+    ],
+)
+def test_bad_arguments(arguments, says):
+    with pytest.raises(kp.KposError, match=says):
+        kp.compartmental(*arguments)
