@@ -80,8 +80,12 @@ if TYPE_CHECKING:
         CodesignResult,
         ConeCertificate,
         FoundCone,
+        NegativeResponse,
+        PositiveRealization,
+        PositiveRealizationCertificate,
         design_cone_and_feedback,
         find_cone,
+        positive_realization,
     )
     from .networks import (
         AbscissaCertificate,
@@ -176,6 +180,7 @@ __all__ = [
     "LyapunovCertificate",
     "MeanDirection",
     "MeanStabilityCertificate",
+    "NegativeResponse",
     "NetworkCertificate",
     "NetworkInstability",
     "NetworkIntervalCertificate",
@@ -196,6 +201,8 @@ __all__ = [
     "OutWeightCertificate",
     "PlaneViolation",
     "PolyhedralCone",
+    "PositiveRealization",
+    "PositiveRealizationCertificate",
     "PositivityCertificate",
     "PositivityViolation",
     "RobustMargin",
@@ -250,6 +257,7 @@ __all__ = [
     "plot_observer",
     "plot_poles",
     "plot_tradeoff",
+    "positive_realization",
     "product",
     "robust_margin",
     "scale_free_certificate",
@@ -277,7 +285,10 @@ _ON_DEMAND = {
             "MeanDirection MeanStabilityCertificate NextModeCertificate NoCommonVector StabilisingCertificate "
             "Switching SwitchingCertificate UnstableMixture delayed switched"
         ),
-        ".find": "CodesignResult ConeCertificate FoundCone design_cone_and_feedback find_cone",
+        ".find": (
+            "CodesignResult ConeCertificate FoundCone NegativeResponse PositiveRealization "
+            "PositiveRealizationCertificate design_cone_and_feedback find_cone positive_realization"
+        ),
         ".networks": (
             "AbscissaCertificate AlgebraicLoop BoundedNetworkCertificate Compartments ConeNetwork CouplingViolation "
             "DelayedNetworkCertificate FailingEnd FailingMember NetworkCertificate NetworkInstability "

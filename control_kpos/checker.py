@@ -2298,10 +2298,9 @@ def delays_are_links(e: Said, limit: int, status: str) -> Json:
 
 def compartments(e: Said, limit: int) -> tuple[Matrix, Vector]:
     """Rates f_ij >= 0 from compartment j to i, those from j in one column, and o_i >= 0 to the outside."""
-    o = e["flows"]
-    n = index(o["shape"][0]) if "sparse" in o else len(listing(content(o, "matrix")))
+    n = shape(e["flows"])[0]
     expect(0 < n <= limit, "a size is absurd for this file")
-    F, leaving = given(o, n, n), given(e["outflows"], 1, n)
+    F, leaving = given(e["flows"], n, n), given(e["outflows"], 1, n)
     out = {i: a for i, column in enumerate(leaving) for a in column.values()}
     need(all(a == abs(a) for column in [*F, out] for a in column.values()), "rates are nonnegative")
     return F, out
@@ -2328,6 +2327,50 @@ def never_drains(e: Said, limit: int) -> None:
     expect(set(members) <= set(range(len(F))), "members are compartments")
     inside = set(map(int, members))
     need(not inside & out.keys() and all(F[i].keys() <= inside for i in inside), "nothing leaves the trap")
+
+
+def shape(o: Json) -> tuple[int, int]:
+    """The numbers of rows and columns of a matrix."""
+    if "sparse" in o:
+        m, n = map(index, o["shape"])
+        return m, n
+    listed = listing(content(o, "matrix"))
+    return len(listed), len(listing(listed[0])) if listed else 0
+
+
+def responding(e: Said, limit: int) -> tuple[list[Matrix], tuple[int, int, int]]:
+    """A, B, C, D of the system, and how many states, inputs and outputs it has."""
+    (n, m), (q, _) = shape(e["B"]), shape(e["C"])
+    expect(max(n, m, q) <= limit, "a size is absurd for this file")
+    expect(e["discrete"] in (True, False), "the time is unknown")
+    places = zip("ABCD", ((n, n), (n, m), (q, n), (q, m)), strict=True)
+    return [given(e[name], *size) for name, size in places], (n, m, q)
+
+
+def positive_realization(e: Said, limit: int) -> None:
+    """P, N, Q and D are nonnegative (P off the diagonal in continuous time) and have the response of A, B, C and D.
+
+    With `transform` R:  A R = R P,  B = R N,  C R = Q.
+    """
+    (A, B, C, D), (n, m, q) = responding(e, limit)
+    p = shape(e["transform"])[1]
+    expect(p <= limit, "a size is absurd for this file")
+    R, P, N = given(e["transform"], n, p), given(e["A_positive"], p, p), given(e["B_positive"], p, m)
+    Q = given(e["C_positive"], q, p)
+    need([image(A, r) for r in R] == [image(R, x) for x in P], "A R = R P")
+    need([image(R, x) for x in N] == B, "B = R N")
+    need([image(C, r) for r in R] == Q, "C R = Q")
+    rates = [{i: a for i, a in x.items() if e["discrete"] or i != j} for j, x in enumerate(P)]
+    need(all(a == abs(a) for x in [*rates, *N, *Q, *D] for a in x.values()), "the matrices are nonnegative")
+
+
+def no_positive_realization(e: Said, limit: int) -> None:
+    """The response to an impulse begins with the wrong sign: an entry of D (`step` 0) or of C B (1) is negative."""
+    (_, B, C, D), _ = responding(e, limit)
+    _, w = record(e, "witness", "NegativeResponse")
+    i, j, step = (index(w[name]) for name in ("row", "column", "step"))
+    expect(step < 2, "there is no such step")
+    need((image(C, B[j]) if step else D[j]).get(i, 0) < 0, "the response is negative")
 
 
 def dwells_long_enough(e: Said, limit: int) -> None:
@@ -2785,6 +2828,8 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("from data", "REFUTED"): leaving_plant,
     ("compartmental", "PROVED"): drains,
     ("compartmental", "REFUTED"): never_drains,
+    ("positive realization", "PROVED"): positive_realization,
+    ("positive realization", "REFUTED"): no_positive_realization,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }

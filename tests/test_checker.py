@@ -25,6 +25,7 @@ import checker_intervals
 import checker_nonlinear
 import checker_observers
 import checker_pieces
+import checker_realizations
 import checker_uncertain
 import numpy as np
 import pytest
@@ -39,13 +40,14 @@ from control_kpos.proof.portable_cones import encode_cone
 
 SOURCE = Path(checker.__file__).read_text(encoding="utf-8")
 LIMIT = 10**5
-LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS + checker_compartments.PAIRS
+LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS + checker_compartments.PAIRS + checker_realizations.PAIRS
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES | checker_bounded.CASES
 HAND |= checker_observers.CASES
 HAND |= checker_data.CASES
 HAND |= checker_compartments.CASES
+HAND |= checker_compartments.CASES | checker_realizations.CASES
 
 
 @pytest.fixture(scope="module")

@@ -4,12 +4,18 @@ from .certificate import ConeCertificate, Obstruction
 from .feedback.search import CodesignResult, design_cone_and_feedback
 from .find import find_cone
 from .question import FoundCone
+from .realization.certificate import NegativeResponse, PositiveRealizationCertificate
+from .realization.search import PositiveRealization, positive_realization
 
 __all__ = [
     "CodesignResult",
     "ConeCertificate",
     "FoundCone",
+    "NegativeResponse",
     "Obstruction",
+    "PositiveRealization",
+    "PositiveRealizationCertificate",
     "design_cone_and_feedback",
     "find_cone",
+    "positive_realization",
 ]
