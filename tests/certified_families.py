@@ -1,5 +1,7 @@
 """Certificates about families, for the tests of files and of the checker."""
 
+from fractions import Fraction
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -102,4 +104,13 @@ COMPARTMENTS = {
     "compartments, sparse": lambda: kp.compartmental(sp.csr_array([[0, 1], [2, 0]]), [0, 1e-200]).certificate,
     "compartments, not drained": lambda: kp.compartmental([[0, 3, 0], ["1/3", 0, 0], [0, 0, 0]], [0, 0, 1]).certificate,
 }
-SWITCHED |= DELAYED | COMPARTMENTS  # all families
+REALIZATIONS = {
+    "positive realization": lambda: kp.positive_realization([0, "1/3", "1/6", "1/12", "1/24"]).certificate,
+    "positive realization, more states": lambda: kp.positive_realization(FOUR).certificate,
+    "positive realization, not any": lambda: (
+        kp.positive_realization(kp.ConeStateSpace([["-1/3"]], [[1]], [[-1]], 0)).certificate
+    ),
+}
+# the impulse response of 1, 2/5 and 1/5 with the weights 1, -25, 75: four rays are needed
+FOUR = [0] + [1 - 25 * Fraction(2, 5) ** k + 75 * Fraction(1, 5) ** k for k in range(7)]
+SWITCHED |= DELAYED | COMPARTMENTS | REALIZATIONS  # all families

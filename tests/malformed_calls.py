@@ -255,6 +255,10 @@ CALLS |= {  # observers
     ),
 }
 CALLS |= {  # cone finding, nonlinear systems
+    "positive_realization": (
+        kp.positive_realization,
+        {"G": [0, 1.0, 0.5, 0.25, 0.125], "time_limit": 2.0, "progress": False},
+    ),
     "find_cone": (
         kp.find_cone,
         {"A": A, "contains": [[1, 1]], "within": X2, "max_rays": 4, "discrete": False, "few": "rays", **SEARCH},

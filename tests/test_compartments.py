@@ -105,9 +105,9 @@ def test_a_ring_of_many():
     leak[7] = 1e-300
     found = kp.compartmental(ring, leak)
     assert found and found.check()
-    with pytest.raises(kp.TooLargeError, match="20000 compartments are eliminated"):
+    with pytest.raises(kp.TooLargeError, match="20000 compartments"):
         _ = found.gain
-    with pytest.raises(kp.TooLargeError, match="limit is 1000"):
+    with pytest.raises(kp.TooLargeError, match="20000"):
         _ = found.system
 
 

@@ -22,7 +22,7 @@ from ..exact.matrix import Matrix, dense
 from ..exact.rounding import SMALLEST_NORMAL
 from ..proof.answer import Answer
 from ..systems.statespace import ConeStateSpace
-from ..theorems.compartments import drains
+from ..theorems.compartments import CompartmentalCertificate, drains
 from ..theorems.subtraction_free import LARGEST, relative_error, solve_without_subtraction
 from .coupling import from_entries
 from .ranges import is_graph
@@ -59,15 +59,16 @@ class Compartments(Answer):
         TooLargeError
             More than 1000 compartments.
         """
-        flows, outflows = self.certificate.flows, self.certificate.outflows  # type: ignore[union-attr]
-        n = flows.shape[0]
+        cert, n = self.certificate, self.B.shape[0]
         if n > _EXACT:
             raise TooLargeError(
                 f"the diagonal of a system of {n} compartments takes dense fractions; the limit is {_EXACT}. "
                 "Stability, residence times and gains need no system."
             )
-        A = np.array(flows.fractions())
-        A[np.diag_indices(n)] = -(A.sum(axis=0) + outflows.fractions()[0])
+        if not isinstance(cert, CompartmentalCertificate):
+            raise DataError("there are no compartments without their certificate.")
+        A = np.array(cert.flows.fractions())
+        A[np.diag_indices(n)] = -(A.sum(axis=0) + cert.outflows.fractions()[0])
         q, m = self.C.shape[0], self.B.shape[1]
         labels = {"states": list(self.names)} if self.names else {}
         data = (Matrix.from_fractions(A), self.B.dense(), self.C.dense(), np.zeros((q, m)))
@@ -92,7 +93,7 @@ class Compartments(Answer):
         TooLargeError, UndecidedError
             More than 2000 compartments, or numbers outside the range of doubles.
         """
-        return self._solved(np.ones((self.B.shape[0], 1)))[:, 0]
+        return self._solved(Matrix(np.ones((1, self.B.shape[0]))))[:, 0]
 
     @cached_property
     def gain(self) -> Floats:
@@ -103,23 +104,24 @@ class Compartments(Answer):
         KposError, TooLargeError, UndecidedError
             As `residence_times`.
         """
-        X = self._solved(np.array(dense(self.C.values)).T)
+        X = self._solved(self.C)
         B = dense(self.B.values)
         out = np.empty((X.shape[1], B.shape[1]))
         for j in range(B.shape[1]):
             out[:, j] = (X * B[:, [j]]).sum(axis=0)
         return out
 
-    def _solved(self, right: Floats) -> Floats:
-        cert = self.certificate
-        if not cert:
+    def _solved(self, right: Matrix) -> Floats:
+        """M^-1 r for every row r, in doubles, as columns; M = -A'."""
+        cert, n = self.certificate, self.B.shape[0]
+        if not isinstance(cert, CompartmentalCertificate) or not cert:
             raise KposError(f"there are residence times and gains only if all compartments drain. {self.explain()}")
-        n = self.B.shape[0]
         if n > LARGEST:
             raise TooLargeError(f"{n} compartments are eliminated as a dense matrix; the limit is {LARGEST}.")
-        if not all(map(_has_all_digits, (cert.flows, cert.outflows, self.B, self.C))):  # type: ignore[union-attr]
+        if not all(map(_has_all_digits, (cert.flows, cert.outflows, self.B, self.C))):
             raise UndecidedError("a rate or a weight is below the range of doubles; scale the time, or the signals.")
-        return solve_without_subtraction(dense(cert.flows.values).T, cert.outflows.values[0], right)  # type: ignore[union-attr]
+        rates = np.array(dense(cert.flows.values)).T
+        return solve_without_subtraction(rates, cert.outflows.values[0], np.array(dense(right.values)).T)
 
     def facts(self) -> list[tuple[str, str]]:
         """How many compartments, and how accurate their gains are."""

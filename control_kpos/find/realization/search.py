@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import partial
 from typing import Any
 
 import numpy as np
 from control import InputOutputSystem, StateSpace, TransferFunction
 
-from ...cones import PolyhedralCone
+from ...cones import Cone, PolyhedralCone
 from ...errors import ConeMismatchError, DataError, KposError, TooLargeError
 from ...exact.intake import dimensions, exact_matrix, found
 from ...exact.linalg import Rationals, product, solve_columns
@@ -28,12 +29,13 @@ from ...systems.system import System
 from ...theorems.positivity import state_positivity
 from ..certificate import ConeCertificate
 from ..find import find_cone
+from ..question import FoundCone
 from .certificate import NegativeResponse, PositiveRealizationCertificate
 from .minimal import Realization, beside_each_other, companion, minimal, of_response
 
-# Rays that are tried one by one whether the cone does without them; work of a linear program in fractions.
-_DROPPED = 30
-_WORK = 10**8
+# Rays that are tried one by one whether the cone does without them; work of a linear program in fractions; orders that
+# are asked for one by one above the lower bound.
+_DROPPED, _WORK, _MORE = 30, 10**8, 4
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -93,8 +95,8 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
 
     Notes
     -----
-    Costs a minimal realization in fractions, and what `find_cone` costs for it with its inputs and outputs.  The order
-    is that of the cone found, without the rays that it does not need; it need not be the smallest one.
+    Costs a minimal realization in fractions, and what `find_cone` costs for it with its inputs and outputs, once more
+    for a few small numbers of rays.  Rays that the cone does not need are dropped; a smaller order may exist.
 
     Examples
     --------
@@ -126,8 +128,11 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
         return PositiveRealization(status=cone.status, certificate=cone.certificate, message=_NONE, lower_bound=n)
     if cone.cone is None:
         return _undecided(PositiveRealizationCertificate.settle(**data), n, cone.message)
-    fields = _coordinates(small, cone.certificate, cone.cone, discrete)
-    cert = PositiveRealizationCertificate.settle(**data, **fields)
+    limits = range(n, min(cone.cone.n_rays, n + _MORE))
+    search = partial(find_cone, A, inner, outer, discrete=discrete, time_limit=time_limit, progress=progress)
+    fewer = (search(max_rays=most) for most in limits)
+    smaller = (_certified(small, data, other) for other in fewer if other.cone is not None)
+    cert = next(filter(None, smaller), None) or _certified(small, data, cone)
     if not cert:
         return _undecided(cert, n, "A cone was found, but its coordinates in fractions would take too long.")
     system = ConeStateSpace(cert.A_positive, cert.B_positive, cert.C_positive, D, dt)
@@ -167,9 +172,13 @@ def _exact(coefficients: Any, name: str) -> list[Fraction]:
     return exact_matrix(coefficients, f"{name} of G", ndim=1).fractions().tolist()
 
 
-def _coordinates(
-    s: Realization, proof: ConeCertificate, cone: PolyhedralCone, discrete: bool
-) -> dict[str, Matrix | None]:
+def _certified(s: Realization, data: dict[str, Any], cone: FoundCone) -> PositiveRealizationCertificate:
+    """The certificate that the generators of a cone make."""
+    fields = {} if cone.cone is None else _coordinates(s, cone.certificate, cone.cone, data["discrete"])
+    return PositiveRealizationCertificate.settle(**data, **fields)
+
+
+def _coordinates(s: Realization, proof: ConeCertificate, cone: Cone, discrete: bool) -> dict[str, Matrix | None]:
     """P, N, Q and R for the generators of a cone, or of a smaller one; nothing where fractions take too long."""
     if proof.by_facets or proof.rays is None:
         return {}
@@ -197,7 +206,7 @@ def _weights(rays: Rationals, images: Rationals, *, free: bool) -> Rationals | N
     return np.array(found_weights, dtype=object).T
 
 
-def _fewer(s: Realization, cone: PolyhedralCone, discrete: bool) -> Rationals:
+def _fewer(s: Realization, cone: Cone, discrete: bool) -> Rationals:
     """Generators of a cone without those that it can do without, one after another."""
     rays = cone.exact_rays.plain().fractions()
     A, B = Matrix.from_fractions(s.A), Matrix.from_fractions(s.B.T)
