@@ -53,7 +53,14 @@ _REFUSALS = (
 # What proofs rest on, and refutations never.
 _FOR_PROOFS = ("v", "sigma", "slow_direction", "rays", "multipliers", "pointing", "right_inverse", "shares")
 # Claims that are about no system.
-_TIMELESS = ("delayed network", "differentially-positive network", "feedback", "gain bound", "out-weight")
+_TIMELESS = (
+    "compartmental",
+    "delayed network",
+    "differentially-positive network",
+    "feedback",
+    "gain bound",
+    "out-weight",
+)
 # Data that stand there as numbers or text.
 _BARE = ("dt", "source")
 _KEYS = {"format", "producer", "semantics", "digest", "claim", "status", "data", "proof"}
