@@ -84,5 +84,4 @@ CERTIFICATES = {
     "not for any vertices, mixed": crossed,
     "not for any vertices, mixed directly": lambda: crossed([[[[1.25, 0], [0, 0]]], [[[0, 0], [0, 1.25]]]]),
 }
-CERTIFICATES |= certified_nonlinear.CERTIFICATES | certified_observers.CERTIFICATES
-CERTIFICATES |= certified_nonlinear.CERTIFICATES | certified_data.CERTIFICATES
+CERTIFICATES |= certified_nonlinear.CERTIFICATES | certified_observers.CERTIFICATES | certified_data.CERTIFICATES

@@ -29,11 +29,10 @@ MEASURED = {
         SAME,
     ),
 }
+TANKS = {"flows": [[0, "1/3"], [0, 0]], "outflows": ["1/7", 0], "B": [["1/3"], [0]], "C": [[0, "1/3"]]}
 ROWS = {
     "data_feedback": MEASURED,
     "data_positivity": MEASURED,
-TANKS = {"flows": [[0, "1/3"], [0, 0]], "outflows": ["1/7", 0], "B": [["1/3"], [0]], "C": [[0, "1/3"]]}
-ROWS = {
     "positive_realization": {
         "G": lambda: (kp.positive_realization([0, "1/3", "1/9", "1/27", "1/81"]).certificate.A, [[THIRD]]),
     },

@@ -44,10 +44,7 @@ LIMITS = SIZES + checker_costs.PAIRS + checker_nonlinear.PAIRS + checker_compart
 HAND = BY_HAND | checker_pieces.CASES | checker_claims.CASES | checker_costs.COSTS | checker_intervals.CASES
 HAND |= checker_cones.CASES | checker_families.CASES | checker_uncertain.CASES | checker_gains.CASES
 HAND |= checker_chains.CASES | checker_delays.CASES | checker_nonlinear.CASES | checker_bounded.CASES
-HAND |= checker_observers.CASES
-HAND |= checker_data.CASES
-HAND |= checker_compartments.CASES
-HAND |= checker_compartments.CASES | checker_realizations.CASES
+HAND |= checker_observers.CASES | checker_data.CASES | checker_compartments.CASES | checker_realizations.CASES
 
 
 @pytest.fixture(scope="module")

@@ -95,7 +95,19 @@ def rows(page: str) -> dict[tuple[str, str], str]:
     return {(file, name): value.strip("` ") for file, name, value in found}
 
 
-FOLDERS = ("exact", "cones", "proof", "theorems", "networks", "families", "design", "find", "nonlinear", "observers")
+FOLDERS = (
+    "exact",
+    "cones",
+    "proof",
+    "theorems",
+    "networks",
+    "families",
+    "design",
+    "find",
+    "nonlinear",
+    "observers",
+    "data",
+)
 
 
 def constants() -> dict[tuple[str, str], str]:

@@ -370,7 +370,6 @@ DOUBLES = exact_nonlinear.DOUBLES | {
         "X": "the cone of this curve",
         "demands": "as those of `state_feedback`",
     },
-    "IntervalObserver.simulate": dict.fromkeys(["T", "y", "u", "x0"], _SIMULATED),
     "plot_observer": dict.fromkeys(["T", "y", "u", "x0", "states"], _DRAWN),
     "phase_portrait": dict.fromkeys(["sys", "X", "pointdata", "timedata", "initial_states", "level_lines"], _DRAWN),
     "plot_closed_loop": {"sys": _DRAWN},

@@ -15,8 +15,7 @@ import control_kpos as kp
 PAGE = (ROOT / "docs" / "statements.md").read_text(encoding="utf-8").replace("&#124;", "|")
 # Text of systems: what they are, no verdict.
 SYSTEMS = {"ConeStateSpace", "ConeNetwork"}
-SEARCHING = ("design", "families", "find", "observers")
-SEARCHING = ("design", "data", "families", "find")
+SEARCHING = ("data", "design", "families", "find", "observers")
 
 
 def alternatives(node):
@@ -57,8 +56,7 @@ def messages():
     """Every text of five words or more in the modules that search, outside errors and progress, with its module."""
     for module, tree in TREES.items():
         name = module.partition(".")[2]
-        if name.split(".")[0] in ("design", "families", "find", "observers") or name in (
-        if name.split(".")[0] in ("design", "data", "families", "find") or name in (
+        if name.split(".")[0] in ("data", "design", "families", "find", "observers") or name in (
             "networks.certificate",
             "networks.any_size",
             "theorems.robust_margin",
