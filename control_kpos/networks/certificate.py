@@ -33,7 +33,7 @@ from ..proof.certificate import Certificate, ClaimWithRate, Fractions, Status, V
 from . import conditions as on
 from . import files
 from .model import NetworkModel
-from .own_links import own_links_closed, same_network
+from .own_links import rightly_closed
 from .witnesses import (
     AlgebraicLoop,
     CouplingViolation,
@@ -110,9 +110,7 @@ class ClaimOnNetwork(Certificate):
 
     def is_consistent(self) -> bool:
         """True if links of nodes to themselves were closed rightly, should they have been."""
-        origin = self.model.origin
-        closed = self.model if origin is None else own_links_closed(replace(origin))
-        return super().is_consistent() and closed is not None and same_network(closed, self.model)
+        return super().is_consistent() and rightly_closed(self.model)
 
     def contents(self) -> dict[str, Any]:
         """The network as one large system, and the fields."""

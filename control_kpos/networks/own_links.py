@@ -57,6 +57,12 @@ def own_links_closed(model: NetworkModel) -> NetworkModel | None:
     return model.__dict__["_own_links_closed"]
 
 
+def rightly_closed(model: NetworkModel) -> bool:
+    """True if links of nodes to themselves were closed rightly, should they have been."""
+    closed = model if model.origin is None else own_links_closed(replace(model.origin))
+    return closed is not None and same_network(closed, model)
+
+
 def _closed(model: NetworkModel) -> NetworkModel | None:
     nodes, _, (rows, columns, values) = own_links(model)
     if not nodes.size:

@@ -23,9 +23,9 @@ from ..theorems.stability import lyapunov_on
 from .certificate import ErrorEquation, IntervalObserverCertificate
 
 # How far proposals are moved into the cone, relative to their size, tried in turn.
-_INWARDS = (0.0, 1e-15, 1e-13, 1e-11, 1e-9, 1e-7, 1e-5)
+INWARDS = (0.0, 1e-15, 1e-13, 1e-11, 1e-9, 1e-7, 1e-5)
 # A bound that every width keeps: the least is wanted, whatever it is.
-_ANY = 1e300
+ANY = 1e300
 
 
 def proven_observer(
@@ -92,7 +92,7 @@ def _moved(X: Cone, guess: Floats, holds: Any) -> Rationals | None:
     """The guess, moved along the interior of X as little as makes it right."""
     inside = np.asarray(X.interior_point, dtype=float)
     size = float(np.abs(guess).max()) / float(np.abs(inside).max())
-    for part in _INWARDS:
+    for part in INWARDS:
         candidate = guess + part * size * inside
         if not np.isfinite(candidate).all():
             return None
@@ -112,7 +112,7 @@ def _spread(X: Cone, F: Matrix, discrete: bool, width: Rationals) -> Rationals |
     rounded, inside = np.array(M, dtype=float), np.asarray(X.interior_point, dtype=float)
     push = np.array(width, dtype=float)
     guess, more = -np.linalg.solve(rounded, np.stack([push, inside * np.abs(push).max()], axis=1)).T
-    for part in _INWARDS:
+    for part in INWARDS:
         x = Matrix(guess + part * more).fractions()
         if (H @ (M @ x + width) <= 0).all():
             return x
@@ -121,7 +121,7 @@ def _spread(X: Cone, F: Matrix, discrete: bool, width: Rationals) -> Rationals |
 
 def _covers(X: Cone, spread: Rationals) -> Matrix | None:
     """Rows a_i with a_i and a_i - e_i in X* and a_i'spread small."""
-    limits = Matrix(np.full(X.dim, _ANY))
+    limits = Matrix(np.full(X.dim, ANY))
     found = [g for g, _ in covered(X, Matrix.identity(X.dim), limits, Matrix.from_fractions(spread))]
     rows = [g for g in found if g is not None]
     return Matrix.join(rows, -2) if len(rows) == X.dim else None

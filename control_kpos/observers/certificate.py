@@ -180,11 +180,11 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         return [
             Condition("v'x > 0", BilinearForms(v, None, rays), ">"),
             Condition("v'F x < 0", drift_forms(v, self.positivity.A, rays, self.discrete), "<"),
-            *(_nonnegative(name, part) for name, part in zip((_UPPER, _LOWER), above, strict=True)),
-            _nonnegative(_SPREAD, H @ self._falling()),
+            *(nonnegative(name, part) for name, part in zip((_UPPER, _LOWER), above, strict=True)),
+            nonnegative(_SPREAD, H @ self._falling()),
             Condition(_COVER, BilinearForms(self.covers, None, rays), ">="),
             Condition(_ABOVE, BilinearForms(both, Matrix.join([eye, -eye], -2), rays), ">="),
-            _nonnegative(_WIDTH, self._vector("width") - self.final_width()),
+            nonnegative(_WIDTH, self._vector("width") - self.final_width()),
         ]
 
     def final_width(self) -> Rationals:
@@ -231,6 +231,7 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         )
 
 
-def _nonnegative(name: str, values: Rationals) -> Condition:
+def nonnegative(name: str, values: Rationals) -> Condition:
     """That these numbers are not negative."""
-    return Condition(name, BilinearForms(Matrix.from_fractions(values[None]), None, Matrix.identity(len(values))), ">=")
+    column = Matrix.from_fractions(values.reshape(-1, 1))
+    return Condition(name, BilinearForms(Matrix(np.ones((1, 1))), None, column), ">=")

@@ -26,11 +26,11 @@ from ..design.running import Programs
 from ..exact.program import Block, Program
 
 # Parts of the size of A that entries off the diagonal keep from 0, tried in turn: rounding may move gains by them.
-_KEPT = (0.0, 1e-9, 1e-6, 1e-3)
+KEPT = (0.0, 1e-9, 1e-6, 1e-3)
 # Noise that gains are measured by, relative to the disturbance, where there is less: without noise no gain is largest.
 _NOISE = 1e-3
 # Rates of decay are at most so many times the size of A.
-_FASTEST = 100.0
+FASTEST = 100.0
 # Sizes of N that are tried, relative to the outputs of generators.
 _SHIFTS = (1.0, 10.0, 100.0)
 # Programs of a search for a better N, and its smallest step, relative to N.
@@ -60,8 +60,13 @@ class Measured(NamedTuple):
     @property
     def least_noise(self) -> Floats:
         """The noise that is counted."""
-        floor = _NOISE * (float(self.disturbance.max(initial=0.0)) or float(self.noise.max(initial=0.0)) or 1.0)
-        return np.maximum(self.noise, floor)
+        return least_noise(self.disturbance, self.noise)
+
+
+def least_noise(disturbance: Floats, noise: Floats) -> Floats:
+    """Noise that gains are measured by."""
+    floor = _NOISE * (float(disturbance.max(initial=0.0)) or float(noise.max(initial=0.0)) or 1.0)
+    return np.maximum(noise, floor)
 
 
 class Proposal(NamedTuple):
@@ -101,7 +106,7 @@ def shifted(plant: Measured, lp: Programs) -> Iterator[Proposal]:
 
 
 def _safer(plant: Measured, N: Floats, lp: Programs) -> Iterator[Proposal]:
-    for kept in _KEPT:
+    for kept in KEPT:
         found = _best(plant, N, kept, lp)
         if found is not None:
             yield found
@@ -170,7 +175,7 @@ def _jointly(plant: Measured, most: float, lp: Programs) -> Floats | None:
 
 def _program(plant: Measured, cost: Floats, size: int) -> Program:
     size_of_a = float(np.abs(np.linalg.solve(plant.R, plant.A @ plant.R)).max()) or 1.0
-    least = np.abs(plant.R).sum(axis=0) / (_FASTEST * size_of_a)
+    least = np.abs(plant.R).sum(axis=0) / (FASTEST * size_of_a)
     return Program(eta=Block(len(plant.A), low=least, cost=cost), Z=Block(size))
 
 

@@ -1,0 +1,273 @@
+"""Local observers of networks: their gains, their proof, and their simulation in sparse matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..cones import Cone, orthant, product
+from ..design.bounded.covers import covered
+from ..design.bounded.network_certificate import NetworkIntervalCertificate
+from ..design.bounded.network_interval import NetworkBounds, network_intervals
+from ..design.network.search import network_feedback
+from ..design.plant import Floats
+from ..design.result import DesignResult
+from ..design.running import Programs
+from ..errors import DataError, NotProperConeError, ShapeError
+from ..exact.linalg import Rationals
+from ..exact.matrix import Matrix
+from ..networks.blocks import Index
+from ..networks.model import NetworkModel
+from ..networks.network import ConeNetwork
+from ..networks.own_links import own_links_closed
+from ..proof.certificate import Status, exactly
+from .bounds import ANY, INWARDS
+from .network_certificate import Box, NetworkObserverCertificate, blocks_of, highest, observed, widths
+from .network_program import MeasuredNetwork, local_gains
+from .program import KEPT, least_noise
+
+Bounds = tuple[Matrix, Matrix, Matrix]
+
+
+def read_network(net: ConeNetwork) -> NetworkModel:
+    """The network with links of nodes to themselves closed, if local observers can be designed for it.
+
+    Raises
+    ------
+    DataError, ShapeError, NotProperConeError
+        It is known within sets; has feedthrough, no outputs, or state cones that are not simplicial.
+    """
+    net.require_certain()
+    model = own_links_closed(net.model) or net.model
+    if model.has_feedthrough:
+        raise DataError("sys has nodes with feedthrough; local observers are for nodes with D = 0.")
+    if not net.noutputs:
+        raise ShapeError("sys has no outputs; an observer needs a measurement.")
+    for s, index in zip(model.stacks, model.members, strict=True):
+        if not s.X.is_simplicial:
+            raise NotProperConeError(
+                f"sys: {model.name_of(int(index[0]))} has a state cone with {s.X.n_rays} generators in dimension "
+                f"{s.X.dim}; local observers need simplicial cones."
+            )
+    return model
+
+
+def spread_noise(net: ConeNetwork, noise: Matrix) -> Matrix:
+    """Bounds on the noise of the outputs of `net`, for all outputs of its nodes."""
+    total, measured = net.model.totals[2], net.external[1]
+    if noise.is_double:
+        out = np.zeros(total)
+        out[measured] = noise.values
+        return Matrix(out)
+    exact = np.zeros(total, dtype=int).astype(object)
+    exact[measured] = noise.fractions()
+    return Matrix.from_fractions(exact)
+
+
+def proven_local(
+    plant: NetworkModel, measured: Index, box: Bounds, lp: Programs
+) -> NetworkObserverCertificate | None:
+    """The certificate of local observers with small final widths; None where none were found or proven.
+
+    Parameters
+    ----------
+    plant : NetworkModel
+        From `read_network`.
+    measured : ndarray of int
+        The outputs that are measured, among those of all nodes.
+    box : tuple of Matrix, shapes (n,), (n,), (sum q_k,)
+    lp : Programs
+    """
+    w_lo, w_hi, noise = (np.asarray(part.values, dtype=float) for part in box)
+    mask = np.isin(np.arange(plant.totals[2]), measured)
+    program = MeasuredNetwork(plant, w_hi - w_lo, least_noise(w_hi - w_lo, noise), mask)
+    for kept in KEPT:
+        gains = local_gains(program, kept, lp)
+        proof = None if gains is None else _proven(plant, box, gains, lp)
+        if proof is not None:
+            return proof
+    return None
+
+
+def refused(plant: NetworkModel, measured: Index) -> DesignResult | None:
+    """The proof that no local gains do it, about the transposed network; None where there is none."""
+    if not plant.is_ordered or len(measured) < plant.totals[2]:
+        return None
+    found = network_feedback(plant.stacks[0].transposed, plant.coupling.T)
+    return found if found.status is Status.REFUTED else None
+
+
+def _proven(plant: NetworkModel, box: Bounds, gains: list[Floats], lp: Programs) -> NetworkObserverCertificate | None:
+    gain = Matrix(plant.blocks(gains, 0, 2))
+    model = observed(plant, gain)
+    net = ConeNetwork(model, progress=False)
+    if not net.certificate:
+        return None
+    upper, lower = _constants(plant, Box(plant, *box), [Matrix(L) for L in gains])
+    if upper is None or lower is None:
+        return None
+    apart = NetworkBounds(Matrix.from_fractions(Matrix(upper).fractions() - Matrix(lower).fractions()), None, None)
+    interval = next((proof for proof in network_intervals(net, apart, lp) if proof), None)
+    return None if interval is None else _settled(plant, gain, box, (upper, lower), interval)
+
+
+def _settled(
+    plant: NetworkModel,
+    gain: Matrix,
+    box: Bounds,
+    constants: tuple[Floats, Floats],
+    interval: NetworkIntervalCertificate,
+) -> NetworkObserverCertificate | None:
+    ends = {name: exactly(interval, name) for name in ("x_max", "u_max", "y_max", *"vrq")}
+    x = plant.split(ends["x_max"], 0)
+    rows = [_cover(s.X, part) for s, part in zip(plant.stacks, x, strict=True)]
+    blocks = [np.tile(a, (len(s), 1, 1)) for a, s in zip(rows, plant.stacks, strict=True)]
+    each = [widths(Matrix(a), part.fractions()) for a, part in zip(blocks, x, strict=True)]
+    return (
+        NetworkObserverCertificate.settle(
+            plant=plant,
+            model=interval.model,
+            gain=gain,
+            **dict(zip(("w_lo", "w_hi", "noise"), box, strict=True)),
+            upper=constants[0],
+            lower=constants[1],
+            **ends,
+            covers=Matrix(plant.blocks(blocks, 0, 0)),
+            width=Matrix.from_fractions(plant.join(each, 0)).rounded(up=True),
+        )
+        or None
+    )
+
+
+def _cover(X: Cone, x: Matrix) -> Floats:
+    """Rows a_i with a_i and a_i - e_i in X*, the same for all nodes, in doubles."""
+    n = X.dim
+    best = covered(X, Matrix.identity(n), Matrix(np.full(n, ANY)), Matrix(np.asarray(x.values, dtype=float).max(axis=0)))
+    a = np.concatenate([np.asarray(g.values, dtype=float) for g, _ in best if g is not None])
+    rays, inside = X.exact_rays.plain().fractions(), np.asarray(X.dual.interior_point, dtype=float)
+    for part in INWARDS:  # rounding may have moved rows out of X*
+        moved = a + part * np.abs(a).max() / np.abs(inside).max() * inside
+        heights = Matrix(moved).fractions() @ rays.T
+        if (heights >= 0).all() and (heights >= rays.T).all():
+            return moved
+    return a
+
+
+def _constants(plant: NetworkModel, box: Box, gains: list[Matrix]) -> tuple[Floats | None, Floats | None]:
+    """Small inputs of the two copies, with h'upper and -h'lower as large as disturbances and noise can make them."""
+    pushed = [box.pushed(g, gain) for g, gain in enumerate(gains)]
+    upper = [above(s.X, most) for s, (most, _) in zip(plant.stacks, pushed, strict=True)]
+    lower = [above(s.X, -least) for s, (_, least) in zip(plant.stacks, pushed, strict=True)]
+    if any(part is None for part in (*upper, *lower)):
+        return None, None
+    return plant.join([part for part in upper if part is not None], 0), -plant.join(
+        [part for part in lower if part is not None], 0
+    )
+
+
+def above(X: Cone, needed: Rationals) -> Floats | None:
+    """Small vectors d, in doubles, with h'd >= needed for every facet h of a simplicial X; None if rounding hides it.
+
+    Parameters
+    ----------
+    X : Cone
+    needed : ndarray of Fraction, shape (N, r)
+    """
+    H, numbers = np.asarray(X.facets, dtype=float), np.array(needed, dtype=float)
+    inside, exact = np.asarray(X.interior_point, dtype=float), X.exact_facets.plain().fractions().T
+    guess = np.linalg.solve(H, numbers.T).T
+    sizes = np.abs(guess).max(axis=1, keepdims=True) / np.abs(inside).max()
+    out, left = guess.copy(), np.arange(len(guess))
+    for part in INWARDS:
+        out[left] = guess[left] + part * sizes[left] * inside
+        if not np.isfinite(out).all():
+            return None
+        left = left[(Matrix(out[left]).fractions() @ exact < needed[left]).any(axis=1)]
+        if not left.size:
+            return out
+    return None
+
+
+# -- simulation
+
+
+def copy_of(proof: NetworkObserverCertificate, net: ConeNetwork) -> ConeNetwork:
+    """One copy of the observer, from (u, -y, constant) of every node to its outputs; the coupling is that of `net`."""
+    model = proof.model
+    gains, stacks = blocks_of(model, proof.gain, 0, 2), []
+    for s, L in zip(model.stacks, gains, strict=True):
+        n, m, q = s.sizes
+        B = np.concatenate([np.asarray(s.B.values), -np.asarray(L.values), np.tile(np.eye(n), (len(s), 1, 1))], axis=2)
+        D = Matrix.zeros(len(s), q, m + q + n)
+        U = product([s.U, orthant(q + n)])
+        stacks.append(replace(s, B=Matrix(B), D=D, U=U, labels=()))
+    empty = NetworkModel(tuple(stacks), model.members, Matrix(sp.csr_array((0, 0))), model.dt)
+    entries = sp.coo_array(model.W)
+    rows = copy_inputs(empty, model, 0)[entries.coords[0]]
+    W = sp.csr_array((entries.data, (rows, entries.coords[1])), shape=empty.totals[1:])
+    return ConeNetwork(empty.with_coupling(Matrix(W)), name=f"{net.name}$observer", progress=False)
+
+
+def copy_inputs(copy: NetworkModel, model: NetworkModel, kind: int) -> Index:
+    """Places of u (kind 0), y (1) or the constants (2) among the inputs of a copy, in the order of the network."""
+    owned = (1, 2, 0)[kind]
+    out = np.empty(model.totals[owned], dtype=np.intp)
+    for s, own, (_, inputs, _) in zip(model.stacks, model.places, copy.places, strict=True):
+        n, m, q = s.sizes
+        first = (0, m, m + q)[kind]
+        out[own[owned]] = inputs[:, first : first + (m, q, n)[kind]]
+    return out
+
+
+def simulated(
+    proof: NetworkObserverCertificate,
+    copy: ConeNetwork,
+    external: tuple[Index, Index],
+    times: Floats,
+    signals: tuple[Floats, Floats],
+    start: tuple[Matrix, Matrix],
+) -> tuple[Floats, Floats]:
+    """Bounds on the states, entry by entry; see `IntervalObserver.simulate`."""
+    model, (y, u), (inputs, outputs) = proof.model, signals, external
+    ends = []
+    for sign, constant in ((1, proof.upper), (-1, proof.lower)):
+        U = np.zeros((copy.ninputs, len(times)))
+        U[copy_inputs(copy.model, model, 0)[inputs]] = u
+        U[copy_inputs(copy.model, model, 1)[outputs]] = y
+        U[copy_inputs(copy.model, model, 2)] = constant[:, None]
+        response = copy.forced_response(times, U, _first(model, start, sign), outputs=[], states=True)
+        ends.append(np.asarray(response.states).reshape(model.totals[0], -1))
+    a = sp.csr_array(proof.covers.values)
+    b = sp.csr_array(a - sp.eye_array(a.shape[0]))
+    return a @ ends[1] - b @ ends[0], a @ ends[0] - b @ ends[1]
+
+
+def _first(model: NetworkModel, start: tuple[Matrix, Matrix], sign: int) -> Floats:
+    """States above all of [lo, hi] in the order of X; below them for the other sign."""
+    lo, hi = (model.split(part.fractions(), 0) for part in start)
+    parts = []
+    for s, low, high in zip(model.stacks, lo, hi, strict=True):
+        H = s.X.exact_facets.plain()
+        found = above(s.X, highest(H if sign > 0 else -H, low, high))
+        if found is None:
+            raise DataError("x0 could not be enclosed in the order of the cones; scale the states.")
+        parts.append(sign * found)
+    return model.join(parts, 0)
+
+
+def shaped(model: NetworkModel, gain: Matrix) -> Any:
+    """L_j of every node: (N, n, q), or a tuple if the nodes differ in size."""
+    parts = [np.asarray(L.values) for L in blocks_of(model, gain, 0, 2)]
+    if len({L.shape[1:] for L in parts}) == 1:
+        out = np.empty((model.n_nodes, *parts[0].shape[1:]))
+        for index, L in zip(model.members, parts, strict=True):
+            out[index] = L
+        return out
+    slots: list[Any] = [None] * model.n_nodes
+    for index, L in zip(model.members, parts, strict=True):
+        for j, own in zip(index.tolist(), L, strict=True):
+            slots[j] = own
+    return tuple(slots)
