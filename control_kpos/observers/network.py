@@ -257,17 +257,3 @@ def _first(model: NetworkModel, start: tuple[Matrix, Matrix], sign: int) -> Floa
         parts.append(sign * found)
     return model.join(parts, 0)
 
-
-def shaped(model: NetworkModel, gain: Matrix) -> Any:
-    """L_j of every node: (N, n, q), or a tuple if the nodes differ in size."""
-    parts = [np.asarray(L.values) for L in blocks_of(model, gain, 0, 2)]
-    if len({L.shape[1:] for L in parts}) == 1:
-        out = np.empty((model.n_nodes, *parts[0].shape[1:]))
-        for index, L in zip(model.members, parts, strict=True):
-            out[index] = L
-        return out
-    slots: list[Any] = [None] * model.n_nodes
-    for index, L in zip(model.members, parts, strict=True):
-        for j, own in zip(index.tolist(), L, strict=True):
-            slots[j] = own
-    return tuple(slots)

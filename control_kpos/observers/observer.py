@@ -12,18 +12,23 @@ from numpy.typing import ArrayLike
 from ..cards import raised
 from ..cones import Cone
 from ..design.feedback import state_feedback
+from ..design.network.search import by_node
 from ..design.plant import Floats, read_system
 from ..design.running import Programs, within
 from ..errors import DataError, ShapeError
 from ..exact.intake import dimensions, exact_matrix, items
 from ..exact.matrix import Matrix
 from ..find import design_cone_and_feedback
+from ..networks.blocks import Index
+from ..networks.network import ConeNetwork
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
 from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
 from .bounds import entry_rows, least_above, proven_observer
 from .certificate import IntervalObserverCertificate
+from .network import copy_of, proven_local, read_network, refused, simulated, spread_noise
+from .network_certificate import NetworkObserverCertificate, blocks_of
 from .program import Measured, shifted, unshifted
 
 # States up to which observers are designed: their bounds are proven in fractions.
@@ -39,6 +44,14 @@ _NOWHERE = (
 _IMPOSSIBLE = (
     "no gains L and N make (I - N C) A + L C keep this cone and decay; the proof is about the transposed plant."
 )
+_NO_LOCAL = (
+    "no local gains L_j were proven to make the network of the A_j + L_j C_j positive on these cones and stable, and "
+    "none were excluded. Measure at more nodes, weaken links, or choose other cones of the nodes."
+)
+_IMPOSSIBLE_LOCALLY = (
+    "no local gains L_j make the network of the A_j + L_j C_j positive on these cones and stable; the proof is about "
+    "the transposed network."
+)
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -48,15 +61,19 @@ class IntervalObserver(Answer):
     Attributes
     ----------
     L, N : ndarray, shape (n, q), or None
-        Gains: z = (I - N C) x, and F = (I - N C) A + L C keeps `cone`.  python-control's observer gain is -L.
+        Gains: z = (I - N C) x, and F = (I - N C) A + L C keeps `cone`.  python-control's observer gain is -L.  Of a
+        network L holds the gains L_j of all nodes, (N, n, q) or a tuple if nodes differ in size, and N is None.
     cone : Cone or None
         In whose order the two copies enclose z.
     width : ndarray, shape (n,), or None
         Proven: the bounds on each state are at last no further apart.
     system : control.StateSpace or None
-        Both copies, from (y, u, one) to (upper, lower); the last input is 1 at all times.
-    certificate : IntervalObserverCertificate or None
+        Both copies, from (y, u, one) to (upper, lower); the last input is 1 at all times.  Of a network a `ConeNetwork`:
+        one copy, from (u_j, y_j, upper_j or lower_j) of every node, all outputs of nodes as inputs.
+    certificate : IntervalObserverCertificate, NetworkObserverCertificate or None
         Proof of the enclosure; or that no gains exist for the cone.
+    ports : tuple of two ndarrays of int, or None
+        Of a network: places of the known inputs and of the measurements among the inputs and outputs of all nodes.
     """
 
     L: Floats | None = None
@@ -64,6 +81,7 @@ class IntervalObserver(Answer):
     cone: Cone | None = None
     width: Floats | None = None
     system: StateSpace | None = None
+    ports: tuple[Index, Index] | None = None
 
     def facts(self) -> list[tuple[str, str]]:
         """Final widths, for the card that a notebook shows.
@@ -111,19 +129,57 @@ class IntervalObserver(Answer):
         True
         """
         proof, system = self.certificate, self.system
-        if not isinstance(proof, IntervalObserverCertificate) or system is None:
+        if not isinstance(proof, IntervalObserverCertificate | NetworkObserverCertificate) or system is None:
             raise DataError(f"the observer is {self.status.name}, and encloses nothing; see explain().")
-        times = _times(T, system.dt)
-        q, n = len(proof.noise), proof.X.dim
-        m = system.ninputs - q - 1
-        signals = [
-            _signal(y, "y", q, len(times)),
-            _signal(np.zeros((m, len(times))) if u is None else u, "u", m, len(times)),
-        ]
-        start = np.concatenate([_first(proof, x0, 1), -_first(proof, x0, -1)])
+        times, n = _times(T, system.dt), proof.X.dim
+        m, q = self._counts(proof, system)
+        known = np.zeros((m, len(times))) if u is None else u
+        signals = _signal(y, "y", q, len(times)), _signal(known, "u", m, len(times))
+        if isinstance(proof, NetworkObserverCertificate):
+            return simulated(proof, system, self.ports, times, signals, _pair(x0, "x0", n))
         inputs = np.concatenate([*signals, np.ones((1, len(times)))])
-        bounds = np.asarray(forced_response(system, times, inputs, start, squeeze=False).outputs)
+        bounds = np.asarray(forced_response(system, times, inputs, self.start(x0), squeeze=False).outputs)
         return bounds[n:], bounds[:n]
+
+    def start(self, x0: Any) -> Floats:
+        """First states of `system`, so that its outputs enclose every state of the plant from here on.
+
+        Parameters
+        ----------
+        x0 : (lo, hi), shapes (n,)
+            Bounds on the first state, entry by entry.
+
+        Returns
+        -------
+        ndarray, shape (2 n,)
+            For `control.forced_response` and the like.
+
+        Raises
+        ------
+        DataError, ShapeError
+            Nothing was proven, or this is about a network; bounds of other sizes; lo > hi.
+
+        Examples
+        --------
+        >>> import control as ct, control_kpos as kp
+        >>> plant = ct.ss(-1, 1, 1, 0, inputs="u", outputs="y", states="x", name="plant")
+        >>> o = kp.interval_observer(plant, disturbance=([-1], [1]), noise=[0.1])
+        >>> both = ct.interconnect([plant, o.system], inputs=["u", "one"], outputs=["x_upper", "x_lower"])
+        >>> x0 = [0, *o.start(([-1], [1]))]
+        >>> response = ct.forced_response(both, [0, 1, 2], [[0, 0, 0], [1, 1, 1]], x0)
+        >>> bool((response.outputs[0] >= 0).all() and (response.outputs[1] <= 0).all())
+        True
+        """
+        proof = self.certificate
+        if not isinstance(proof, IntervalObserverCertificate):
+            raise DataError("start is about the observer of one plant; `simulate` takes x0 for networks.")
+        return np.concatenate([_first(proof, x0, 1), -_first(proof, x0, -1)])
+
+    def _counts(self, proof: Any, system: StateSpace) -> tuple[int, int]:
+        """Numbers of known inputs and of measurements."""
+        if self.ports is not None:
+            return len(self.ports[0]), len(self.ports[1])
+        return system.ninputs - len(proof.noise) - 1, len(proof.noise)
 
 
 def _times(T: Any, dt: Any) -> Floats:
@@ -235,6 +291,8 @@ def interval_observer(
     >>> bool(o), o.L.shape, bool(o.width.max() < 5)
     (True, (2, 1), True)
     """
+    if isinstance(sys, ConeNetwork) and X is None:
+        return _of_network(sys, disturbance, noise, time_limit)
     system = read_system(sys, X)
     system.X.require_proper("X")
     n, _, q = system.sizes
@@ -248,6 +306,34 @@ def interval_observer(
 
 
 Box = tuple[Matrix, Matrix, Matrix]
+
+
+def _of_network(net: ConeNetwork, disturbance: Any, noise: Any, time_limit: float | None) -> IntervalObserver:
+    """Local observers."""
+    plant, ports = read_network(net), net.external
+    w_lo, w_hi = _pair(disturbance, "disturbance", net.nstates)
+    box = w_lo, w_hi, spread_noise(net, _noise(noise, net.noutputs))
+
+    def design(lp: Programs) -> IntervalObserver:
+        proof = proven_local(plant, ports[1], box, lp)
+        if proof is None:
+            found = refused(plant, ports[1])
+            return IntervalObserver(
+                status=Status.UNDECIDED if found is None else Status.REFUTED,
+                certificate=None if found is None else found.certificate,
+                message=_NO_LOCAL if found is None else _IMPOSSIBLE_LOCALLY,
+            )
+        return IntervalObserver(
+            status=Status.PROVED,
+            certificate=proof,
+            L=by_node(plant, [np.asarray(L.values) for L in blocks_of(plant, proof.gain, 0, 2)]),
+            cone=proof.X,
+            width=proof.width,
+            system=copy_of(proof, net),
+            ports=ports,
+        )
+
+    return within(time_limit, design, "network", answer=IntervalObserver)
 
 
 def _designed(sys: StateSpace, system: System, box: Box, free: bool, lp: Programs) -> IntervalObserver:
@@ -340,4 +426,5 @@ def _copies(sys: StateSpace, system: System, proof: IntervalObserverCertificate)
         inputs=[*sys.output_labels, *sys.input_labels, "one"],
         outputs=[f"{label}_{end}" for end in ("upper", "lower") for label in sys.state_labels],
         states=[f"{label}_{end}" for end in ("hi", "lo") for label in sys.state_labels],
+        name=f"{sys.name}$observer",
     )

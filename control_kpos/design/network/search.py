@@ -284,7 +284,7 @@ def _certified(
     notes += _weakening(model, fraction, task.rate)
     return DesignResult(
         status=Status.PROVED,
-        F=_shaped(task, gains),
+        F=np.array(gains[0][0]) if task.uniform else by_node(model, gains),
         closed_loop=network,
         certificate=certificate,
         objective=BOUNDED if task.bound is not None else ONE_GAIN if task.uniform else NETWORK_GAIN,
@@ -342,11 +342,9 @@ def _rounding_note(program: NetworkProgram, gains: list[Floats], closed: Network
     )
 
 
-def _shaped(task: Task, gains: list[Floats]) -> Any:
-    model = task.model
-    if task.uniform:
-        return np.array(gains[0][0])
-    if len({s.sizes[:2] for s in model.stacks}) == 1:
+def by_node(model: NetworkModel, gains: list[Floats]) -> Any:
+    """The gains of all stacks as (N, m, n), or a tuple in the order of the nodes if these differ in size."""
+    if len({F.shape[1:] for F in gains}) == 1:
         out = np.empty((model.n_nodes, *gains[0].shape[1:]))
         for index, F in zip(model.members, gains, strict=True):
             out[index] = F
