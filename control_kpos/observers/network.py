@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -17,15 +18,16 @@ from ..design.plant import Floats
 from ..design.result import DesignResult
 from ..design.running import Programs
 from ..errors import DataError, NotProperConeError, ShapeError
-from ..exact.linalg import Rationals
+from ..exact.condition import Condition
 from ..exact.matrix import Matrix
+from ..exact.rounding import HALF_ULP
 from ..networks.blocks import Index
 from ..networks.model import NetworkModel
 from ..networks.network import ConeNetwork
 from ..networks.own_links import own_links_closed
 from ..proof.certificate import Status, exactly
 from .bounds import ANY, INWARDS
-from .network_certificate import Box, NetworkObserverCertificate, blocks_of, highest, observed, widths
+from .network_certificate import NetworkObserverCertificate, apart, blocks_of, observed, pushed_forms
 from .network_program import MeasuredNetwork, local_gains
 from .program import KEPT, least_noise
 
@@ -106,11 +108,13 @@ def _proven(plant: NetworkModel, box: Bounds, gains: list[Floats], lp: Programs)
     net = ConeNetwork(model, progress=False)
     if not net.certificate:
         return None
-    upper, lower = _constants(plant, Box(plant, *box), [Matrix(L) for L in gains])
+    boxes = list(zip(*(plant.split(part, kind) for part, kind in zip(box, (0, 0, 2), strict=True)), strict=True))
+    upper = above_all(plant, boxes, [Matrix(L) for L in gains], 1)
+    lower = above_all(plant, boxes, [Matrix(L) for L in gains], -1)
     if upper is None or lower is None:
         return None
-    apart = NetworkBounds(Matrix.from_fractions(Matrix(upper).fractions() - Matrix(lower).fractions()), None, None)
-    interval = next((proof for proof in network_intervals(net, apart, lp) if proof), None)
+    between = NetworkBounds(apart(Matrix(upper), Matrix(lower)), None, None)
+    interval = next((proof for proof in network_intervals(net, between, lp) if proof), None)
     return None if interval is None else _settled(plant, gain, box, (upper, lower), interval)
 
 
@@ -125,7 +129,7 @@ def _settled(
     x = plant.split(ends["x_max"], 0)
     rows = [_cover(s.X, part) for s, part in zip(plant.stacks, x, strict=True)]
     blocks = [np.tile(a, (len(s), 1, 1)) for a, s in zip(rows, plant.stacks, strict=True)]
-    each = [widths(Matrix(a), part.fractions()) for a, part in zip(blocks, x, strict=True)]
+    each = [_widths(a, np.asarray(part.values, dtype=float)) for a, part in zip(rows, x, strict=True)]
     return (
         NetworkObserverCertificate.settle(
             plant=plant,
@@ -136,7 +140,7 @@ def _settled(
             lower=constants[1],
             **ends,
             covers=Matrix(plant.blocks(blocks, 0, 0)),
-            width=Matrix.from_fractions(plant.join(each, 0)).rounded(up=True),
+            width=plant.join(each, 0),
         )
         or None
     )
@@ -156,38 +160,49 @@ def _cover(X: Cone, x: Matrix) -> Floats:
     return a
 
 
-def _constants(plant: NetworkModel, box: Box, gains: list[Matrix]) -> tuple[Floats | None, Floats | None]:
-    """Small inputs of the two copies, with h'upper and -h'lower as large as disturbances and noise can make them."""
-    pushed = [box.pushed(g, gain) for g, gain in enumerate(gains)]
-    upper = [above(s.X, most) for s, (most, _) in zip(plant.stacks, pushed, strict=True)]
-    lower = [above(s.X, -least) for s, (_, least) in zip(plant.stacks, pushed, strict=True)]
-    if any(part is None for part in (*upper, *lower)):
-        return None, None
-    return plant.join([part for part in upper if part is not None], 0), -plant.join(
-        [part for part in lower if part is not None], 0
-    )
+def _widths(a: Floats, x: Floats) -> Floats:
+    """No less than (2 a_i - e_i)'x of every node, shape (N, n); x itself on orthants."""
+    rows = 2 * a - np.eye(len(a))
+    if (rows == np.eye(len(a))).all():
+        return x
+    return x @ rows.T + 4 * (len(a) + 2) * HALF_ULP * (np.abs(x) @ (2 * np.abs(a) + np.eye(len(a))).T)
 
 
-def above(X: Cone, needed: Rationals) -> Floats | None:
-    """Small vectors d, in doubles, with h'd >= needed for every facet h of a simplicial X; None if rounding hides it.
+def above_all(
+    model: NetworkModel, boxes: Sequence[Sequence[Matrix]], gains: Sequence[Matrix | None], sign: int
+) -> Floats | None:
+    """Small d, in doubles, with h'd >= max h'(w + L n) for all facets h and nodes; for -1 large, with min and <=.
 
     Parameters
     ----------
-    X : Cone
-    needed : ndarray of Fraction, shape (N, r)
+    model : NetworkModel
+    boxes : sequence of (w_lo, w_hi, noise)
+        By stack, shapes (N, n), (N, n), (N, q).
+    gains : sequence of Matrix, shape (N, n, q), or None for no noise
+    sign : 1 or -1
     """
-    H, numbers = np.asarray(X.facets, dtype=float), np.array(needed, dtype=float)
-    inside, exact = np.asarray(X.interior_point, dtype=float), X.exact_facets.plain().fractions().T
-    guess = np.linalg.solve(H, numbers.T).T
-    sizes = np.abs(guess).max(axis=1, keepdims=True) / np.abs(inside).max()
-    out, left = guess.copy(), np.arange(len(guess))
-    for part in INWARDS:
-        out[left] = guess[left] + part * sizes[left] * inside
-        if not np.isfinite(out).all():
+    parts = []
+    for s, box, gain in zip(model.stacks, boxes, gains, strict=True):
+        found = _above(s.X, box, gain, sign)
+        if found is None:
             return None
-        left = left[(Matrix(out[left]).fractions() @ exact < needed[left]).any(axis=1)]
-        if not left.size:
-            return out
+        parts.append(found)
+    return model.join(parts, 0)
+
+
+def _above(X: Cone, box: Sequence[Matrix], gain: Matrix | None, sign: int) -> Floats | None:
+    """The same for the nodes of a stack; None if rounding hides it."""
+    H, inside = np.asarray(X.facets, dtype=float), np.asarray(X.interior_point, dtype=float)
+    zero = Matrix(np.zeros((box[0].shape[0], X.dim)))
+    needed = -np.asarray(pushed_forms(X, zero, box, gain, sign).values, dtype=float)[..., 0]
+    guess = np.linalg.solve(H, needed.T).T
+    sizes = np.abs(guess).max(axis=1, keepdims=True) / np.abs(inside).max()
+    for part in INWARDS:
+        d = sign * (guess + part * sizes * inside)
+        if not np.isfinite(d).all():
+            return None
+        if Condition("h'd is large enough", pushed_forms(X, Matrix(d), box, gain, sign), ">=").verdict() is True:
+            return d
     return None
 
 
@@ -247,13 +262,8 @@ def simulated(
 
 def _first(model: NetworkModel, start: tuple[Matrix, Matrix], sign: int) -> Floats:
     """States above all of [lo, hi] in the order of X; below them for the other sign."""
-    lo, hi = (model.split(part.fractions(), 0) for part in start)
-    parts = []
-    for s, low, high in zip(model.stacks, lo, hi, strict=True):
-        H = s.X.exact_facets.plain()
-        found = above(s.X, highest(H if sign > 0 else -H, low, high))
-        if found is None:
-            raise DataError("x0 could not be enclosed in the order of the cones; scale the states.")
-        parts.append(sign * found)
-    return model.join(parts, 0)
-
+    boxes = list(zip(*(model.split(part, 0) for part in start), strict=True))
+    found = above_all(model, boxes, [None] * len(boxes), sign)
+    if found is None:
+        raise DataError("x0 could not be enclosed in the order of the cones; scale the states.")
+    return found

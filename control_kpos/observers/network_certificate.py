@@ -25,20 +25,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..cones import Cone, Orthant
 from ..design.bounded.network_certificate import moved
 from ..design.plant import closed_loop, times
 from ..errors import DataError
 from ..exact.condition import Condition
-from ..exact.linalg import Rationals
 from ..exact.matrix import Matrix
+from ..exact.signs import BilinearForms
 from ..networks import conditions as on
 from ..networks import files
 from ..networks.blocks import take_blocks
@@ -49,40 +49,49 @@ from ..networks.witnesses import positive_parts
 from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.inclusion import NO_MARGIN
 from ..proof.weights import Prover
-from .certificate import nonnegative
 
 _UPPER, _LOWER = "h'upper >= h'(w + L n)", "h'lower <= h'(w + L n)"
-_COVER, _ABOVE, _WIDTH = "a'x >= 0", "(a - e)'x >= 0", "(2 a - e)'x_max <= width"
+_COVER, _ABOVE, _WIDTH = "a'x >= 0", "(a - e)'x >= 0", "width - (2 a - e)'x_max >= 0"
 _ENDS = ("x_max", "u_max", "y_max")
 
 
-class Box:
-    """Disturbances and noise of a network, stack by stack, exactly.
+def pushed_forms(X: Cone, d: Matrix, box: Sequence[Matrix], gain: Matrix | None, sign: int) -> BilinearForms:
+    """h'd - max h'(w + L n) for the facets h of X, or their negatives, and all nodes of a stack; shape (N, r, 1).
 
     Parameters
     ----------
-    plant : NetworkModel
-    w_lo, w_hi, noise : Matrix, shapes (n,), (n,), (sum q_k,)
+    X : Cone
+    d : Matrix, shape (N, n)
+    box : (w_lo, w_hi, noise), shapes (N, n), (N, n), (N, q)
+    gain : Matrix, shape (N, n, q), or None for no noise
+    sign : 1 or -1
+        -1: with -h for h, so that it is min h'(w + L n) - h'd.
     """
-
-    def __init__(self, plant: NetworkModel, w_lo: Matrix, w_hi: Matrix, noise: Matrix) -> None:
-        self.plant = plant
-        self.w_lo, self.w_hi = plant.split(w_lo.fractions(), 0), plant.split(w_hi.fractions(), 0)
-        self.noise = plant.split(noise.fractions(), 2)
-
-    def pushed(self, g: int, gain: Matrix) -> tuple[Rationals, Rationals]:
-        """The largest and the smallest h'(w + L n) for all nodes of a stack and facets h, shape (N, r)."""
-        H = self.plant.stacks[g].X.exact_facets.plain()
-        around = (np.abs(times(H[None], gain).fractions()) * self.noise[g][:, None, :]).sum(axis=2)
-        most, least = highest(H, self.w_lo[g], self.w_hi[g]), -highest(-H, self.w_lo[g], self.w_hi[g])
-        return most + around, least - around
+    H = on.facets(X) if sign > 0 else -on.facets(X)
+    h, count = H.fractions(), d.shape[0]
+    up, down = (Matrix.from_fractions(part) for part in (np.where(h > 0, h, 0), np.where(h < 0, h, 0)))
+    left, right = [_repeated(part, count) for part in (H, -up, -down)], [d, box[1], box[0]]
+    if gain is not None:
+        around = gain if isinstance(X, Orthant) else times(H[None], gain)
+        left, right = [*left, -_sizes(around)], [*right, box[2]]
+    return on.stacked(Matrix.join(left, -1), None, on.beside(*right))
 
 
-def highest(H: Matrix, lo: Rationals, hi: Rationals) -> Rationals:
-    """The largest h'w over lo <= w <= hi, for rows h of H and of stacks (N, n) of bounds; shape (N, r)."""
-    h = H.fractions()
-    up, down = np.where(h > 0, h, 0), np.where(h < 0, h, 0)
-    return hi @ up.T + lo @ down.T
+def _repeated(M: Matrix, count: int) -> Matrix:
+    return M[None][np.zeros(count, dtype=np.intp)]
+
+
+def _sizes(M: Matrix) -> Matrix:
+    """|M| entry by entry."""
+    if M.is_double:
+        return Matrix(np.abs(M.values))
+    integers, unit = M.as_integers()
+    return Matrix.over(np.abs(integers) * Fraction(unit).numerator, Fraction(unit).denominator)
+
+
+def apart(upper: Matrix, lower: Matrix) -> Matrix:
+    """upper - lower, exactly."""
+    return closed_loop(upper[:, None], lower[:, None], Matrix(np.array([[-1.0]])))[:, 0]
 
 
 def observed(plant: NetworkModel, gain: Matrix) -> NetworkModel:
@@ -185,42 +194,45 @@ class NetworkObserverCertificate(ClaimOnNetwork):
         vectors = {name: exactly(self, name) for name in sizes}
         if any(vectors[name].shape != (size,) for name, size in sizes.items()) or self.covers.shape != (n, n):
             raise DataError("a vector has not the entries of all nodes.")
-        lo, hi, noise = (vectors[name].fractions() for name in ("w_lo", "w_hi", "noise"))
-        if (lo > hi).any() or (noise < 0).any():
-            raise DataError("w_lo <= w_hi and noise >= 0.")
-        apart = Matrix.from_fractions(vectors["upper"].fractions() - vectors["lower"].fractions())
         x, u, y = (vectors[name] for name in _ENDS)
         return [
             *positive_parts(model),
             *dissipation(model, v, r, q, 0.0, discrete=model.discrete),
             on.balance(model, q, r, None),
             *self._pushed(),
-            *moved(model, (x, u, y), apart, "<="),
+            *moved(model, (x, u, y), apart(vectors["upper"], vectors["lower"]), "<="),
             *self._entries(),
         ]
 
     def _pushed(self) -> Iterator[Condition]:
-        """Conditions on the constant inputs."""
-        model, box = self.model, Box(self.plant, *(exactly(self, name) for name in ("w_lo", "w_hi", "noise")))
-        ends = [model.split(exactly(self, name).fractions(), 0) for name in ("upper", "lower")]
-        for g, gain in enumerate(blocks_of(model, self.gain, 0, 2)):
-            H = model.stacks[g].X.exact_facets.plain().fractions()
-            most, least = box.pushed(g, gain)
-            yield nonnegative(on.titled(_UPPER, model, g), ends[0][g] @ H.T - most)
-            yield nonnegative(on.titled(_LOWER, model, g), least - ends[1][g] @ H.T)
+        """The bounds in their order, and conditions on the constant inputs."""
+        model = self.model
+        lo, hi, noise, upper, lower = (exactly(self, name) for name in ("w_lo", "w_hi", "noise", "upper", "lower"))
+        ordered = Matrix.join([hi[:, None], -lo[:, None]], -1)
+        yield Condition("w_lo <= w_hi", BilinearForms(Matrix(np.ones((1, 2))), None, ordered), ">=")
+        yield Condition("noise >= 0", BilinearForms(Matrix(np.ones((1, 1))), None, noise[:, None]), ">=")
+        boxes = zip(*(model.split(part, kind) for part, kind in ((lo, 0), (hi, 0), (noise, 2))), strict=True)
+        ends = zip(model.split(upper, 0), model.split(lower, 0), strict=True)
+        parts = zip(boxes, ends, blocks_of(model, self.gain, 0, 2), strict=True)
+        for g, (box, (high, low), gain) in enumerate(parts):
+            X = model.stacks[g].X
+            yield Condition(on.titled(_UPPER, model, g), pushed_forms(X, high, box, gain, 1), ">=")
+            yield Condition(on.titled(_LOWER, model, g), pushed_forms(X, low, box, gain, -1), ">=")
 
     def _entries(self) -> Iterator[Condition]:
         """Conditions on bounds of entries."""
         model = self.model
-        x, width = (model.split(exactly(self, name).fractions(), 0) for name in ("x_max", "width"))
+        x, width = (model.split(exactly(self, name), 0) for name in ("x_max", "width"))
         for g, a in enumerate(blocks_of(model, self.covers, 0, 0)):
             s = model.stacks[g]
-            eye = np.eye(s.sizes[0])
-            rest = Matrix.join([a, Matrix(np.tile(-eye, (len(s), 1, 1)))], -1)
-            both = Matrix(np.concatenate([eye, eye]))
+            eye = np.tile(np.eye(s.sizes[0]), (len(s), 1, 1))
+            both = Matrix(np.concatenate([eye[0], eye[0]]))
+            above = Matrix.join([a, Matrix(-eye)], -1)
+            twice = Matrix.join([Matrix(-2 * a.values), Matrix(eye), Matrix(eye)], -1)
             yield Condition(on.titled(_COVER, model, g), on.stacked(a, None, s.rays[0]), ">=")
-            yield Condition(on.titled(_ABOVE, model, g), on.stacked(rest, both, s.rays[0]), ">=")
-            yield nonnegative(on.titled(_WIDTH, model, g), width[g] - widths(a, x[g]))
+            yield Condition(on.titled(_ABOVE, model, g), on.stacked(above, both, s.rays[0]), ">=")
+            final = on.stacked(twice, None, on.beside(x[g], x[g], width[g]))
+            yield Condition(on.titled(_WIDTH, model, g), final, ">=")
 
     def refutation(self) -> None:
         """None: there is no witness against this claim."""
@@ -277,7 +289,3 @@ class NetworkObserverCertificate(ClaimOnNetwork):
             "noise, inputs and measurements do."
         )
 
-
-def widths(a: Matrix, x: NDArray[Any]) -> Rationals:
-    """(2 a_i - e_i)'x of every node, shape (N, n)."""
-    return 2 * (a.fractions() * x[:, None, :]).sum(axis=2) - x
