@@ -1674,6 +1674,52 @@ def observer(e: Said, s: System, q: int) -> tuple[Matrix, Matrix, Matrix]:
 OBSERVER = ("plant", "output", "gain", "shift")
 
 
+def network_observer(e: Said, limit: int) -> None:
+    """Two copies of every node of a network enclose its states for all time, and are at last no further apart than stated.
+
+    x' = A x + B u + w, u = W C x, y = C x + n with w_lo <= w <= w_hi and |n| <= noise;  with A + gain C for A:
+    positive,  V'x > 0,  (V'A - Q'C) x < 0  and the supplies as for `network`, with all sigma = 1;
+    h'lower <= h'(w + gain n) <= h'upper  for all w and n, and all facets h;  -(A x_max + B u_max + upper - lower) in X,
+    y_max - C x_max in Y,  u_max - W y_max in U.  For the rows a_i of covers:  a_i and a_i - e_i are in X*,
+    (2 a_i - e_i)'x_max <= width_i.
+    """
+    (s,) = family("network observer", e, limit)
+    n, q = s.X.dim, s.Y.dim
+    L, (states, _, outputs) = given(e["gain"], n, q), s.owners()
+    local = all(states[i] == outputs[k] for k, column in enumerate(L) for i in column)
+    expect(local and not any(s.D), "gains are local, and D = 0")
+    s = replace(s, A=plus(s.A, chained(L, s.C)))
+    positive(s, e)
+    V, Q = balanced(s, e, [Fraction(1)] * len(s.nodes))
+    decreases(s, V, Q)
+    lo, hi, noise = (beside(e, name) for name in ("w_lo", "w_hi", "noise"))
+    up, down = (entries(array(e[name]), n) for name in ("upper", "lower"))
+    pushes(s, L, (lo, hi, noise), (up, down), limit)
+    x, ahead, sent, heard = port_bounds(s, e, "max", total((1, up), (-1, down)))
+    listed(e, "z", total((-1, ahead)), s.X)
+    listed(e, "C", total((-1, sent)), s.Y)
+    listed(e, "W", total((-1, heard)), s.U)
+    width = entries(array(e["width"]), n)
+    for i, a in enumerate(transposed(given(e["covers"], n, n), n)):
+        need(above(a, s.X), "a is in X*")
+        need(above(total((1, a), (-1, {i: Fraction(1)})), s.X), "a - e is in X*")
+        need(2 * dot(a, x) - x.get(i, 0) <= width.get(i, 0), "the final width is at most the one stated")
+
+
+def pushes(
+    s: System, L: Matrix, box: tuple[list[Fraction], ...], ends: tuple[Vector, Vector], limit: int
+) -> None:
+    """h'down <= h'(w + L n) <= h'up for all w and n within their bounds, and all facets h."""
+    lo, hi, noise = (entries(part, C.dim) for part, C in zip(box, (s.X, s.X, s.Y), strict=True))
+    expect(all(a <= b for a, b in zip(*box[:2], strict=True)), "w_lo is at most w_hi")
+    expect(all(a >= 0 for a in box[2]), "noise is not negative")
+    for h in facets(s.X, limit):
+        g = {j: a for j, a in h.items() if a > 0}, {j: a for j, a in h.items() if a < 0}
+        noisy = dot(sizes(pullback(h, L)), noise)
+        need(dot(h, ends[0]) >= dot(g[0], hi) + dot(g[1], lo) + noisy, "h'upper is at least h'(w + L n)")
+        need(dot(h, ends[1]) <= dot(g[0], lo) + dot(g[1], hi) - noisy, "h'lower is at most h'(w + L n)")
+
+
 # -- order intervals of networks
 
 
@@ -2804,6 +2850,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("order interval", "PROVED"): order_interval,
     ("order interval", "REFUTED"): no_order_interval,
     ("interval observer", "PROVED"): interval_observer,
+    ("network observer", "PROVED"): network_observer,
     ("network interval", "PROVED"): network_interval,
     ("network interval", "REFUTED"): no_network_interval,
     ("uncertain network", "PROVED"): uncertain_network,
@@ -2835,12 +2882,15 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
 }
 
 
-NETWORKS = ("network", "network abscissa", "network interval", "uncertain network", "bounded network")
+NETWORKS = (
+    *("network", "network abscissa", "network interval", "network observer"),
+    *("uncertain network", "bounded network"),
+)
 # Matrices that may be missing although the cones have sizes.
 FREE = {"invariant-cone": "DW"} | dict.fromkeys(NETWORKS, "")
 # Entries that mean something in some claims only.
 BELONGS: dict[str, tuple[str, ...]] = dict.fromkeys(("W", "sizes", "own_links_closed"), NETWORKS)
-BELONGS["own_links_closed"] = NETWORKS[:3]
+BELONGS["own_links_closed"] = NETWORKS[:4]
 BELONGS |= dict.fromkeys(("radii", "source"), ("differentially-positive",))
 BELONGS["generator_proof"] = (
     *("positive", "stable", "dissipative", "structured gain"),
