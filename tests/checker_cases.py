@@ -36,6 +36,7 @@ HAS = {
     "network": "vqr",
     "network abscissa": "vqr",
     "network interval": "vqr",
+    "network observer": "vqr",
 }
 HAS |= dict.fromkeys(("dissipative", "disturbance gain", "common vector"), "vqr")
 

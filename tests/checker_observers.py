@@ -1,6 +1,6 @@
 """Tiny certificate files by hand about interval observers, true and just not true."""
 
-from checker_cases import changed, double
+from checker_cases import changed, double, scalar, with_nodes
 
 NAMES = ("w_lo", "w_hi", "noise", "upper", "lower", "v", "spread", "width")
 
@@ -44,7 +44,93 @@ def steps(upper="21/16", lower="-13/16", spread="17/4", width="9/2"):
     return observer(ends(upper, lower, spread, width), A="1/2", gains=(3, 2, "-1/2", "1/4"), discrete=True)
 
 
-CASES = {
+LOCAL = ("w_lo", "w_hi", "noise", "upper", "lower", "x_max", "u_max", "y_max", "width")
+
+
+def local(values, *, gain=-3, A=1, W=1, covers=1, ray=1, **node):
+    """x' = A x + u + w on a half-line with u = W y and y = x + n, seen by a copy with this gain."""
+    out = scalar("network observer", A=A, W=W, **{"B": ray, "C": ray} | node)
+    data = {name: {"array": [double(x)]} for name, x in zip(LOCAL, values, strict=True)}
+    data |= {"gain": matrix([gain]), "covers": matrix([covers])}
+    if ray < 0:
+        line = {"cone": [[1, {"rays": [[ray]]}]]}
+        cones = {"tuple": [{"tuple": [line, out["data"]["U"], out["data"]["Y"]]}]}
+        data |= {"X": line, "cones": cones}
+    return changed(out, **data)
+
+
+def bounds(upper="7/2", lower="-5/2", x=6, u=6, y=6, width=6, *, w=(-1, 2), noise="1/2"):
+    """For A + gain = -2, on the half-line upwards."""
+    return (*w, noise, upper, lower, x, u, y, width)
+
+
+def couple(gain=((-3, 0), (0, -3)), width=(6, 6)):
+    """Two such nodes that feed each other."""
+    out, pairs = local(bounds()), zip(LOCAL, bounds(), strict=True)
+    square = {name: matrix([[x, 0], [0, x]]) for name, x in {"A": 1, "B": 1, "C": 1, "D": 0, "covers": 1}.items()}
+    vectors = {name: {"array": [double(x)] * 2} for name, x in [*pairs, ("v", 1), ("q", -1), ("r", 1)]}
+    vectors |= {"width": {"array": [double(x) for x in width]}}
+    out = changed(out, **square, **vectors, W=matrix([[0, 1], [1, 0]]), gain=matrix(gain))
+    return with_nodes(out, [1, 1, 1], [1, 1, 1])
+
+
+def stepwise(upper="5/2", x=8, u=2, width=8):
+    """A + gain = 1/4, with links of 1/4."""
+    values = bounds(upper, "-3/2", x, u, x, width)
+    return local(values, A="5/4", gain=-1, W="1/4", q="-1/4", discrete=True)
+
+
+TURNED = {"gain": 3, "ray": -1, "v": -1}
+LOCALLY = {
+    "local observer": (local(bounds()), "PROVED"),
+    "local observer, upper too small": (local(bounds(upper=3)), "WRONG"),
+    "local observer, lower too large": (local(bounds(lower=-2)), "WRONG"),
+    "local observer, more than needed": (local(bounds(4, -4, 9, 9, 9, 9)), "PROVED"),
+    "local observer, state too small": (local(bounds(x=5)), "WRONG"),
+    "local observer, input too small": (local(bounds(u=5)), "WRONG"),
+    "local observer, output too small": (local(bounds(y=5)), "WRONG"),
+    "local observer, width too small": (local(bounds(width=5)), "WRONG"),
+    "local observer, width of a larger cover": (local(bounds(width=18), covers=2), "PROVED"),
+    "local observer, width of a larger cover too small": (local(bounds(width=17), covers=2), "WRONG"),
+    "local observer, cover too small": (local(bounds(width=9), covers="1/2"), "WRONG"),
+    "local observer, gain too weak": (local(bounds(9, -9, 99, 99, 99, 99), gain=-2), "WRONG"),
+    "local observer, another gain": (local(bounds(), gain=-4), "WRONG"),
+    "local observer, v negative": (local(bounds(), v=-1), "WRONG"),
+    "local observer, supply too small": (local(bounds(), r="1/2"), "WRONG"),
+    "local observer, link leaves the cone": (local(bounds(9, -9, 9, 0, 9, 9), W=-1), "WRONG"),
+    "local observer, negative link": (local(bounds(9, -9, 9, 0, 9, 9), W=-1, q=0, r=0), "WRONG"),
+    "local observer, nothing pushes": (local(bounds(2, 2, 0, 0, 0, 0, w=(2, 2), noise=0)), "PROVED"),
+    "local observer, nothing pushes, too little width": (
+        local(bounds(2, 2, 0, 0, 0, -1, w=(2, 2), noise=0)),
+        "WRONG",
+    ),
+    "local observer, downwards": (local(bounds("-5/2", "7/2", -6), covers=0, **TURNED), "PROVED"),
+    "local observer, downwards, upper too small": (
+        local(bounds(-2, "7/2", -6), covers=0, **TURNED),
+        "WRONG",
+    ),
+    "local observer, downwards, lower too large": (
+        local(bounds("-5/2", 3, -6), covers=0, **TURNED),
+        "WRONG",
+    ),
+    "local observer, downwards, cover too large": (
+        local(bounds("-5/2", "7/2", -6), covers="1/2", **TURNED),
+        "WRONG",
+    ),
+    "local observer, bounds exchanged": (local(bounds(9, -9, 9, 9, 9, 9, w=(2, -1))), "UNREADABLE"),
+    "local observer, negative noise": (local(bounds(noise="-1/2")), "UNREADABLE"),
+    "local observer, feedthrough": (local(bounds(99, -99, 99, 99, 99, 99), D=1, q=-1), "UNREADABLE"),
+    "local observer, two widths": (changed(local(bounds()), width={"array": [6, 6]}), "UNREADABLE"),
+    "local observer, two covers": (changed(local(bounds()), covers=matrix([1, 1])), "UNREADABLE"),
+    "local observer, in steps": (stepwise(), "PROVED"),
+    "local observer, in steps, too small": (stepwise(x=7), "WRONG"),
+    "local observer, in steps, upper too small": (stepwise(upper=2), "WRONG"),
+    "local observer, couple": (couple(), "PROVED"),
+    "local observer, couple, second width too small": (couple(width=(6, 5)), "WRONG"),
+    "local observer, couple, gain of the neighbour": (couple(gain=((-3, 1), (0, -3))), "UNREADABLE"),
+    "local observer, as a refutation": (changed(local(bounds())) | {"status": "REFUTED"}, "WRONG"),
+}
+CASES = LOCALLY | {
     "observer": (observer(ends()), "PROVED"),
     "observer, upper too small": (observer(ends(upper="3/2")), "WRONG"),
     "observer, lower too large": (observer(ends(lower=-1)), "WRONG"),
