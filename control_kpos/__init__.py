@@ -123,7 +123,12 @@ if TYPE_CHECKING:
         nonlinear_links,
         nonlinear_nodes,
     )
-    from .observers import IntervalObserver, IntervalObserverCertificate, interval_observer
+    from .observers import (
+        IntervalObserver,
+        IntervalObserverCertificate,
+        NetworkObserverCertificate,
+        interval_observer,
+    )
     from .plotting import (
         phase_portrait,
         plot_closed_loop,
@@ -184,6 +189,7 @@ __all__ = [
     "NetworkCertificate",
     "NetworkInstability",
     "NetworkIntervalCertificate",
+    "NetworkObserverCertificate",
     "NextModeCertificate",
     "NoCommonStorage",
     "NoCommonVector",
@@ -300,7 +306,7 @@ _ON_DEMAND = {
             "DifferentialCertificate DifferentialNetworkCertificate NonlinearNetwork OrderViolation "
             "differential_positivity nonlinear_interconnect nonlinear_links nonlinear_nodes"
         ),
-        ".observers": "IntervalObserver IntervalObserverCertificate interval_observer",
+        ".observers": "IntervalObserver IntervalObserverCertificate NetworkObserverCertificate interval_observer",
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_observer plot_poles plot_tradeoff",
     }.items()
     for name in names.split()

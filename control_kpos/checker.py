@@ -1675,7 +1675,7 @@ OBSERVER = ("plant", "output", "gain", "shift")
 
 
 def network_observer(e: Said, limit: int) -> None:
-    """Two copies of every node of a network enclose its states for all time, and are at last no further apart than stated.
+    """Two copies of each node of a network enclose its states for all time, and are at last as close as stated.
 
     x' = A x + B u + w, u = W C x, y = C x + n with w_lo <= w <= w_hi and |n| <= noise;  with A + gain C for A:
     positive,  V'x > 0,  (V'A - Q'C) x < 0  and the supplies as for `network`, with all sigma = 1;
@@ -1706,15 +1706,13 @@ def network_observer(e: Said, limit: int) -> None:
         need(2 * dot(a, x) - x.get(i, 0) <= width.get(i, 0), "the final width is at most the one stated")
 
 
-def pushes(
-    s: System, L: Matrix, box: tuple[list[Fraction], ...], ends: tuple[Vector, Vector], limit: int
-) -> None:
+def pushes(s: System, L: Matrix, box: tuple[list[Fraction], ...], ends: tuple[Vector, Vector], limit: int) -> None:
     """h'down <= h'(w + L n) <= h'up for all w and n within their bounds, and all facets h."""
     lo, hi, noise = (entries(part, C.dim) for part, C in zip(box, (s.X, s.X, s.Y), strict=True))
     expect(all(a <= b for a, b in zip(*box[:2], strict=True)), "w_lo is at most w_hi")
     expect(all(a >= 0 for a in box[2]), "noise is not negative")
     for h in facets(s.X, limit):
-        g = {j: a for j, a in h.items() if a > 0}, {j: a for j, a in h.items() if a < 0}
+        g = [{j: end(a, Fraction(0)) for j, a in h.items()} for end in (max, min)]
         noisy = dot(sizes(pullback(h, L)), noise)
         need(dot(h, ends[0]) >= dot(g[0], hi) + dot(g[1], lo) + noisy, "h'upper is at least h'(w + L n)")
         need(dot(h, ends[1]) <= dot(g[0], lo) + dot(g[1], hi) - noisy, "h'lower is at most h'(w + L n)")

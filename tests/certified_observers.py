@@ -31,9 +31,7 @@ CERTIFICATES = {
     "local observers, fractions": lambda: local([["-1/3", "1/7"], ["1/5", -1]], noise="1/9").certificate,
     "local observers, in steps": lambda: local([[0.5, 0.25], [0.125, 0.5]], dt=1, outputs=[0]).certificate,
     "local observers, own links": lambda: local(W=[[0.25, 0.5], ["1/3", 0]]).certificate,
-    "local observers, another cone": lambda: (
-        local([[0, 1], [-22, -13]], X=[[0, 1], [1, -2]]).certificate
-    ),
+    "local observers, another cone": lambda: local([[0, 1], [-22, -13]], X=[[0, 1], [1, -2]]).certificate,
     "observer": lambda: double_integrator().certificate,
     "observer, fractions": lambda: observed([["-1/3", "1/7"], ["1/5", -1]], [[1, 0]], w=["1/3", 1]).certificate,
     "observer, in steps": lambda: observed([[0.5, 0.25], [0.125, 0.75]], [[1, 1]], dt=1, noise=0.25).certificate,

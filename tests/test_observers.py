@@ -145,8 +145,8 @@ def test_bad_arguments_are_named(name, value):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"T": [0, 1, 3]}, "evenly"),
-        ({"T": [0]}, "two times"),
+        ({"T": [0, 1, 3]}, "equal steps"),
+        ({"T": [0]}, "two at least"),
         ({"y": [0, 0]}, "y has shape"),
         ({"u": [[0, 0, 0], [0, 0, 0]]}, "u has shape"),
         ({"x0": ([1, 1], [0, 0])}, "x0 has its lower"),

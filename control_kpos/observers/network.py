@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -69,9 +68,7 @@ def spread_noise(net: ConeNetwork, noise: Matrix) -> Matrix:
     return Matrix.from_fractions(exact)
 
 
-def proven_local(
-    plant: NetworkModel, measured: Index, box: Bounds, lp: Programs
-) -> NetworkObserverCertificate | None:
+def proven_local(plant: NetworkModel, measured: Index, box: Bounds, lp: Programs) -> NetworkObserverCertificate | None:
     """The certificate of local observers with small final widths; None where none were found or proven.
 
     Parameters
@@ -149,7 +146,9 @@ def _settled(
 def _cover(X: Cone, x: Matrix) -> Floats:
     """Rows a_i with a_i and a_i - e_i in X*, the same for all nodes, in doubles."""
     n = X.dim
-    best = covered(X, Matrix.identity(n), Matrix(np.full(n, ANY)), Matrix(np.asarray(x.values, dtype=float).max(axis=0)))
+    best = covered(
+        X, Matrix.identity(n), Matrix(np.full(n, ANY)), Matrix(np.asarray(x.values, dtype=float).max(axis=0))
+    )
     a = np.concatenate([np.asarray(g.values, dtype=float) for g, _ in best if g is not None])
     rays, inside = X.exact_rays.plain().fractions(), np.asarray(X.dual.interior_point, dtype=float)
     for part in INWARDS:  # rounding may have moved rows out of X*

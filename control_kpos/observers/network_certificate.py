@@ -104,7 +104,9 @@ def observed(plant: NetworkModel, gain: Matrix) -> NetworkModel:
     """
     n, _, q = plant.totals
     if gain.shape != (n, q) or not (gain.is_sparse and gain.is_double):
-        raise DataError("the gains stand in a sparse matrix of doubles, a row for each state, a column for each output.")
+        raise DataError(
+            "the gains stand in a sparse matrix of doubles, a row for each state, a column for each output."
+        )
     if plant.has_feedthrough:
         raise DataError("local observers are for nodes without feedthrough.")
     parts = blocks_of(plant, gain, 0, 2)
@@ -190,7 +192,17 @@ class NetworkObserverCertificate(ClaimOnNetwork):
         if not same_network(observed(self.plant, self.gain), model):
             raise DataError("the network that is stable is not that of the nodes A + L C.")
         n, m, p = model.totals
-        sizes = {"w_lo": n, "w_hi": n, "noise": p, "upper": n, "lower": n, "width": n, "x_max": n, "u_max": m, "y_max": p}
+        sizes = {
+            "w_lo": n,
+            "w_hi": n,
+            "noise": p,
+            "upper": n,
+            "lower": n,
+            "width": n,
+            "x_max": n,
+            "u_max": m,
+            "y_max": p,
+        }
         vectors = {name: exactly(self, name) for name in sizes}
         if any(vectors[name].shape != (size,) for name, size in sizes.items()) or self.covers.shape != (n, n):
             raise DataError("a vector has not the entries of all nodes.")
@@ -273,7 +285,7 @@ class NetworkObserverCertificate(ClaimOnNetwork):
         if all(isinstance(cone, Orthant) for cone in cones):
             return out
         upper, lower, *ends = (exactly(self, name).fractions() for name in ("upper", "lower", *_ENDS))
-        below = files.moved(self.model, *ends, upper - lower)
+        below = files.moved(self.model, ends[0], ends[1], ends[2], upper - lower)
         places = zip(("wz", "wC", "wW"), (0, 2, 1), below, strict=True)
         return out | {name: prover.vector(cones[kind], -vector) for name, kind, vector in places}
 
@@ -284,8 +296,7 @@ class NetworkObserverCertificate(ClaimOnNetwork):
         time = "steps" if self.model.discrete else "time"
         return (
             f"Proved: from every enclosure of the first states the two copies of each of {self.plant.n_nodes} nodes, "
-            f"which exchange outputs as the nodes do, enclose the states for all {time}, for all disturbances and noise "
-            "within their bounds. Their distance is at last at most `width`, entry by entry, whatever disturbances, "
-            "noise, inputs and measurements do."
+            f"which exchange outputs as the nodes do, enclose the states for all {time}, for all disturbances and "
+            "noise within their bounds. Their distance is at last at most `width`, entry by entry, whatever "
+            "disturbances, noise, inputs and measurements do."
         )
-
