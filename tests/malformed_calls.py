@@ -249,9 +249,19 @@ CALLS |= {  # observers
         {"sys": SYSTEM, "disturbance": ([-1, 0], [1, 0]), "noise": [0.1], "X": X2, "time_limit": 2.0},
     ),
     "IntervalObserver.simulate": (OBSERVER.simulate, MEASURED),
+    "IntervalObserver.start": (OBSERVER.start, {"x0": ([-1], [1])}),
+    "interval_observer of a network": (
+        kp.interval_observer,
+        {
+            "sys": NETWORK,
+            "disturbance": ([-1] * NETWORK.nstates, [1] * NETWORK.nstates),
+            "noise": 0.1,
+            "time_limit": 2.0,
+        },
+    ),
     "plot_observer": (
         kp.plot_observer,
-        {"observer": OBSERVER, **MEASURED, "states": [[0.0, 0.0, 0.0]], "title": None},
+        {"observer": OBSERVER, **MEASURED, "states": [[0.0, 0.0, 0.0]], "which": [0], "title": None},
     ),
 }
 CALLS |= {  # cone finding, nonlinear systems

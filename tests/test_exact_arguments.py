@@ -370,7 +370,7 @@ DOUBLES = exact_nonlinear.DOUBLES | {
         "X": "the cone of this curve",
         "demands": "as those of `state_feedback`",
     },
-    "plot_observer": dict.fromkeys(["T", "y", "u", "x0", "states"], _DRAWN),
+    "plot_observer": dict.fromkeys(["T", "y", "u", "x0", "states", "which"], _DRAWN),
     "phase_portrait": dict.fromkeys(["sys", "X", "pointdata", "timedata", "initial_states", "level_lines"], _DRAWN),
     "plot_closed_loop": {"sys": _DRAWN},
     "plot_cone": dict.fromkeys(["X", "size"], _DRAWN),

@@ -124,9 +124,8 @@ def test_many_nodes():
     assert o and o.check() and o.L.shape == (count, 2, 1) and not o.L[1::2].any()
 
 
-CHANGES = {
-    "w_lo": -1, "w_hi": 1, "noise": 1, "upper": -1, "lower": 1, "v": -9, "x_max": -1, "y_max": -9, "u_max": -9, "width": -1,
-}  # fmt: skip
+CHANGES = dict.fromkeys(["w_lo", "upper", "x_max", "width"], -1) | dict.fromkeys(["w_hi", "noise", "lower"], 1)
+CHANGES |= dict.fromkeys(["v", "u_max", "y_max"], -9)
 
 
 @pytest.mark.parametrize("name", CHANGES)
@@ -182,7 +181,9 @@ def test_networks_that_are_refused():
     direct = kp.ConeStateSpace([[-1]], [[1]], [[1]], [[0.25]])
     with pytest.raises(kp.DataError, match="feedthrough"):
         kp.interval_observer(kp.feedback_interconnect([direct] * 2, [[0, 1], [1, 0]]))
-    ranges = kp.feedback_interconnect([kp.ConeStateSpace([[-1]], [[1]], [[1]], 0)] * 2, kp.interval([[0, 0], [0, 0]], [[0, 1], [1, 0]]))
+    ranges = kp.feedback_interconnect(
+        [kp.ConeStateSpace([[-1]], [[1]], [[1]], 0)] * 2, kp.interval([[0, 0], [0, 0]], [[0, 1], [1, 0]])
+    )
     with pytest.raises(kp.DataError):
         kp.interval_observer(ranges)
 
@@ -208,3 +209,13 @@ def test_bad_signals_are_named(pair):
             pair.simulate(**{"T": [0, 1], "y": np.zeros((2, 2)), "x0": ([0] * 4, [1] * 4)} | change)
     with pytest.raises(kp.DataError, match="one plant"):
         pair.start(([0] * 4, [1] * 4))
+
+
+def test_pictures(pair):
+    T, y = [0, 1, 2], np.zeros((2, 3))
+    cplt = kp.plot_observer(pair, T, y, x0=([0] * 4, [1] * 4), states=np.zeros((4, 3)), which=[2, 0])
+    assert [ax.get_ylabel() for ax in cplt.axes[:, 0]] == ["node[1]_x[0]", "node[0]_x[0]"]
+    assert [text.get_text() for text in cplt.legend.get_texts()] == ["bounds", "state"]
+    for which, words in (([4], "which holds 4"), ([0] * 21, "choose 1 to 20")):
+        with pytest.raises(kp.KposError, match=words):
+            kp.plot_observer(pair, T, y, x0=([0] * 4, [1] * 4), which=which)

@@ -49,7 +49,9 @@ def read_pair(given: Any, name: str, size: int) -> tuple[Matrix, Matrix]:
     lo, hi = (exact_matrix(part, f"{name}[{k}]", ndim=1) for k, part in enumerate(pair))
     for k, part in enumerate((lo, hi)):
         if part.shape != (size,):
-            raise ShapeError(f"{name}[{k}] has {part.shape[0]} entries; it must have {size}, one for each state.")
+            raise ShapeError(
+                f"{name}[{k}] has {part.shape[0]} entries; it must have {size}, one for each state of sys."
+            )
     for i in np.flatnonzero(lo.fractions() > hi.fractions()):
         raise DataError(f"{name} has its lower bound above the upper one in entry {i}; exchange them.")
     return lo, hi

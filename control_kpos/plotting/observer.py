@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import control as ct
@@ -10,9 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..errors import DataError, ShapeError
-from ..exact.intake import exact_matrix, found
+from ..exact.intake import exact_matrix, found, places
 from ..observers import IntervalObserver
 from .figure import BLUE, ORANGE, control_style, set_title
+
+# States that one picture shows.
+_ROWS = 20
 
 
 def plot_observer(
@@ -23,6 +27,7 @@ def plot_observer(
     *,
     x0: Any,
     states: ArrayLike | None = None,
+    which: Sequence[int] | None = None,
     title: str | None = None,
 ) -> ct.ControlPlot:
     """Draw the bounds on every state over time as a band, and the states inside where they are known.
@@ -35,6 +40,8 @@ def plot_observer(
         As in `IntervalObserver.simulate`.
     states : array_like, shape (n, k), optional
         The states of the plant, of a simulation.
+    which : sequence of int, optional
+        Places of the states to draw; default: all, up to 20.
     title : str, optional
 
     Returns
@@ -44,7 +51,7 @@ def plot_observer(
     Raises
     ------
     DataError, ShapeError
-        As in `IntervalObserver.simulate`; states of another size.
+        As in `IntervalObserver.simulate`; states of another size; more than 20 of them to draw.
 
     Examples
     --------
@@ -59,15 +66,16 @@ def plot_observer(
     known = None if states is None else np.asarray(exact_matrix(states, "states").dense().values, dtype=float)
     if known is not None and known.shape != lower.shape:
         raise ShapeError(f"states has shape {known.shape}; it must be {lower.shape}, one row per state.")
+    chosen = _chosen(which, len(lower))
     names = [] if observer.system is None else [label.removesuffix("_hi") for label in observer.system.state_labels]
     with control_style():
-        count = len(lower)
+        count = len(chosen)
         figure, grid = plt.subplots(
             count, 1, sharex=True, squeeze=False, figsize=(6.4, 1.2 + 1.8 * count), layout="tight"
         )
         lines = []
-        for i, axes in enumerate(grid[:, 0]):
-            drawn = [axes.fill_between(times, lower[i], upper[i], color=BLUE, alpha=0.2, label="proven band")]
+        for i, axes in zip(chosen, grid[:, 0], strict=True):
+            drawn = [axes.fill_between(times, lower[i], upper[i], color=BLUE, alpha=0.2, label="bounds")]
             drawn += axes.plot(times, lower[i], "-", times, upper[i], "-", color=BLUE, linewidth=1)
             if known is not None:
                 drawn += axes.plot(times, known[i], "--", color=ORANGE, label="state")
@@ -77,10 +85,28 @@ def plot_observer(
         grid[-1, 0].set_xlabel("time")
         handles, labels = grid[0, 0].get_legend_handles_labels()
         shown = [(h, text) for h, text in zip(handles, labels, strict=True) if not text.startswith("_")]
-        legend = grid[0, 0].legend(*zip(*shown, strict=True), loc="upper right", frameon=False)
+        # above the axes, on the right, where nothing is drawn
+        names: dict[str, Any] = {
+            "loc": "lower right",
+            "bbox_to_anchor": (1, 1.01),
+            "borderaxespad": 0,
+            "frameon": False,
+        }
+        legend = grid[0, 0].legend(*zip(*shown, strict=True), ncols=len(shown), **names)
         array = np.empty((count, 1), dtype=object)
         for i, drawn in enumerate(lines):
             array[i, 0] = drawn
         cplt = ct.ControlPlot(array, grid, figure, legend=legend)
         set_title(cplt, None, title, "Bounds on the states")
     return cplt
+
+
+def _chosen(which: Any, count: int) -> list[int]:
+    """Places of the states to draw."""
+    picked = list(range(count)) if which is None else places(which, "which")
+    for item in picked:
+        if isinstance(item, str) or not 0 <= item < count:
+            raise ShapeError(f"which holds {item!r}; the {count} states are numbered 0 to {count - 1}.")
+    if not 0 < len(picked) <= _ROWS:
+        raise DataError(f"{len(picked)} states are too many or too few for one picture; choose 1 to {_ROWS} by which.")
+    return picked
