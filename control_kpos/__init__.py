@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from .data import (
         DataAnswer,
         DataCertificate,
+        ExcludingPlants,
         LeavingPlant,
         data_feedback,
         data_positivity,
@@ -170,6 +171,7 @@ __all__ = [
     "DissipativityCertificate",
     "DwellCertificate",
     "DwellCycle",
+    "ExcludingPlants",
     "FailingEnd",
     "FailingMember",
     "FailingTerm",
@@ -285,7 +287,7 @@ _ON_DEMAND = {
             "OrderInterval OrderIntervalCertificate Tradeoff gain_rate_tradeoff network_feedback observer_gain "
             "optimal_feedback order_interval output_feedback scale_free_feedback state_feedback"
         ),
-        ".data": "DataAnswer DataCertificate LeavingPlant data_feedback data_positivity",
+        ".data": "DataAnswer DataCertificate ExcludingPlants LeavingPlant data_feedback data_positivity",
         ".families": (
             "CommonVectorCertificate CycleOfGrowth DelayCertificate DwellCertificate DwellCycle FailingTerm "
             "MeanDirection MeanStabilityCertificate NextModeCertificate NoCommonVector StabilisingCertificate "

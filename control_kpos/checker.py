@@ -2726,20 +2726,23 @@ class Measured:
     F: Matrix
     signals: int
 
-    def with_input(self, x: Vector) -> Vector:
-        """(x; F x)."""
-        return x | {self.X.dim + i: a for i, a in image(self.F, x).items()}
 
-    def agrees(self, plant: Matrix) -> None:
-        """A plant that is one of them."""
-        for z, x, v in zip(self.Z, self.X1, self.noise, strict=True):
-            off = sizes(total((1, x), (-1, image(plant, z))))
-            need(all(a <= v.get(i, 0) for i, a in off.items()), "a plant agrees with the samples")
+def with_input(d: Measured, x: Vector) -> Vector:
+    """(x; F x)."""
+    return x | {d.X.dim + i: a for i, a in image(d.F, x).items()}
 
-    def bound(self, l: Vector, i: int, side: int) -> Fraction:
-        """What row i of all plants does at Z l at least (side 0) or at most (1)."""
-        terms = [(a, self.X1[t].get(i, Fraction(0)), self.noise[t].get(i, Fraction(0))) for t, a in l.items()]
-        return sum((a * x + (abs(a) if side else -abs(a)) * v for a, x, v in terms), Fraction(0))
+
+def agrees(d: Measured, plant: Matrix) -> None:
+    """A plant that is one of them."""
+    for z, x, v in zip(d.Z, d.X1, d.noise, strict=True):
+        off = sizes(total((1, x), (-1, image(plant, z))))
+        need(all(a <= v.get(i, 0) for i, a in off.items()), "a plant agrees with the samples")
+
+
+def bound_of_row(d: Measured, l: Vector, i: int, side: int) -> Fraction:
+    """What row i of all plants does at Z l at least (side 0) or at most (1)."""
+    terms = [(a, d.X1[t].get(i, Fraction(0)), d.noise[t].get(i, Fraction(0))) for t, a in l.items()]
+    return sum((a * x + (abs(a) if side else -abs(a)) * v for a, x, v in terms), Fraction(0))
 
 
 def measured(e: Said, limit: int) -> Measured:
@@ -2748,11 +2751,10 @@ def measured(e: Said, limit: int) -> Measured:
     n, T = X.dim, len(listing(listing(content(e["X0"], "matrix"))[0]))
     expect(isinstance(discrete, bool), "discrete is neither true nor false")
     Z, X1, noise = (given(e[name], n, T) for name in ("X0", "X1", "noise"))
-    expect((e["U0"] is None) == (e["F"] is None), "inputs and a gain come together")
     if e["U0"] is None:
         return Measured(X, discrete, Z, X1, noise, [{} for _ in range(n)], n)
     m = len(listing(content(e["U0"], "matrix")))
-    U0, F = given(e["U0"], m, T), given(e["F"], m, n)
+    U0, F = given(e["U0"], m, T), optional(e["F"], m, n)
     Z = [x | {n + i: a for i, a in u.items()} for x, u in zip(Z, U0, strict=True)]
     return Measured(X, discrete, Z, X1, noise, F, n + m)
 
@@ -2765,35 +2767,56 @@ def from_data(e: Said, limit: int) -> None:
     h'(A + BF) e < 0 (discrete time: < h'e) by the bounds of the other sides, for all h, h'e > 0.
     """
     d, vector = measured(e, limit), exactly(e, "e")[0]
-    d.agrees(given(e["plant"], d.X.dim, d.signals))
+    expect((e["U0"] is None) == (e["F"] is None), "inputs and a gain come together")
+    agrees(d, given(e["plant"], d.X.dim, d.signals))
     hs, left = facets(d.X, limit), rows(e["combinations"], len(d.Z))
-    asked = [(x, [h for h in hs if d.discrete or dot(h, x) == 0], 1) for x in d.X.rays]
+    asked = [(x, [h for h in hs if d.discrete or dot(h, x) == 0], False) for x in d.X.rays]
     if vector:
-        asked.append((entries(vector, d.X.dim), hs, -1))
-    for x, counted, sign in asked:
+        asked.append((entries(vector, d.X.dim), hs, True))
+    for x, counted, falls in asked:
         found = dict[tuple[int, int], Fraction]()
         for i, side in pairs(range(d.X.dim), (0, 1)):
-            if any(h.get(i, 0) * sign * (1 - 2 * side) > 0 for h in counted):
+            if any(i in h and (h[i] < 0) ^ falls == side for h in counted):
                 expect(bool(left), "a combination is missing")
                 l = entries(left.pop(0), len(d.Z))
-                need(image(d.Z, l) == d.with_input(x), "Z l = (x; F x)")
-                found[i, side] = d.bound(l, i, side)
+                need(image(d.Z, l) == with_input(d, x), "Z l = (x; F x)")
+                found[i, side] = bound_of_row(d, l, i, side)
         for h in counted:
-            worst = sum((a * found[i, int(a * sign < 0)] for i, a in h.items()), Fraction(0))
-            need(worst >= 0 if sign > 0 else worst < d.discrete * dot(h, x), "h'(A + BF) x at the worst plant")
-            need(sign > 0 or dot(h, x) > 0, "h'e > 0")
+            worst = sum((a * found[i, (a < 0) ^ falls] for i, a in h.items()), Fraction(0))
+            need(worst < d.discrete * dot(h, x) if falls else worst >= 0, "h'(A + BF) x at the worst plant")
+            need(not falls or dot(h, x) > 0, "h'e > 0")
     expect(not left, "there are more combinations than bounds")
 
 
-def leaving_plant(e: Said, limit: int) -> None:
-    """A plant of `measured` leaves X: h in X*, h'(A + BF) x < 0 at a generator x (continuous time: with h'x = 0)."""
-    d, (_, w) = measured(e, limit), record(e, "witness", "LeavingPlant")
-    plant, h = given(w["plant"], d.X.dim, d.signals), entries(exactly(w, "normal")[0], d.X.dim)
-    x = d.X.rays[index(w["ray"])]
-    d.agrees(plant)
-    need(above(h, d.X), "h'x >= 0 on X")
-    need(d.discrete or dot(h, x) == 0, "h'x = 0")
-    need(dot(h, image(plant, d.with_input(x))) < 0, "the plant leaves X")
+def not_from_data(e: Said, limit: int) -> None:
+    """A plant of `measured` leaves X: h in X*, h'(A + BF) x < 0 at a generator x (continuous time: with h'x = 0).
+
+    Or, without F, some plants of `measured` exclude all gains F together: with functionals `d` as vertices in
+    `no_feedback`, else as in `no_invariant_gain`.
+    """
+    d, (kind, w) = measured(e, limit), record(e, "witness", "LeavingPlant", "ExcludingPlants")
+    n, m = d.X.dim, d.signals - d.X.dim
+    if kind == "LeavingPlant":
+        expect((e["U0"] is None) == (e["F"] is None), "inputs and a gain come together")
+        plant, h = given(w["plant"], n, d.signals), entries(exactly(w, "normal")[0], n)
+        x = d.X.rays[index(w["ray"])]
+        agrees(d, plant)
+        need(above(h, d.X), "h'x >= 0 on X")
+        need(d.discrete or dot(h, x) == 0, "h'x = 0")
+        need(dot(h, image(plant, with_input(d, x))) < 0, "the plant leaves X")
+        return
+    expect(e["U0"] is not None and e["F"] is None, "there are inputs and no gain")
+    for A, B in zip(sequence(w["A"]), sequence(w["B"]), strict=True):
+        agrees(d, [*given(A, n, n), *given(B, n, m)])
+    vertices = {"A": w["A"], "B": w["B"], "X": e["X"], "discrete": d.discrete, "witness": w["functionals"]}
+    _, f = record(w, "functionals", "Functionals")
+    expect(f["L"] is not None, "there are no functionals")
+    if f["d"] is None:
+        eye = [[int(i == j) for j in range(n)] for i in range(n)]
+        no_invariant_gain(Said(vertices | {"R": {"matrix": eye}, "pattern": {"array": [[1] * n] * m}}), limit)
+    else:
+        free = {"array": [[1] * m] * len(d.X.rays)}
+        no_feedback(Said(vertices | {"rate": {"double": 0}, "gain_bound": None, "free": free}), limit)
 
 
 # -- files
@@ -2875,6 +2898,7 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("compartmental", "REFUTED"): never_drains,
     ("positive realization", "PROVED"): positive_realization,
     ("positive realization", "REFUTED"): no_positive_realization,
+    ("from data", "REFUTED"): not_from_data,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }

@@ -46,6 +46,12 @@ def driven(F=-1, u=1, b="1/4", **more):
     return measured([["1/2", "1/4"]], [["1/8", "1/8"]], **{"l": [[1, -1]]} | data | more)
 
 
+def two_inputs(l=((1, -1, 2),)):
+    """x+ = a x + b u + c w at unit vectors, u = -x, w = 2 x: 1 - 1/4 + 2/8, with the noise of four samples."""
+    data = {"X0": [[1, 0, 0]], "U0": [[0, 1, 0], [0, 0, 1]], "F": [[-1], [2]], "plant": [[1, "1/4", "1/8"]]}
+    return measured([[1, "1/4", "1/8"]], [["1/8"] * 3], l=l, **data)
+
+
 def tilted(A, noise, *, discrete=True, l=None, e=None):
     """On the cone of (1, 0) and (1, 1), samples at unit vectors: l is the vector itself."""
     x, y = [1, 0], [1, 1]
@@ -64,7 +70,66 @@ def wedge(A, noise=0, *, discrete=True):
     return measured(X1, [[noise] * 3] * 3, rows, X0=eye, X=WEDGE, discrete=discrete)
 
 
-CASES = {
+def excluding(*plants, L=(1,), d=None, G=None, discrete=True, **more):
+    """Plants x+ = a x + b u that agree with samples at (1, 0) and (0, 1), and weights of their demands."""
+    A, B, L = ({"tuple": [table([[x]]) for x in part]} for part in (*zip(*plants, strict=True), L))
+    weights = {"L": L, "d": None if d is None else table([d]), "G": G}
+    fields = {"A": A, "B": B, "functionals": {"record": "Functionals", "fields": weights}}
+    data = {"X0": [[1, 0]], "U0": [[0, 1]], "F": None, "plant": None, "l": None} | more
+    out = measured([["1/4", "1/4"]], [["1/2", "1/2"]], plant=[[0, 0]], discrete=discrete)
+    out = changed(out, combinations=None, witness={"record": "ExcludingPlants", "fields": fields})
+    tables = {name: None if x is None else table(x) for name, x in data.items() if name != "l"}
+    return changed(out, **tables) | {"status": "REFUTED"}
+
+
+def without_inputs():
+    out = excluding(("-1/4", 0), U0=None)
+    return changed(out, witness=changed_plants(out, B={"tuple": [table([[]])]}))
+
+
+def changed_plants(out, **more):
+    witness = out["data"]["witness"]
+    return {**witness, "fields": {**witness["fields"], **more}}
+
+
+def pushed(F=((0,),)):
+    """A plant with an input that leaves for this gain."""
+    out = out_of_half("1/4", 0, "1/2")
+    fields = {**out["data"]["witness"]["fields"], "plant": table([["-1/4", "1/4"]])}
+    out = changed(out, X0=table([[1, 0]]), U0=table([[0, 1]]), F=None if F is None else table(F))
+    out = changed(out, X1=table([["1/4", "1/4"]]), noise=table([["1/2", "1/2"]]))
+    return changed(out, witness={"record": "LeavingPlant", "fields": fields})
+
+
+BOTH = (("-1/4", "1/4"), ("-1/4", "-1/4"))
+NO_GAIN = {
+    "no data, an input": (pushed(), "REFUTED"),
+    "no data, an input against it": (pushed([[1]]), "WRONG"),
+    "no data, an input without a gain": (pushed(None), "UNREADABLE"),
+    "no gain for data": (excluding(("-1/4", 0)), "REFUTED"),
+    "no gain for data, not against a strong input": (excluding(("-1/4", "1/4")), "WRONG"),
+    "no gain for data, just": (excluding((0, 0)), "WRONG"),
+    "no gain for data, another plant": (excluding(("-3/8", 0)), "WRONG"),
+    "no gain for data, another input": (excluding(("-1/4", "-3/8")), "WRONG"),
+    "no gain for data, two plants": (excluding(*BOTH, L=(1, 1)), "REFUTED"),
+    "no gain for data, two unequal weights": (excluding(*BOTH, L=(1, 2)), "WRONG"),
+    "no gain for data, the second does not agree": (excluding(BOTH[0], ("-1/4", -1), L=(4, 1)), "WRONG"),
+    "no gain for data, not in continuous time": (excluding(("-1/4", 0), discrete=False), "WRONG"),
+    "no stable gain for data": (excluding((1, 0), L=(0,), d=(1,), X1=[[1, 0]]), "REFUTED"),
+    "no stable gain for data, just": (excluding(("3/4", 0), L=(0,), d=(1,)), "WRONG"),
+    "no stable gain for data, an input": (excluding((1, "1/4"), L=(0,), d=(1,), X1=[[1, 0]]), "WRONG"),
+    "no stable gain for data, no decay is used": (excluding(("-1/4", 0), d=(0,)), "REFUTED"),
+    "no stable gain for data, derivatives": (
+        excluding((0, 0), L=(0,), d=(1,), discrete=False),
+        "REFUTED",
+    ),
+    "no gain for data, but a gain": (excluding(("-1/4", 0), F=[[0]]), "UNREADABLE"),
+    "no gain for data, no inputs": (without_inputs(), "UNREADABLE"),
+    "no gain for data, outputs": (excluding(("-1/4", 0), G=table([])), "UNREADABLE"),
+    "no stable gain for data, outputs": (excluding(("-1/4", 0), d=(0,), G=table([])), "UNREADABLE"),
+}
+
+CASES = NO_GAIN | {
     "data": (one("1/2", "1/4"), "PROVED"),
     "data, at the edge": (one("1/2", "1/2"), "PROVED"),
     "data, beyond the edge": (one("1/2", "5/8"), "WRONG"),
@@ -86,6 +151,8 @@ CASES = {
     "data, derivatives, e is negative": (one(1, "1/2", [[-1]], e=[-1], discrete=False), "WRONG"),
     # a x + b F x at l = (1, F): 1/2 - 1/4 - 2/8
     "data, inputs": (driven(), "PROVED"),
+    "data, two inputs": (two_inputs(), "PROVED"),
+    "data, two inputs, another combination": (two_inputs(l=[[1, 1, -1]]), "WRONG"),
     "data, inputs, too large": (driven(F="-9/8", l=[[1, "-9/8"]]), "WRONG"),
     "data, inputs, another gain": (driven(F=-2), "WRONG"),
     "data, inputs, another plant": (driven(b="1/2"), "WRONG"),

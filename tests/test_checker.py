@@ -276,6 +276,9 @@ EQUIVALENT = {
     "dwells_long_enough: dot(v, x) > 0 -> dot(v, x) >= 0": "v'M x >= 0, so that v'A x < 0 needs v'x > 0",
     "mean_stable: dot(v, x) > 0 -> dot(v, x) >= 0": "where v'x = 0, (L'v)'x >= 0 as the cone is kept",
     "stabilising_switching: dot(v, x) > 0 -> dot(v, x) >= 0": "where v'x = 0, f'x >= 0 as the cone is kept",
+    "from_data: a < 0 -> a <= 0": "entries that are zero are not stored",
+    "from_data: h[i] < 0 -> h[i] <= 0": "entries that are zero are not stored",
+    "from_data: dot(h, x) > 0 -> dot(h, x) >= 0": "where h'e = 0, h'(A + BF) e >= 0 as X is kept",
     "slope.get((i, j), Fraction(0)) + a * b -> slope.get((i, j), Fraction(0)) - a * b": "the sum has to be 0",
 }
 

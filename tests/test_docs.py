@@ -108,6 +108,7 @@ FOLDERS = (
     "observers",
     "data",
 )
+FOLDERS = ("exact", "cones", "proof", "theorems", "networks", "families", "design", "data", "find", "nonlinear")
 
 
 def constants() -> dict[tuple[str, str], str]:

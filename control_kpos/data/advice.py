@@ -15,7 +15,7 @@ _HALVINGS = 6
 _SMALL = 1e-6
 
 
-def not_enough(search: Any, *, gain: bool) -> str:
+def not_enough(search: Any, *, gain: bool, refuted: bool = False) -> str:
     """Rank of the samples; else the open pair of facet and generator, and the noise that would be tolerable.
 
     Parameters
@@ -24,6 +24,8 @@ def not_enough(search: Any, *, gain: bool) -> str:
         Of `control_kpos.data.search`.
     gain : bool
         A gain was sought, not only a verdict about the plants as they are.
+    refuted : bool
+        It was proven that there is none; then no pair is told as open.
     """
     n, Z = search.data.X.dim, search.samples.Z
     states = _unreached(Z[:n])
@@ -38,7 +40,8 @@ def not_enough(search: Any, *, gain: bool) -> str:
             f"the inputs of the samples depend on their states: the rank of X0 above U0 is {_rank(Z)}, not {len(Z)}. "
             "Add samples with other inputs at the same states, at least one for each missing rank."
         )
-    return f"{_open(search, gain=gain)} {_tolerable(search, gain=gain)}".rstrip()
+    opened = "" if refuted else f"{_open(search, gain=gain)} "
+    return f"{opened}{_tolerable(search, gain=gain)}".rstrip()
 
 
 def _rank(Z: Any) -> int:
@@ -113,8 +116,5 @@ def _suffices(search: Any, plant: Any, share: float, *, gain: bool) -> bool:
 def _attempt(search: Any, samples: Any = None, *, gain: bool, elastic: bool = False) -> Any:
     """The program of the search: of a gain, or of the plants as they are."""
     with_e = gain
-    if gain and search.data.X.is_simplicial:
-        unknowns = search.simplicial()
-    else:
-        unknowns = search.fixed_vector(np.asarray(search.data.X.interior_point, dtype=float), free=gain)
+    unknowns = search.start() if gain else search.fixed_vector(search.x.sum(axis=0), free=False)
     return search.joint(unknowns, search.named(with_e), search.pairs, samples=samples, stable=with_e, elastic=elastic)

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cones import Cone
+from ..design.contradiction import Functionals, NoFeedback, NoInvariance
 from ..errors import DataError
 from ..exact.condition import Condition
 from ..exact.matrix import Matrix
@@ -66,6 +67,49 @@ class LeavingPlant:
         return f"a plant that agrees with the data and leaves X at generator {self.ray}"
 
 
+@register_record
+@dataclass(frozen=True, eq=False)
+class ExcludingPlants:
+    """Consistent plants that no u = F x serves together: what they demand of F contradicts itself.
+
+    Attributes
+    ----------
+    A, B : tuple of Matrix, shapes (n, n) and (n, m)
+        One pair for each plant.
+    functionals : Functionals
+        The contradiction of what is demanded of F, see `control_kpos.design.contradiction`: of positivity and
+        stability by a common e, or, without `d`, of positivity alone.
+    """
+
+    A: tuple[Matrix, ...]
+    B: tuple[Matrix, ...]
+    functionals: Functionals
+
+    def contradiction(self, X: Cone, *, discrete: bool) -> NoFeedback | NoInvariance:
+        """What the functionals prove about these plants.
+
+        Parameters
+        ----------
+        X : Cone
+        discrete : bool
+        """
+        (n, m), given = self.B[0].shape, {"A": self.A, "B": self.B, "X": X, "discrete": discrete}
+        if self.functionals.d is None:
+            eye = Matrix.identity(n)
+            return NoInvariance(**given, R=eye, pattern=np.ones((m, n)), witness=self.functionals)
+        return NoFeedback(**given, rate=0.0, free=np.ones((X.n_rays, m)), witness=self.functionals)
+
+    @property
+    def falling(self) -> int:
+        """Of how many plants the stability is used."""
+        d = self.functionals.d
+        return 0 if d is None else int((d.fractions() != 0).astype(bool).any(axis=0).sum())
+
+    def __str__(self) -> str:
+        count = len(self.A)
+        return f"{count} such plant{'s' * (count != 1)} and {self.functionals}"
+
+
 def places(facets: Rationals, rays: Rationals, *, discrete: bool, stable: bool) -> list[Place]:
     """Which bounds a proof needs, in order: (k, i, 0) for the lower bound of entry i of the image of generator k, 1
     for the upper bound; k is the number of generators for e.
@@ -92,7 +136,8 @@ def _needed(k: int, facets: Rationals, sign: int) -> list[Place]:
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class DataCertificate(Certificate):
-    """Proof that every plant which agrees with the data keeps X, and is stable if e is there; or that one leaves X.
+    """Proof that every plant which agrees with the data keeps X, and is stable if e is there; or that one leaves X, or
+    that no gain F serves all of them.
 
     Attributes
     ----------
@@ -112,7 +157,8 @@ class DataCertificate(Certificate):
         In the interior of X: its gauge norm falls under every consistent plant.
     exact : tuple of Fraction, or None
         The exact e where doubles do not suffice.
-    witness : LeavingPlant or None
+    witness : LeavingPlant or ExcludingPlants or None
+        The latter without F: no gain serves these plants together.
     """
 
     claim: ClassVar[str] = "from data"
@@ -161,6 +207,8 @@ class DataCertificate(Certificate):
     def refutation(self) -> Sequence[Condition] | None:
         """The inequalities on the witness."""
         w, n = self.witness, self.X.dim
+        if isinstance(w, ExcludingPlants):
+            return self._no_gain(w)
         if not isinstance(w, LeavingPlant) or self.combinations is not None or self.e is not None:
             return None
         if type(w.ray) is not int or not 0 <= w.ray < self.X.n_rays:
@@ -177,11 +225,23 @@ class DataCertificate(Certificate):
             Condition("h'(A + B F) x < 0", BilinearForms(h, w.plant, z), "<"),
         ]
 
+    def _no_gain(self, w: ExcludingPlants) -> list[Condition]:
+        """All plants agree, and their demands contradict each other."""
+        if self.U0 is None or (self.F, self.combinations, self.e) != (None, None, None):
+            raise DataError("that no gain exists is about plants with inputs, and there is no F.")
+        if not (w.A and len(w.A) == len(w.B)):
+            raise DataError("there must be one A and one B for every plant.")
+        agreed: list[Condition] = []
+        for s, pair in enumerate(zip(w.A, w.B, strict=True)):
+            agreed += self.agreement(Matrix.join(pair, -1), f", plant {s}")
+        return [*agreed, *(w.contradiction(self.X, discrete=self.discrete).refutation() or ())]
+
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         (n, T), m = self.X0.shape, 0 if self.U0 is None else self.U0.shape[0]
         if n != self.X.dim or any(M.shape != (n, T) for M in (self.X1, self.noise)):
             raise DataError("X0, X1, noise and X are of different sizes.")
-        if (self.U0 is None) != (self.F is None) or (self.F is not None and self.F.shape != (m, n)):
+        none = isinstance(self.witness, ExcludingPlants)
+        if (not none and (self.U0 is None) != (self.F is None)) or (self.F is not None and self.F.shape != (m, n)):
             raise DataError("inputs need a gain F, of one row for each.")
         if self.U0 is not None and self.U0.shape != (m, T):
             raise DataError("U0 has another number of samples.")
@@ -236,21 +296,23 @@ class DataCertificate(Certificate):
             out[k, side * n + i] = value * unit * other
         return out
 
-    def agreement(self, plant: Matrix) -> list[Condition]:
+    def agreement(self, plant: Matrix, of: str = "") -> list[Condition]:
         """The inequalities that say that a plant agrees with the data.
 
         Parameters
         ----------
         plant : Matrix, shape (n, n + m)
             [A B].
+        of : str
+            Which plant, as a part of the names of the conditions.
         """
         n, eye = self.X.dim, Matrix.identity(self.X.dim)
         if plant.shape != (n, self._Z.shape[0]):
             raise DataError("the plant is of another size than the data.")
         right = Matrix.join([self._Z, self.X1, self.noise], -2).T
         return [
-            Condition(_BELOW, BilinearForms(Matrix.join([plant, -eye, eye], -1), None, right), ">="),
-            Condition(_ABOVE, BilinearForms(Matrix.join([plant, -eye, -eye], -1), None, right), "<="),
+            Condition(_BELOW + of, BilinearForms(Matrix.join([plant, -eye, eye], -1), None, right), ">="),
+            Condition(_ABOVE + of, BilinearForms(Matrix.join([plant, -eye, -eye], -1), None, right), "<="),
         ]
 
     def evidence(self) -> dict[str, Any]:
@@ -260,6 +322,8 @@ class DataCertificate(Certificate):
     def explain(self) -> str:
         """What is proven, in words."""
         law = "" if self.F is None or self.F.is_zero else " with u = F x"
+        if isinstance(self.refuted_by, ExcludingPlants):
+            return self._told(self.refuted_by)
         if self.refuted_by is not None:
             return f"Refuted: not every plant that agrees with the data keeps X{law}: there is {self.witness}."
         if not self:
@@ -273,3 +337,16 @@ class DataCertificate(Certificate):
             )
         )
         return f"Proved: every plant that agrees with the data within the noise keeps X{law}.{stable}"
+
+    def _told(self, w: ExcludingPlants) -> str:
+        """What plants exclude."""
+        also = (
+            "",
+            " and makes all of them stable",
+            " and makes all of them stable with a common e",
+        )[min(w.falling, 2)]
+        other = " Other proofs of stability than by a common e are not excluded." if w.falling > 1 else ""
+        return (
+            f"Refuted: no gain F keeps X for every plant that agrees with the data{also}. The proof is {w}, checked "
+            f"in exact arithmetic.{other}"
+        )

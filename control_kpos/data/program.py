@@ -25,6 +25,8 @@ Solver = Any
 _ENOUGH = 0.05
 # Price of the gain, against margins.
 _PRICE = 1e-5
+# Bounds with smaller multipliers, relative to the largest, do not matter.
+_UNUSED = 1e-9
 
 
 @dataclass(frozen=True)
@@ -110,7 +112,9 @@ class Found:
     theta : ndarray, shape (q,)
     l : ndarray, shape (K, T)
     margin : float
-        Of the decay of e; NaN if no e is asked for.
+        Of the decay of e, and of pairs where they have `room`; NaN where the program has none.
+    rows : ndarray, shape (K, k), or None
+        For every bound the row of a plant that attains it, NaN where the program has no use for the bound.
     open : ndarray
         By how much every inequality is missed, where that is minimised: pairs of facet and generator, then facets.
     """
@@ -118,6 +122,7 @@ class Found:
     theta: Floats
     l: Floats
     margin: float
+    rows: Floats | None = None
     open: Floats | None = None
 
 
@@ -131,11 +136,15 @@ def joint(
     discrete: bool,
     lp: Solver,
     *,
+    room: float = 0.0,
+    least: float | None = None,
     elastic: bool = False,
 ) -> Found | None:
     """h'(A + BF) x >= 0 for pairs of facet and vector, h'(A + BF) e < 0 (h'e) for all facets, over all plants at once.
 
-    `elastic`: the sum of what is missing as small as possible, for advice.
+    `room`: the products of pairs are at least this part of the margin of decay.  `least`: a margin that is kept, and as
+    many of these products as possible are positive.  `elastic`: the sum of what is missing is as small as possible, for
+    advice.
     """
     (n, T), K, q = samples.X1.shape, len(named), len(unknowns.low)
     k, cap = samples.Z.shape[0], _ENOUGH * (1.0 if discrete else samples.rate)
@@ -158,11 +167,13 @@ def joint(
     if elastic:
         program.add(miss=Block(count, 0.0, np.inf, 1.0))
     else:
-        program.add(margin=Block(1, -np.inf, cap, -1.0), kept=Block(1, 0.0, 1e-2 * cap, -1.0))
-    if pairs:
-        extra = {"miss": np.eye(len(pairs), count)} if elastic else {}
-        ones = 0.0 if elastic else np.ones(len(pairs))
-        program.above(0.0, ones, name="kept", bound=images, **extra)
+        program.add(margin=Block(1, -np.inf if least is None else least, cap, -1.0))
+    if pairs and elastic:
+        program.above(0.0, bound=images, miss=np.eye(len(pairs), count))
+    elif pairs and least is not None:
+        program.spread(0.0, np.full(len(pairs), cap), bound=images)
+    elif pairs:
+        program.above(0.0, room * np.ones(len(pairs)), bound=images)
     if at_e is not None:
         worst = _images(facets, [(h, at_e) for h in range(len(facets))], place, -1, K)
         inside = facets if discrete else np.zeros_like(facets)
@@ -177,8 +188,16 @@ def joint(
         return None
     l = (found["p"] - found["q"]).reshape(K, T)
     if elastic:
-        return Found(found["theta"], l, float("nan"), found["miss"])
-    return Found(found["theta"], l, float("nan") if at_e is None else float(found["margin"][0]))
+        return Found(found["theta"], l, float("nan"), open=found["miss"])
+    rows_of_plants = None if found.duals is None else _attained(found.duals, K, k)
+    return Found(found["theta"], l, float(found["margin"][0]), rows_of_plants)
+
+
+def _attained(duals: Floats, K: int, k: int) -> Floats:
+    """Multipliers of Z l = z, divided by those of the bounds."""
+    of_vectors, of_bounds = duals[-K * (k + 1) : -K].reshape(K, k), duals[-K:]
+    used = np.abs(of_bounds) > _UNUSED * np.abs(of_bounds).max(initial=0.0)
+    return np.where(used[:, None], -of_vectors / np.where(used, of_bounds, 1.0)[:, None], np.nan)
 
 
 def _images(facets: Floats, pairs: list[tuple[int, int]], place: Any, sign: int, K: int) -> Floats:

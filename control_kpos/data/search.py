@@ -21,12 +21,15 @@ from .advice import not_enough
 from .certificate import DataCertificate, LeavingPlant, Place, places
 from .experiments import Experiments, read_experiments
 from .program import Floats, Found, Samples, Unknowns, extreme, joint, middle
+from .refusal import excluded
 from .repair import Repair
 
 # Shares of the plant in the middle, in turn: a plant at the edge of the noise is moved inside.
 _INWARDS = (1e-12, 1e-9, 1e-6, 1e-3, 0.1)
 # Room inside the noise, relative to the data, below which samples may contradict each other.
 _EDGE = 1e-9
+# Room of positivity, as a part of the margin of decay.
+_ROOM = 0.01
 # Turns of gain and vector e on cones that are not simplicial.
 _TURNS = 8
 _NOBODY = (
@@ -55,6 +58,16 @@ class DataAnswer(Answer):
     K: Floats | None = None
     e: Floats | None = None
     plant: Floats | None = None
+
+    def explain(self) -> str:
+        """The verdict, why it holds, and what to do next, for a person.
+
+        Returns
+        -------
+        str
+        """
+        verdict = "" if self.certificate is None else self.certificate.explain()
+        return f"{verdict} {self.message}".strip()
 
 
 def data_feedback(
@@ -90,7 +103,8 @@ def data_feedback(
     Returns
     -------
     DataAnswer
-        PROVED with F, e and a certificate about all these plants; UNDECIDED with advice on the next experiment.
+        PROVED with F, e and a certificate about all these plants.  REFUTED: some plants that agree with the data exclude
+        every F together, see `explain`.  UNDECIDED: neither.  The last two come with advice on the next experiment.
 
     Raises
     ------
@@ -99,8 +113,11 @@ def data_feedback(
 
     Notes
     -----
-    One linear program on simplicial cones, which finds a gain with a common e whenever there is one, up to rounding; on
-    others F and e take turns.  About 2 n p T variables for p generators.  See `DataCertificate` for the inequalities.
+    On simplicial cones one linear program finds a gain with a common e whenever there is one, up to rounding, and
+    where there is none its multipliers lead to the plants that prove it.  On other cones F and e take turns, and only
+    positivity is refuted.  About 2 n p T variables for p generators.  See `DataCertificate` for the inequalities.
+
+    Errors of X0 and U0 are not covered: the noise is that of X1.  No decay rate is claimed.
 
     Examples
     --------
@@ -217,6 +234,12 @@ class _Search:
         draft = DataCertificate(**self.data.data(), F=self.no_gain())
         return all(c.verdict() is True for c in draft.agreement(plant))
 
+    def inside(self, edge: Floats) -> Matrix:
+        """The plant at an edge of the noise, moved inside until it agrees; the one in the middle if it never does."""
+        central = np.asarray(self.plant.values)  # type: ignore[union-attr]
+        moved = (Matrix((1 - part) * edge + part * central) for part in _INWARDS)
+        return next((plant for plant in moved if self._agrees(plant)), self.plant)  # type: ignore[return-value]
+
     def no_gain(self) -> Matrix | None:
         """F = 0, where there are inputs."""
         return Matrix.zeros(self.m, self.data.X.dim) if self.m else None
@@ -270,6 +293,11 @@ class _Search:
         price = np.concatenate([np.zeros(p), np.ones(p * m)])
         return Unknowns(np.zeros((p + 1, n + m)), moved, low, high, price)
 
+    def start(self) -> Unknowns:
+        """The program of a gain, on cones that are not simplicial with e in the middle of X."""
+        simplicial = self.data.X.is_simplicial
+        return self.simplicial() if simplicial else self.fixed_vector(np.asarray(self.data.X.interior_point, float))
+
     def fixed_vector(self, e: Floats, *, free: bool = True) -> Unknowns:
         """z = (x; F x) for all generators and e: linear in F, which is 0 unless `free`."""
         states, n, m = np.vstack([self.x, e]), self.data.X.dim, self.m
@@ -296,12 +324,23 @@ class _Search:
         *,
         samples: Samples | None = None,
         stable: bool = True,
-        elastic: bool = False,
+        **more: Any,
     ) -> Found | None:
         """See `joint` of `program`; the last vector is e."""
         at_e = len(self.x) if stable else None
         given = (samples or self.samples, named, unknowns, self.h, pairs, at_e, self.data.discrete, self.lp)
-        return joint(*given, elastic=elastic)
+        return joint(*given, **more)
+
+    def candidates(self, unknowns: Unknowns) -> Iterator[Found]:
+        """Points with a margin of decay: inside, or where some bounds can only be 0 with as many inside as possible."""
+        named = self.named(True)
+        inside = self.joint(unknowns, named, self.pairs, room=_ROOM)
+        if inside is not None and inside.margin > 0:
+            yield inside
+        at_edge = self.joint(unknowns, named, self.pairs)
+        if at_edge is not None and at_edge.margin > 0:
+            spread = self.joint(unknowns, named, self.pairs, least=at_edge.margin / 2)
+            yield from (found for found in (spread, at_edge) if found is not None)
 
     def vector(self, F: Floats | None) -> tuple[Floats, Found] | None:
         """e for a gain, with the combinations of its bounds."""
@@ -318,37 +357,36 @@ def _designed(search: _Search) -> DataAnswer:
         proof = search.settle(Matrix(F), Matrix(e), l)
         if proof:
             return _answer(proof)
+    refused = None if search.plant is None else excluded(search)
+    if refused is not None:
+        return DataAnswer(
+            status=Status.REFUTED, certificate=refused, message=not_enough(search, gain=True, refuted=True)
+        )
     return DataAnswer(status=Status.UNDECIDED, message=not_enough(search, gain=True))
 
 
 def _simplicial_gains(search: _Search) -> Iterator[tuple[Floats, Floats, Floats]]:
-    named = search.named(True)
-    found = search.joint(search.simplicial(), named, search.pairs)
-    if found is None or not found.margin > 0:
-        return
-    p, m = len(search.x), search.m
-    xi, zeta = found.theta[:p], found.theta[p:].reshape(p, m)
-    if not (xi > 0).all():
-        return
-    F = np.linalg.solve(search.x, zeta / xi[:, None]).T
-    scale = np.append(xi, 1.0)[[place[0] for place in named]]
-    yield F, xi @ search.x, found.l / scale[:, None]
+    named, p, m = search.named(True), len(search.x), search.m
+    for found in search.candidates(search.simplicial()):
+        xi, zeta = found.theta[:p], found.theta[p:].reshape(p, m)
+        if (xi > 0).all():
+            F = np.linalg.solve(search.x, zeta / xi[:, None]).T
+            scale = np.append(xi, 1.0)[[place[0] for place in named]]
+            yield F, xi @ search.x, found.l / scale[:, None]
 
 
 def _gains(search: _Search) -> Iterator[tuple[Floats, Floats, Floats]]:
     """F for fixed e and e for fixed F in turns."""
-    e, named, last = np.asarray(search.data.X.interior_point, dtype=float), search.named(True), -np.inf
+    e, last = np.asarray(search.data.X.interior_point, dtype=float), -np.inf
     for _ in range(_TURNS):
-        found = search.joint(search.fixed_vector(e), named, search.pairs)
-        if found is None:
+        unknowns, shape = search.fixed_vector(e), (search.m, search.data.X.dim)
+        for found in search.candidates(unknowns):
+            yield found.theta.reshape(shape), e, found.l
+        found = search.joint(unknowns, search.named(True), search.pairs)
+        better = None if found is None else search.vector(found.theta.reshape(shape))
+        if better is None or not found.margin > last:  # type: ignore[union-attr]
             return
-        F = found.theta.reshape(search.m, search.data.X.dim)
-        if found.margin > 0:
-            yield F, e, found.l
-        better = search.vector(F)
-        if better is None or not found.margin > last:
-            return
-        last, e = found.margin, better[0]
+        last, e = found.margin, better[0]  # type: ignore[union-attr]
 
 
 def _answer(proof: DataCertificate) -> DataAnswer:
@@ -403,11 +441,8 @@ def _refuted(search: _Search, bounds: dict[Place, float], rows: dict[Place, Floa
             row = rows[k, int(i), int(search.h[h, i] < 0)]
             edge[i] = central[i] if row is None else row
         normal = Matrix.from_fractions(search.facets[h])
-        moved = (Matrix((1 - part) * edge + part * central) for part in _INWARDS)
-        for plant in (*moved, search.plant):
-            proof = DataCertificate.settle(
-                **search.data.data(), F=search.no_gain(), witness=LeavingPlant(plant, k, normal)
-            )
-            if proof.status is Status.REFUTED:
-                return DataAnswer(status=Status.REFUTED, certificate=proof, plant=np.asarray(plant.values))
+        plant = search.inside(edge)
+        proof = DataCertificate.settle(**search.data.data(), F=search.no_gain(), witness=LeavingPlant(plant, k, normal))
+        if proof.status is Status.REFUTED:
+            return DataAnswer(status=Status.REFUTED, certificate=proof, plant=np.asarray(plant.values))
     return DataAnswer(status=Status.UNDECIDED, message=not_enough(search, gain=False))
