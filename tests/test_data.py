@@ -1,6 +1,8 @@
 """Every plant that agrees with measurements: positivity, stability, gains."""
 
+import itertools
 from dataclasses import replace
+from fractions import Fraction
 
 import certified_data
 import numpy as np
@@ -76,6 +78,74 @@ def test_no_plant_that_agrees_breaks_what_is_proven(n, m, X, discrete):
             roots = np.linalg.eigvals(M)
             assert (np.abs(roots).max() < 1) if discrete else (roots.real.max() < 0)
     assert proven
+
+
+def vertices(Z, row, noise):
+    """All vertices of the rows of plants that agree with the samples of one state."""
+    sides, right = np.vstack([Z.T, -Z.T]), np.concatenate([row + noise, noise - row])
+    for chosen in itertools.combinations(range(len(sides)), len(Z)):
+        if abs(np.linalg.det(sides[list(chosen)])) > 1e-9:
+            w = np.linalg.solve(sides[list(chosen)], right[list(chosen)])
+            if (sides @ w <= right + 1e-9).all():
+                yield w
+
+
+def decay_by_vertices(X0, X1, U0, noise, *, discrete):
+    """The best margin of a gain on the orthant, one input, with a common e, by a program over all vertices."""
+    n, rows = len(X0), []
+    for i in range(n):
+        for w in vertices(np.vstack([X0, U0]), X1[i], noise):
+            for k in range(n):
+                if discrete or k != i:  # xi_k (A x_k + B F x_k)_i >= 0
+                    rows.append(np.zeros(2 * n + 1))
+                    rows[-1][[k, n + k]] = -w[k], -w[n]
+            rows.append(np.concatenate([w[:n], np.full(n, w[n]), [1.0]]))
+            rows[-1][i] -= discrete
+    high = np.concatenate([np.ones(n), np.full(n + 1, np.inf)])
+    low = np.concatenate([np.zeros(n), np.full(n + 1, -np.inf)])
+    return -solve(-np.eye(2 * n + 1)[-1], np.array(rows), np.zeros(len(rows)), bounds=(low, high)).value
+
+
+@pytest.mark.parametrize("discrete", [True, False])
+def test_a_gain_is_found_or_excluded_as_the_vertices_say(discrete):
+    rng, seen = np.random.default_rng(11 + discrete), []
+    for k in range(16):
+        A, B = random_plant(rng, 2, 1, discrete=discrete)
+        noise = (0.05, 0.3, 0.6, 1.0)[k % 4]
+        data = experiment(rng, A, B, 6, noise)
+        margin = decay_by_vertices(*data, noise, discrete=discrete)
+        found = kp.data_feedback(*data, noise=noise, discrete=discrete)
+        assert found.status.name == ("PROVED" if margin > 1e-9 else "REFUTED") and found.check()
+        seen.append(found.status.name)
+        if not found:
+            agrees = [np.abs(data[1] - A.values @ data[0] - B.values @ data[2]) for A, B in pairs(found.witness)]
+            assert np.max(agrees) <= noise + 1e-12 and "no gain F keeps X" in found.explain()
+    assert min(map(seen.count, ("PROVED", "REFUTED"))) > 2
+
+
+def pairs(witness):
+    return zip(witness.A, witness.B, strict=True)
+
+
+def test_both_answers_come_close_to_the_edge():
+    """A gain exists up to a noise of about 0.04957."""
+    X0, U0 = np.array([[1, 0, 1, 2], [0, 1, 1, 1]]), np.array([[0, 0, 1, -1]])
+    X1 = np.array([[1.2, 0.3], [0.1, 0.5]]) @ X0 + np.array([[1], [0.2]]) @ U0
+    assert decay_by_vertices(X0, X1, U0, 0.0495, discrete=True) > 1e-5
+    assert decay_by_vertices(X0, X1, U0, 0.0496, discrete=True) == 0
+    assert kp.data_feedback(X0, X1, U0, noise=0.0495)
+    beyond = kp.data_feedback(X0, X1, U0, noise=0.0496)
+    assert beyond.status.name == "REFUTED" and "about 0.9" in beyond.message and beyond.F is None
+    assert "makes all of them stable. The proof" in beyond.explain()
+    wide = kp.data_feedback(X0, X1, U0, noise=0.1).explain()
+    assert "with a common e" in wide and "Other proofs of stability" in wide
+
+
+def test_a_few_bounds_that_can_only_be_zero_do_not_stop_the_proof():
+    """Without noise the input cancels 1/3 exactly and leaves the zero below where it is."""
+    X0, U0 = [[1, 0, 0], [0, 1, 0]], [[0, 0, 1]]
+    found = kp.data_feedback(X0, [["3/4", "-1/3", 1], [0, "1/2", 0]], U0, noise=0)
+    assert found and found.check() and found.certificate.plant.fractions()[0, 1] == Fraction(-1, 3)
 
 
 def test_bounds_are_those_of_the_plants():
@@ -162,7 +232,7 @@ def test_data_that_do_not_suffice_come_with_advice():
     assert known.status.name == "REFUTED" and known.plant is not None
     square = [[1, 1, 1], [1, -1, 1], [-1, -1, 1], [-1, 1, 1]]
     states, images = np.eye(3), np.diag([0.5, 0.5, 1.2])
-    noisy = kp.data_feedback([*states[:2], states[2]], images, [[0, 0, 0]], noise=0.1, X=square)
+    noisy = kp.data_feedback(states, images, [[0, 0, 0]], noise=0.1, X=square)
     assert noisy.status.name == "UNDECIDED" and "rank of X0 above U0 is 3, not 4" in noisy.message
 
 

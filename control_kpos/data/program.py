@@ -25,6 +25,8 @@ Solver = Any
 _ENOUGH = 0.05
 # Price of the gain, against margins.
 _PRICE = 1e-5
+# How far inside X is e, as a part of the margin of decay over the size of A.
+_INSIDE = 0.01
 # Bounds with smaller multipliers, relative to the largest, do not matter.
 _UNUSED = 1e-9
 
@@ -69,18 +71,24 @@ def extreme(
 
 
 def middle(samples: Samples, i: int, lp: Solver) -> tuple[Floats | None, float, Floats | None]:
-    """Row i of a plant as far inside the noise as possible, how far, and multipliers of the samples."""
+    """Row i of a plant as far inside the noise as possible, how far, and multipliers of the samples.
+
+    The program is about what least squares leave, in units of that, so that small noise does not drown in tolerances.
+    """
     Z, k = samples.Z.T, samples.Z.shape[0]
+    start = np.linalg.lstsq(Z, samples.X1[i], rcond=None)[0]
+    rest, noise = samples.X1[i] - Z @ start, samples.noise[i]
+    unit = max(np.abs(rest).max(initial=0.0), noise.max(initial=0.0)) or 1.0
     program = Program(w=Block(k, -np.inf, np.inf), inside=Block(1, -np.inf, np.inf, -1.0))
     ones = np.ones(len(Z))
-    program.above(samples.X1[i] - samples.noise[i], ones, name="inside", w=Z)
-    program.above(-samples.X1[i] - samples.noise[i], ones, name="inside", w=-Z)
+    program.above((rest - noise) / unit, ones, name="inside", w=Z)
+    program.above((-rest - noise) / unit, ones, name="inside", w=-Z)
     found = program.solve(lp)
     if not found:
         return None, -np.inf, None
     duals = found.duals
     l = None if duals is None else duals[len(Z) :] - duals[: len(Z)]
-    return found["w"], float(found["inside"][0]), l
+    return start + unit * found["w"], unit * float(found["inside"][0]), l
 
 
 @dataclass(frozen=True)
@@ -183,6 +191,9 @@ def joint(
             program.above(right + cap, miss=np.eye(len(facets), count, len(pairs)), **parts)
         else:
             program.above(right, np.ones(len(facets)), **parts)
+            if not discrete:  # in steps h'e > h'(A + BF) e >= 0 anyway
+                room = np.full(len(facets), _INSIDE / samples.rate)
+                program.above(-(facets @ unknowns.fixed[at_e, :n]), room, theta=facets @ unknowns.moved[at_e, :n])
     found = program.solve(lp)
     if not found:
         return None

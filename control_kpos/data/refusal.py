@@ -6,6 +6,7 @@ exclude all gains as far as all plants do, if there is room; `decide` or `no_inv
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -17,10 +18,12 @@ from ..exact.matrix import Matrix
 from ..proof.certificate import Status
 from ..systems.system import System
 from .certificate import DataCertificate, ExcludingPlants, Place
-from .program import Floats
+from .program import Floats, Found, Unknowns, extreme
 
 # Plants at most: each makes the exact program larger.
-_PLANTS = 24
+_PLANTS = 64
+# How much larger or smaller an input is made, relative to the state.
+_NEAR = 1e-4
 
 
 def excluded(search: Any) -> DataCertificate | None:
@@ -33,7 +36,7 @@ def excluded(search: Any) -> DataCertificate | None:
     search : _Search
         Of `control_kpos.data.search`, with a plant in the middle.
     """
-    X, simplicial, unknowns = search.data.X, search.data.X.is_simplicial, search.start()
+    simplicial, unknowns = search.data.X.is_simplicial, search.start()
     if simplicial:  # xi >= 1, so that the margin is negative where it cannot be positive
         states = np.arange(len(unknowns.low)) < len(search.x)
         unknowns = replace(unknowns, low=np.where(states, 1.0, -np.inf), high=np.full(len(states), np.inf))
@@ -42,15 +45,32 @@ def excluded(search: Any) -> DataCertificate | None:
     found = search.joint(free, named, search.pairs, stable=simplicial, room=1.0)
     if found is None or found.rows is None or not found.margin < 0:
         return None
-    plants = [search.inside(plant) for plant in _worst(search, named, found.rows)]
-    pairs = tuple((M.T[: X.dim].T, M.T[X.dim :].T) for M in plants)
-    plant = Plant(System.read(pairs[0], X=X, dt=search.data.discrete), pairs)
-    refused = decide(plant, 0.0)[0] if simplicial else no_invariance(plant)
-    if refused is None:
-        return None
-    witness = _used(pairs, refused.witness)
-    proof = DataCertificate.settle(**search.data.data(), witness=witness)
-    return proof if proof.status is Status.REFUTED else None
+    worst, X = _worst(search, named, found.rows), search.data.X
+    for more in (False, True):
+        for rows in _nearby(search, unknowns, named, found) if more else ():
+            worst += _worst(search, named, rows)
+        plants = [search.inside(plant) for plant in worst[:_PLANTS]]
+        pairs = tuple((M.T[: X.dim].T, M.T[X.dim :].T) for M in plants)
+        plant = Plant(System.read(pairs[0], X=X, dt=search.data.discrete), pairs)
+        refused = decide(plant, 0.0)[0] if simplicial else no_invariance(plant)
+        if refused is not None:
+            proof = DataCertificate.settle(**search.data.data(), witness=_used(pairs, refused.witness))
+            return proof if proof.status is Status.REFUTED else None
+    return None
+
+
+def _nearby(search: Any, unknowns: Unknowns, named: list[Place], found: Found) -> Iterator[Floats]:
+    """Rows of plants that attain the bounds where an input is a little larger, or smaller.
+
+    What inputs do has to cancel exactly.  A row where it does is a mixture of vertices, and these are the vertices.
+    """
+    z = unknowns.fixed + unknowns.moved @ found.theta
+    for j in range(search.data.X.dim, z.shape[1]):
+        for step in (-_NEAR, _NEAR):
+            moved = z.copy()
+            moved[:, j] += step * np.abs(z).max(axis=1)
+            rows = [extreme(search.samples, i, side, moved[k], search.lp)[2] for k, i, side in named]
+            yield np.array([np.full(z.shape[1], np.nan) if row is None else row for row in rows])
 
 
 def _worst(search: Any, named: list[Place], rows: Floats) -> list[Floats]:
@@ -74,7 +94,7 @@ def _worst(search: Any, named: list[Place], rows: Floats) -> list[Floats]:
             for i, r in part.items():
                 plant[i] = rows[r]
             out.append(plant)
-    return out[:_PLANTS]
+    return out
 
 
 def _used(pairs: tuple[tuple[Matrix, Matrix], ...], functionals: Any) -> ExcludingPlants:

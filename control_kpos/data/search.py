@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..cards import raised
 from ..cones import Cone
 from ..design.running import Programs, within
 from ..errors import DataError
@@ -103,8 +104,8 @@ def data_feedback(
     Returns
     -------
     DataAnswer
-        PROVED with F, e and a certificate about all these plants.  REFUTED: some plants that agree with the data exclude
-        every F together, see `explain`.  UNDECIDED: neither.  The last two come with advice on the next experiment.
+        PROVED with F, e and a certificate about all these plants.  REFUTED: some plants that agree exclude every
+        F together, see `explain`.  UNDECIDED: neither.  The last two come with advice on the next experiment.
 
     Raises
     ------
@@ -261,11 +262,11 @@ class _Search:
             exact = self.repair.combinations(np.asarray(guess)[None], none)
             y = None if exact is None else exact.fractions()[0]
             if y is not None and row @ y > noise @ np.abs(y):
-                least = float(noise.max()) - min(inside, 0.0)
+                least = float(noise.max()) + max(-inside, float((np.abs(off) - self.samples.noise[i]).max()))
                 names = "X0, X1 and U0" if self.m else "X0 and X1"
                 raise DataError(
                     f"no plant agrees with the samples {names}: those of state {i} contradict each other by more than "
-                    f"the noise of {float(noise.max()):.3g}. Give a larger one (about {least:.2g}), or look for "
+                    f"the noise of {float(noise.max()):.3g}. Give a larger one (about {raised(least, 2)}), or look for "
                     "samples that belong to another plant."
                 )
 
