@@ -62,7 +62,7 @@ def _unreached(Z: Any) -> Any:
 
 
 def _told(d: Any) -> str:
-    d = d / d[np.argmax(np.abs(d))]
+    d = d / d[np.argmax(np.abs(d).round(6))]  # the first of those that rounding makes different
     return f"({', '.join(f'{0.0 if abs(x) < _SMALL else x:.3g}' for x in d)})"
 
 

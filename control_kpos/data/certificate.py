@@ -121,17 +121,15 @@ def places(facets: Rationals, rays: Rationals, *, discrete: bool, stable: bool) 
     stable : bool
         Bounds of the image of e are needed as well.
     """
-    products = facets @ rays.T
-    out: list[Place] = []
-    for k in range(len(rays)):
-        counted = facets if discrete else facets[(products[:, k] == 0).astype(bool)]
-        out += _needed(k, counted, 1)
-    return out + (_needed(len(rays), facets, -1) if stable else [])
+    signs = (facets > 0).astype(int) - (facets < 0).astype(int)
+    counted = np.ones((len(facets), len(rays)), bool) if discrete else (facets @ rays.T == 0).astype(bool)
+    out = [place for k in range(len(rays)) for place in _needed(k, signs[counted[:, k]])]
+    return out + (_needed(len(rays), -signs) if stable else [])
 
 
-def _needed(k: int, facets: Rationals, sign: int) -> list[Place]:
-    low, high = ((sign * s * facets > 0).astype(bool).any(axis=0) for s in (1, -1))
-    return [(k, i, side) for i in range(facets.shape[1]) for side, need in enumerate((low[i], high[i])) if need]
+def _needed(k: int, signs: NDArray[np.int_]) -> list[Place]:
+    sides = (signs > 0).any(axis=0), (signs < 0).any(axis=0)
+    return [(k, i, side) for i in range(signs.shape[1]) for side in (0, 1) if sides[side][i]]
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)

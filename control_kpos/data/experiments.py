@@ -96,9 +96,10 @@ def _complete(part: Any, name: str) -> Matrix:
     try:
         return exact_matrix(part, name).dense()
     except DataError as error:
-        if "must be finite" not in str(error) and "masked" not in str(error):
+        said = str(error).replace("; fill them in first", "")
+        if not any(words in said for words in ("must be finite", "masked", " is None ")):
             raise
-        raise DataError(f"{error} Leave out samples with a missing entry, the same columns in X0, X1 and U0.") from None
+        raise DataError(f"{said} Leave out samples with a missing entry, the same columns in X0, X1 and U0.") from None
 
 
 def _listed(given: Any) -> list[Any]:

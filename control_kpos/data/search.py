@@ -118,7 +118,8 @@ def data_feedback(
     where there is none its multipliers lead to the plants that prove it.  On other cones F and e take turns, and only
     positivity is refuted.  About 2 n p T variables for p generators.  See `DataCertificate` for the inequalities.
 
-    Errors of X0 and U0 are not covered: the noise is that of X1.  No decay rate is claimed.
+    Errors of X0 and U0 are not covered: the noise is that of X1.  Neither a decay rate nor bounds of
+    states and inputs are claimed; `certificate.plant` is one plant for which `state_feedback` designs these.
 
     Examples
     --------
