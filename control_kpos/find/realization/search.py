@@ -7,9 +7,9 @@ rays that are left are solved in fractions.
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,8 @@ from control import InputOutputSystem, StateSpace, TransferFunction
 
 from ...cones import Cone, PolyhedralCone
 from ...errors import ConeMismatchError, DataError, KposError, TooLargeError
-from ...exact.intake import dimensions, exact_matrix, found
+from ...exact.budget import OutOfBudgetError, budget
+from ...exact.intake import dimensions, exact_matrix, found, seconds
 from ...exact.linalg import Rationals, product, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_combination
@@ -28,14 +29,19 @@ from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
 from ...theorems.positivity import state_positivity
 from ..certificate import ConeCertificate
-from ..find import find_cone
+from ..find import find_cone, within_limits
 from ..question import FoundCone
 from .certificate import NegativeResponse, PositiveRealizationCertificate
+from .few_states import few_rays
+from .lower_bound import lower_bound
 from .minimal import Realization, beside_each_other, companion, minimal, of_response
+from .spread import Spread, spread
 
-# Rays that are tried one by one whether the cone does without them; work of a linear program in fractions; orders that
-# are asked for one by one above the lower bound.
-_DROPPED, _WORK, _MORE = 30, 10**8, 4
+# Rays that are tried one by one whether the cone does without them; work of a linear program in fractions; numbers of
+# states that are tried beyond those of a minimal realization, and starts for each: at first, and later.
+_DROPPED, _WORK, _MORE, _STARTS = 30, 10**8, 4, (3, 8)
+# Operations of a search without a time limit, and of that for one number of states.
+_EFFORT, _EACH = 6e10, 8e9
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -107,6 +113,7 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     >>> kp.positive_realization(ct.tf([1, -1], [1, 3, 2])).status.name
     'REFUTED'
     """
+    limit = seconds(time_limit)
     given, dt = _read(G)
     small = minimal(given.A, given.B, given.C, given.D)
     discrete, n = dt is not None and dt != 0, len(small.A)
@@ -119,24 +126,77 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
             where = NegativeResponse(int(i), int(j), step)
             cert = PositiveRealizationCertificate.settle(**data, witness=where)
             return PositiveRealization(status=cert.status, certificate=cert, lower_bound=n)
+    return within_limits(
+        lambda: _searched(_Task(small, dt, data, lower_bound(small, discrete=discrete), progress)),
+        lambda message: _undecided(PositiveRealizationCertificate.settle(**data), n, message),
+        operations=_EFFORT,
+        time_limit=limit,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """A minimal system, its timebase, what a certificate says of it, and a bound of the order."""
+
+    small: Realization
+    dt: Any
+    data: dict[str, Any]
+    bound: int
+    progress: Target
+
+    @property
+    def discrete(self) -> bool:
+        return self.data["discrete"]
+
+    def found(self, cert: PositiveRealizationCertificate) -> PositiveRealization:
+        system = ConeStateSpace(cert.A_positive, cert.B_positive, cert.C_positive, cert.D, self.dt)
+        return PositiveRealization(
+            status=cert.status, certificate=cert, system=system, order=system.nstates, lower_bound=self.bound
+        )
+
+
+def _searched(task: _Task) -> PositiveRealization:
+    """Few states first, as few as the bound says; then any cone, or a proof that there is none; then between."""
+    small, data, n = task.small, task.data, len(task.small.A)
+    coordinates = spread(small, discrete=task.discrete)
+    cert = _with_states(task, coordinates, task.bound, few=True)
+    if cert is not None:
+        return task.found(cert)
+    A, B, C, _ = small.matrices
     inner, outer = B.T[np.flatnonzero(small.B.any(axis=0))], C[np.flatnonzero(small.C.any(axis=1))]
     try:
-        cone = find_cone(A, inner, outer, discrete=discrete, time_limit=time_limit, progress=progress)
+        cone = find_cone(A, inner, outer, discrete=task.discrete, progress=task.progress)
     except ConeMismatchError as error:
-        return _undecided(PositiveRealizationCertificate.settle(**data), n, str(error))
+        return _undecided(PositiveRealizationCertificate.settle(**data), task.bound, str(error))
     if cone.status is Status.REFUTED:
-        return PositiveRealization(status=cone.status, certificate=cone.certificate, message=_NONE, lower_bound=n)
-    if cone.cone is None:
-        return _undecided(PositiveRealizationCertificate.settle(**data), n, cone.message)
-    limits = range(n, min(cone.cone.n_rays, n + _MORE))
-    search = partial(find_cone, A, inner, outer, discrete=discrete, time_limit=time_limit, progress=progress)
-    fewer = (search(max_rays=most) for most in limits)
-    smaller = (_certified(small, data, other) for other in fewer if other.cone is not None)
-    cert = next(filter(None, smaller), None) or _certified(small, data, cone)
+        return PositiveRealization(
+            status=cone.status, certificate=cone.certificate, message=_NONE, lower_bound=task.bound
+        )
+    most = n + _MORE if cone.cone is None else min(cone.cone.n_rays - 1, n + _MORE)
+    smaller = (_with_states(task, coordinates, count, few=False) for count in range(task.bound, most + 1))
+    cert = next(filter(None, smaller), None)
+    if cert is None and cone.cone is None:
+        return _undecided(PositiveRealizationCertificate.settle(**data), task.bound, cone.message)
+    cert = cert or _certified(small, data, cone)
     if not cert:
-        return _undecided(cert, n, "A cone was found, but its coordinates in fractions would take too long.")
-    system = ConeStateSpace(cert.A_positive, cert.B_positive, cert.C_positive, D, dt)
-    return PositiveRealization(status=cert.status, certificate=cert, system=system, order=system.nstates, lower_bound=n)
+        message = "A cone was found, but its coordinates in fractions would take too long."
+        return _undecided(cert, task.bound, message)
+    return task.found(cert)
+
+
+def _with_states(task: _Task, s: Spread | None, count: int, *, few: bool) -> PositiveRealizationCertificate | None:
+    """A certificate with so many states; few starts, or more of them and of other kinds."""
+    if s is None or count > len(s.A) + _MORE:
+        return None
+    with budget(_EACH), suppress(OutOfBudgetError, np.linalg.LinAlgError):
+        chains = [count - 1, *([] if few else range(count - 1))] if len(s.B.T) == 1 else []
+        for length in (-1, *chains):
+            for rays in few_rays(s, count, length, starts=_STARTS[not few]):
+                fields = _from_rays(task.small, rays, task.discrete)
+                cert = PositiveRealizationCertificate.settle(**task.data, **fields) if fields else None
+                if cert:
+                    return cert
+    return None
 
 
 _NONE = "No realization of any order has nonnegative matrices; the matrices of the proof are minimal."
@@ -182,15 +242,19 @@ def _coordinates(s: Realization, proof: ConeCertificate, cone: Cone, discrete: b
     """P, N, Q and R for the generators of a cone, or of a smaller one; nothing where fractions take too long."""
     if proof.by_facets or proof.rays is None:
         return {}
-    for rays in (_fewer(s, cone, discrete), proof.rays.fractions()):
-        try:
-            P, N = _weights(rays, product(s.A, rays.T), free=not discrete), _weights(rays, s.B, free=False)
-        except TooLargeError:
-            continue
-        if P is not None and N is not None:
-            out = {"A_positive": P, "B_positive": N, "C_positive": product(s.C, rays.T), "transform": rays.T}
-            return {name: Matrix.from_fractions(M) for name, M in out.items()}
-    return {}
+    return _from_rays(s, _fewer(s, cone, discrete), discrete) or _from_rays(s, proof.rays.fractions(), discrete)
+
+
+def _from_rays(s: Realization, rays: Rationals, discrete: bool) -> dict[str, Matrix | None]:
+    """P, N, Q and R for these rays; nothing where there are none, or fractions take too long."""
+    try:
+        P, N = _weights(rays, product(s.A, rays.T), free=not discrete), _weights(rays, s.B, free=False)
+    except TooLargeError:
+        return {}
+    if P is None or N is None:
+        return {}
+    out = {"A_positive": P, "B_positive": N, "C_positive": product(s.C, rays.T), "transform": rays.T}
+    return {name: Matrix.from_fractions(M) for name, M in out.items()}
 
 
 def _weights(rays: Rationals, images: Rationals, *, free: bool) -> Rationals | None:
