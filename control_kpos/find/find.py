@@ -6,6 +6,7 @@ Untrusted candidates are tried in order of cost until one is proven, or there is
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import chain
 from typing import Any, Literal, TypeVar
@@ -119,8 +120,8 @@ def find_cone(
     timed = None if discrete is None else flag(discrete, "discrete")
     more: dict[str, Any] = {"seed": whole_number(seed, "seed"), "restarts": whole_number(restarts, "restarts")}
     limit = seconds(time_limit)
-    if isinstance(A, TransferFunction):
-        A = realized(A, "A")
+    converted = realized(A, "A") if isinstance(A, TransferFunction) else None
+    A = A if converted is None else converted
     if _is_family(A):
         if contains is not None or within is not None or by_facets:
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
@@ -138,12 +139,24 @@ def find_cone(
         matrices = Matrix.stack([matrix])
     with Reporter(progress) as report:
         question = Question(matrices=matrices, discrete=bool(timed), max_rays=most, report=report, **more)
-        return within_limits(
+        found = within_limits(
             lambda: _find(question),
             lambda message: _undecided(question, message, question.dim),
             operations=_EFFORT,
             time_limit=limit,
         )
+    return (
+        found
+        if converted is None
+        else replace(found, system=converted, message=f"{found.message}{_CONVERTED}".lstrip())
+    )
+
+
+# What is said of a transfer function.
+_CONVERTED = (
+    " The states are those of `.system`, which control.ss made of the transfer function: its numbers, as rounded "
+    "there, are what the proof is about."
+)
 
 
 def _is_family(A: Any) -> bool:

@@ -13,6 +13,7 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
+from control import StateSpace
 from numpy.typing import NDArray
 
 from ..cones import Cone, PolyhedralCone
@@ -347,11 +348,14 @@ class FoundCone(ConeAnswer):
         eigenvalues in floating point: computed, not proven.
     conditioning : float
         Condition number of the generators scaled to length 1, states in balanced units.
+    system : StateSpace or None
+        For a transfer function: its realization by `control.ss`, whose states the cone is in.
     """
 
     certificate: ConeCertificate  # type: ignore[reportGeneralTypeIssues]  (never without one)
     fewest_rays: int = 1
     conditioning: float = np.inf
+    system: StateSpace | None = None
 
     @classmethod
     def of(cls, question: Question, proven: Proven, fewest_rays: int) -> FoundCone:

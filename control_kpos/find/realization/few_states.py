@@ -180,7 +180,6 @@ def _exactly(s: Spread, place: Place, length: int, shifts: int, units: int) -> R
             shift = shift * scale if s.discrete else Fraction(s.top) + shift * scale
             g = product(A, g[:, None])[:, 0] - shift * g
             out.append(g)
-    for ray in place.R.T[length + 1 :]:
-        out.append(np.array([Fraction(round(float(x) * units), units) for x in ray], dtype=object))
+    out += [[Fraction(round(float(x) * units), units) for x in ray] for ray in place.R.T[length + 1 :]]
     rays = np.array(out, dtype=object)
     return product(rays, s.T.T)

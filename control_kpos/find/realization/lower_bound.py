@@ -2,18 +2,20 @@
 
 Order      That of a minimal realization, n.
 Sectors    A matrix of order p with P_ij >= 0 (i != j) and the rightmost eigenvalue lam has no eigenvalue x + iy with
-           |y| > (lam - x) cot(pi/p) (Dmitriev and Dynkin, 1945).  States that no input reaches, or that no output sees,
+           |y| > (lam - x) cot(pi/p) (Dmitriev and Dynkin, 1945).  States that no input reaches, or no output sees,
            can be left out; then lam is a pole, the rightmost one.  With z = |y| + i (lam - x), p states are too few
            exactly if z, z^2, ..., z^p have positive imaginary parts.
-Walks      Discrete time: the response C P^k N is not zero at an entry exactly if a walk of k steps leads from a state of
-           the input to one of the output.  p states are too few if no graph of p states has the walks that the zeros of
-           the response ask for.  For p = n, P is similar to A, and a closed walk of k steps exists exactly if the trace of
-           A^k is not zero, nor negative; all graphs of up to 4 states are compared.
+Walks      Discrete time: an entry of C P^k N is not zero exactly if a walk of k steps leads from a state of the input
+           to one of the output.  p states are too few if no graph of p states has such walks for those k at which the
+           response is not zero, and none for the others.  For p = n, P is similar to A, and the trace of A^k is
+           positive exactly if some walk of k steps ends where it began, else zero.  All graphs of up to 4 states are
+           compared.
 """
 
 from __future__ import annotations
 
 from fractions import Fraction
+from math import ceil
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +29,8 @@ from .minimal import Realization
 
 Booleans = NDArray[np.bool_]
 
-# Graphs of more states are too many; steps that walks are compared for; binary digits of eigenvalues, and the largest
-# bound that is looked for.
+# Graphs of more states are too many; steps that walks are compared for; binary digits of eigenvalues; nothing is
+# said where they ask for so many states.
 _STATES, _STEPS, _DIGITS, _MOST = 4, 20, 256, 1000
 
 
@@ -52,18 +54,18 @@ def _by_sectors(s: Realization) -> int:
     needed = 1
     for disc in discs:
         height = (abs(disc.y) - disc.radius) * Fraction(2) ** -disc.places
-        gap = top - disc.range()[0]
         if height > 0:
-            needed = max(needed, _needed(height, gap))
+            needed = max(needed, _needed((top - disc.range()[0]) / height))
     return needed
 
 
-def _needed(height: Fraction, gap: Fraction) -> int:
-    """The first p for which z^p has no positive imaginary part; all up to then have too few states."""
+def _needed(slope: Fraction) -> int:
+    """The first p for which z^p has no positive imaginary part, z being 1 + i slope: all up to then are too few."""
+    height, gap = 2**_DIGITS, ceil(slope * 2**_DIGITS)  # a little steeper
     x, y, p = height, gap, 1
     while y > 0 and p < _MOST:
         x, y, p = x * height - y * gap, x * gap + y * height, p + 1
-    return p
+    return p if y <= 0 else 1
 
 
 def _lacks_walks(s: Realization, p: int) -> bool:

@@ -1,15 +1,17 @@
 """`positive_realization`: nonnegative matrices for a transfer function, a system or an impulse response.
 
-The minimal realization is formed exactly.  `find_cone` seeks a cone that A keeps between B and C, or refutes every such
-cone, and with it every positive realization.  Rays that are not needed are dropped, and the coordinates in terms of the
-rays that are left are solved in fractions.
+The minimal realization is formed exactly.  As many rays as it needs at least are moved until A keeps
+their cone between B and C (`few_states`).  Where that fails, `find_cone` seeks any such cone, or refutes all, and with
+them every positive realization; then more rays are moved, but fewer than its cone has.  The coordinates in terms of the
+rays are solved in fractions.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -39,9 +41,12 @@ from .spread import Spread, spread
 
 # Rays that are tried one by one whether the cone does without them; work of a linear program in fractions; numbers of
 # states that are tried beyond those of a minimal realization, and starts for each: at first, and later.
-_DROPPED, _WORK, _MORE, _STARTS = 30, 10**8, 4, (3, 8)
-# Operations of a search without a time limit, and of that for one number of states.
-_EFFORT, _EACH = 6e10, 8e9
+_DROPPED, _WORK, _MORE, _STARTS = 30, 10**8, 4, (3, 4)
+# Hankel singular values below which a system of smaller order is told of, relative to the largest one.
+_NEARLY = 1e-10
+# Operations of a search without a time limit, and of that for one number of states; steps for each state after which a
+# response is asked for zeros.
+_EFFORT, _EACH, _LOOK = 6e10, 2e9, 3
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -57,7 +62,8 @@ class PositiveRealization(Answer):
     order : int or None
         Number of its states.
     lower_bound : int
-        Every realization, nonnegative or not, has at least so many states: the order of a minimal one, exactly.
+        Every realization with nonnegative matrices has at least so many states: proven from the order of a minimal
+        realization, from eigenvalues that are not real, and in discrete time from zeros of the response.
     """
 
     system: ConeStateSpace | None = None
@@ -80,7 +86,8 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     G : TransferFunction, StateSpace, or array_like, shape (k,)
         A transfer function or a system, whose numbers are taken exactly; or an impulse response h_0, h_1, ... of one
         input and output in discrete time, long enough to determine a system: at least 2 n + 1 exact numbers for the
-        order n.
+        order n.  What is realized then is the only system of the smallest order that begins so (a minimal partial
+        realization).
     time_limit : float, optional
         Seconds, see `find_cone`.
     progress : callable or bool, optional
@@ -101,8 +108,9 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
 
     Notes
     -----
-    Costs a minimal realization in fractions, and what `find_cone` costs for it with its inputs and outputs, once more
-    for a few small numbers of rays.  Rays that the cone does not need are dropped; a smaller order may exist.
+    Costs a minimal realization in fractions and linear programs that move rays: 0.1 s for 6 states with room for
+    them. Where that finds nothing, what `find_cone` costs, and linear programs for a few more states: seconds.  An
+    order above `lower_bound` may not be the smallest.
 
     Examples
     --------
@@ -118,7 +126,10 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     small = minimal(given.A, given.B, given.C, given.D)
     discrete, n = dt is not None and dt != 0, len(small.A)
     if not n:
-        raise DataError("G is constant: y = D u has no states that a realization could have.")
+        raise DataError(
+            "G is constant: y = D u needs no states, and is positive exactly if no entry of D is negative. Give a "
+            "system whose outputs depend on earlier inputs."
+        )
     A, B, C, D = small.matrices
     data = {"A": A, "B": B, "C": C, "D": D, "discrete": discrete}
     for step, response in enumerate((small.D, product(small.C, small.B))):
@@ -126,12 +137,15 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
             where = NegativeResponse(int(i), int(j), step)
             cert = PositiveRealizationCertificate.settle(**data, witness=where)
             return PositiveRealization(status=cert.status, certificate=cert, lower_bound=n)
-    return within_limits(
+    answer = within_limits(
         lambda: _searched(_Task(small, dt, data, lower_bound(small, discrete=discrete), progress)),
         lambda message: _undecided(PositiveRealizationCertificate.settle(**data), n, message),
         operations=_EFFORT,
         time_limit=limit,
     )
+    if isinstance(G, InputOutputSystem):
+        return answer
+    return replace(answer, message=f"{answer.message} {_BEGINS.format(last=len(G) - 1, order=n)}".lstrip())
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +161,15 @@ class _Task:
     @property
     def discrete(self) -> bool:
         return self.data["discrete"]
+
+    @cached_property
+    def is_zero_at_times(self) -> bool:
+        """Whether the response of an output is exactly zero after a few steps (continuous time: derivatives of it)."""
+        x, zero = self.small.B, False
+        for _ in range(_LOOK * len(x)):
+            zero |= bool((product(self.small.C, x) == 0).any())
+            x = product(self.small.A, x)
+        return zero
 
     def found(self, cert: PositiveRealizationCertificate) -> PositiveRealization:
         system = ConeStateSpace(cert.A_positive, cert.B_positive, cert.C_positive, cert.D, self.dt)
@@ -169,8 +192,9 @@ def _searched(task: _Task) -> PositiveRealization:
     except ConeMismatchError as error:
         return _undecided(PositiveRealizationCertificate.settle(**data), task.bound, str(error))
     if cone.status is Status.REFUTED:
+        message = _NONE + (_THIN if coordinates is not None and coordinates.thinness < _NEARLY else "")
         return PositiveRealization(
-            status=cone.status, certificate=cone.certificate, message=_NONE, lower_bound=task.bound
+            status=cone.status, certificate=cone.certificate, message=message, lower_bound=task.bound
         )
     most = n + _MORE if cone.cone is None else min(cone.cone.n_rays - 1, n + _MORE)
     smaller = (_with_states(task, coordinates, count, few=False) for count in range(task.bound, most + 1))
@@ -189,7 +213,7 @@ def _with_states(task: _Task, s: Spread | None, count: int, *, few: bool) -> Pos
     if s is None or count > len(s.A) + _MORE:
         return None
     with budget(_EACH), suppress(OutOfBudgetError, np.linalg.LinAlgError):
-        chains = [count - 1, *([] if few else range(count - 1))] if len(s.B.T) == 1 else []
+        chains = [count - 1, *([] if few else range(count - 1))] if s.B.shape[1] == 1 and task.is_zero_at_times else []
         for length in (-1, *chains):
             for rays in few_rays(s, count, length, starts=_STARTS[not few]):
                 fields = _from_rays(task.small, rays, task.discrete)
@@ -200,6 +224,14 @@ def _with_states(task: _Task, s: Spread | None, count: int, *, few: bool) -> Pos
 
 
 _NONE = "No realization of any order has nonnegative matrices; the matrices of the proof are minimal."
+_THIN = (
+    " Computed: a system of a smaller order has nearly the same response. The numbers of G are taken exactly: where a "
+    "pole was meant to cancel a zero, leave both out."
+)
+_BEGINS = (
+    "G is known up to h_{last}; its later numbers are taken to be those of the only system of order {order} that "
+    "begins with these numbers, and no system of a smaller order does."
+)
 
 
 def _undecided(cert: PositiveRealizationCertificate, n: int, message: str) -> PositiveRealization:

@@ -23,7 +23,8 @@ from .minimal import Realization
 
 Array = NDArray[np.float64]
 
-# Where heights are measured, relative to the dominant eigenvalue or the distance of the furthest one; the time of a step.
+# Where heights are measured and the time of a step, relative to the dominant eigenvalue or the distance of the furthest
+# one.
 _BEYOND, _STEP = 1.0, 0.4
 # Singular values are not taken for less than this part of the largest one.
 _THIN = 1e-13
@@ -36,13 +37,13 @@ class Spread:
     Attributes
     ----------
     exact : tuple of Rationals
-        A, B and C in the new coordinates.
+        A, B and C in the new coordinates, without inputs and outputs that have no effect.
     T : Rationals, shape (n, n)
         x = T z.
     A, B, C : ndarray
-        In floating point and scaled: A = top + size A_scaled in continuous time, size A_scaled in discrete time; columns
-        of B have the height 1, and C is 1 in the middle.
+        In floating point and scaled; columns of B have the height 1, and C is 1 in the middle.
     top, size : float
+        The unscaled matrix is size A, in continuous time top I + size A.
     w : ndarray, shape (n,)
         Heights.
     states : ndarray, shape (n, k)
@@ -60,16 +61,19 @@ class Spread:
     w: Array
     states: Array
     discrete: bool
+    thinness: float
 
 
 def spread(s: Realization, *, discrete: bool) -> Spread | None:
     """The coordinates of a minimal system; None where eigenvalues, heights or middles are not what cones need."""
     T = None
-    exact = s.A, s.B, s.C
+    exact = s.A, s.B[:, s.B.any(axis=0)], s.C[s.C.any(axis=1)]
+    thinness = 1.0
     for _ in range(2):  # the second time without most of the rounding errors of the first
-        new = _balancing(*map(_rounded, exact), discrete=discrete)
-        if new is None:
+        balanced = _balancing(*map(_rounded, exact), discrete=discrete)
+        if balanced is None:
             return None
+        new, thinness = balanced
         step = Matrix(new).fractions()
         T = step if T is None else product(T, step)
         turned = solve_columns(step, np.concatenate([product(exact[0], step), exact[1]], axis=1))
@@ -77,7 +81,7 @@ def spread(s: Realization, *, discrete: bool) -> Spread | None:
             return None
         n = len(step)
         exact = turned[:, :n], turned[:, n:], product(exact[2], step)
-    return None if T is None else _scaled(exact, T, discrete)
+    return None if T is None else _scaled(exact, T, discrete, thinness)
 
 
 def _rounded(M: Rationals) -> Array:
@@ -98,7 +102,7 @@ def _relative(A: Array, top: float, size: float, discrete: bool) -> Array:
     return A / size if discrete else (A - top * np.eye(len(A))) / size
 
 
-def _balancing(A: Array, B: Array, C: Array, *, discrete: bool) -> Array | None:
+def _balancing(A: Array, B: Array, C: Array, *, discrete: bool) -> tuple[Array, float] | None:
     M = _relative(A, *_unit(A, discrete), discrete)
     F = M if discrete else np.asarray(sl.expm(_STEP * M), dtype=np.float64)
     reached, seen = [B / np.linalg.norm(B, axis=0)], [C / np.linalg.norm(C, axis=1, keepdims=True)]
@@ -110,10 +114,13 @@ def _balancing(A: Array, B: Array, C: Array, *, discrete: bool) -> Array | None:
     values, right = values[: len(A)], right[: len(A)].T
     if len(values) < len(A) or not values[0] > 0:
         return None
-    return states @ right / np.sqrt(np.maximum(values, _THIN * values[0]))
+    T = states @ right / np.sqrt(np.maximum(values, _THIN * values[0]))
+    return T, float(values[-1] / values[0])
 
 
-def _scaled(exact: tuple[Rationals, Rationals, Rationals], T: Rationals, discrete: bool) -> Spread | None:
+def _scaled(
+    exact: tuple[Rationals, Rationals, Rationals], T: Rationals, discrete: bool, thinness: float
+) -> Spread | None:
     A, B, C = map(_rounded, exact)
     top, size = _unit(A, discrete)
     A = _relative(A, top, size, discrete)
@@ -135,4 +142,4 @@ def _scaled(exact: tuple[Rationals, Rationals, Rationals], T: Rationals, discret
     orbit = np.hstack(states)
     high = w @ orbit
     orbit = orbit[:, high > 1e-6 * high.max()]
-    return Spread(exact, T, A, B, C / (C @ middle)[:, None], top, size, w, orbit / (w @ orbit), discrete)
+    return Spread(exact, T, A, B, C / (C @ middle)[:, None], top, size, w, orbit / (w @ orbit), discrete, thinness)
