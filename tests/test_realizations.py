@@ -2,13 +2,16 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from math import pi, tan
 
 import control as ct
 import numpy as np
 import pytest
+from realized_systems import hidden
 
 import control_kpos as kp
-from control_kpos.find.realization.minimal import companion, minimal, of_response
+from control_kpos.find.realization.lower_bound import _has_walks, _walks, lower_bound
+from control_kpos.find.realization.minimal import Realization, companion, minimal, of_response
 
 FOUR = [0] + [1 - 25 * Fraction(2, 5) ** k + 75 * Fraction(1, 5) ** k for k in range(7)]
 
@@ -36,19 +39,12 @@ def is_a_realization(found):
     return bool(found) and found.check() and signs and same and found.system.nstates == found.order
 
 
-@pytest.mark.parametrize("seed", range(12))
-def test_planted_realizations_are_found(seed):
-    rng = np.random.default_rng(seed)
-    n, discrete = 2 + seed % 2, seed % 4 > 1
-    P = rng.integers(0, 5, (n, n)) / 16
-    P = P if discrete else P - 2 * np.eye(n)
-    b, c, T = rng.integers(1, 4, (n, 1)), rng.integers(1, 4, (1, n)), rng.integers(-3, 4, (n, n)) + 5 * np.eye(n)
-    inverse = np.linalg.inv(T)
-    H = [c @ np.linalg.matrix_power(P, k) @ b for k in range(2 * n + 1)]
-    found = kp.positive_realization([0, *(float(h[0, 0]) for h in H)]) if discrete else kp.positive_realization(
-        ct.ss(T @ P @ inverse, T @ b, c @ inverse, 0)
-    )  # fmt: skip
-    assert is_a_realization(found) and found.order == n
+@pytest.mark.parametrize("seed", range(40))
+def test_hidden_realizations_are_found(seed):
+    """With as few states as the hidden one has, or fewer; b'c > 0 so that rounding in `ct.tf` does no harm."""
+    G, n = hidden(seed)
+    found = kp.positive_realization(G)
+    assert is_a_realization(found) and found.lower_bound <= found.order <= n
 
 
 def test_four_rays_for_order_three():
@@ -57,6 +53,52 @@ def test_four_rays_for_order_three():
     assert found.lower_bound == found.order == 4  # of a system of three states
     assert len(found.certificate.A.values) == 3
     assert found.system.dt is True and found.system.is_cone_positive()
+
+
+def test_the_order_of_a_response_that_is_zero_twice_is_the_smallest():
+    """Graphs of three states lack its walks; the chain ends in a vertex that is no point of the orbit."""
+    poles = [Fraction(1), Fraction(2, 5), Fraction(1, 5)]
+    A = [[p if i == j else 0 for j in range(3)] for i, p in enumerate(poles)]
+    found = kp.positive_realization(kp.ConeStateSpace(A, [[1], [1], [1]], [[1, -25, 75]], 0, True))
+    assert is_a_realization(found) and found.order == found.lower_bound == 4
+    h = responses(found.certificate.A_positive, found.certificate.B_positive, found.certificate.C_positive, 6)
+    assert [x[0][0] for x in h] == [51, 6, 0, 0, Fraction(12, 25), Fraction(96, 125)]
+
+
+def test_the_smallest_order_by_graphs():
+    """Of all graphs with two states none has walks of 0 and 3 steps and none of 1 and 2, where a loop does not do."""
+    s = of_response([Fraction(x) for x in FOUR])
+    assert lower_bound(s, discrete=True) == 4
+    positive = of_response([Fraction(0), *(Fraction(1) + Fraction(1, 2) ** k for k in range(6))])
+    assert lower_bound(positive, discrete=True) == 2
+    cycle = [Fraction(int(k % 3 == 1)) for k in range(12)]
+    assert lower_bound(of_response(cycle), discrete=True) == 3
+    for p in (1, 2, 3):  # every graph has the walks of its own responses
+        rng = np.random.default_rng(p)
+        P, b, c = (rng.integers(0, 2, shape) for shape in ((p, p), (p, 1), (1, p)))
+        h = [int((c @ np.linalg.matrix_power(P, k) @ b)[0, 0]) for k in range(20)]
+        assert _has_walks(_walks(p), np.array(h) > 0)
+    assert not _has_walks(_walks(2), np.array([True, False, False, True, *[True] * 16]))
+    assert _has_walks(_walks(4), np.array([True, True, False, False, *[True] * 16]))
+    assert not _has_walks(_walks(3), np.array([False, False, False, True, *[True] * 16]))
+
+
+@pytest.mark.parametrize(("turn", "order"), [("1/2", 3), (1, 4), ("3/2", 6), (2, 7), (4, 13)])
+def test_the_smallest_order_by_eigenvalues(turn, order):
+    """0 and -1 ± i turn: tan(pi / p) <= 1 / turn."""
+    assert tan(pi / order) <= 1 / float(Fraction(turn)) * (1 + 1e-12)
+    assert order == 3 or tan(pi / (order - 1)) > 1 / float(Fraction(turn))
+    A = np.array([[0, 0, 0], [0, -1, -Fraction(turn)], [0, Fraction(turn), -1]], dtype=object)
+    one = np.array([[Fraction(1)]] * 3, dtype=object)
+    s = Realization(A * Fraction(1), one, one.T, one[:1])
+    assert lower_bound(s, discrete=False) == order
+    A = np.array([[0, 0, 0], [0, 0, -1], [0, 1, 0]], dtype=object) * Fraction(1)
+    assert lower_bound(Realization(A, one, one.T, one[:1]), discrete=False) == 3  # no realization: nothing is said
+
+
+def test_more_states_than_the_order_where_a_response_is_close_to_zero():
+    found = kp.positive_realization(ct.ss(np.diag([-1, -2, -3]), np.ones((3, 1)), [[0.5, -1, 1]], 0))
+    assert is_a_realization(found) and 3 <= found.order <= 5
 
 
 def test_a_transfer_function():
@@ -73,6 +115,53 @@ def test_common_factors_are_cancelled():
     assert is_a_realization(found) and (found.order, found.lower_bound) == (1, 1)
     hidden = kp.positive_realization(ct.ss([[-1, 0, 0], [0, 3, 0], [1, 0, 2]], [[1], [0], [0]], [[1, 1, 0]], 0))
     assert is_a_realization(hidden) and hidden.order == 1
+
+
+def test_common_factors_that_rounding_keeps_are_told_of():
+    """(s + 0.1) (s + 0.3) by itself and by a third factor: the product is rounded, and with it a pole stays."""
+    nearly = ct.tf(np.poly([-1, -0.1, -2]), np.poly([-0.1, -3, -4, -5.0]))
+    found = kp.positive_realization(nearly)
+    assert found.status is kp.Status.REFUTED and "nearly the same response" in found.message
+    assert "leave both out" in found.explain()
+    assert "nearly" not in kp.positive_realization(ct.tf([1, -1], [1, 3, 2])).explain()
+
+
+@pytest.mark.parametrize(
+    ("G", "order"),
+    [
+        (ct.tf([2, 3], [1, 1]), 1),  # as many zeros as poles
+        (ct.tf([1], [1, 0, 0, 0], True), 3),  # delays
+        (ct.tf([1, 0, 2, 1], [1, 0, 0, 0], True), 3),
+        (ct.tf([1, 0, 0, 1], [1, -0.5, 0, 0, 0], 0.1), 4),
+        (ct.tf([1, 3], [1, -1, -2]), 2),  # unstable
+        (ct.tf([1], [1, -2.5, 1], True), 2),
+        (ct.tf([1], [1, 0]), 1),  # integrators
+        (ct.tf([1], [1, 0, 0]), 2),
+        (ct.zpk([-2], [-1, -3], 2), 2),
+        ([0, 1, 1, 2, 3, 5], 2),
+        (ct.ss([[-1, 0], [0, -2]], [[1, 0], [1, 0]], [[1, 1]], [[0, 1]]), 2),  # an input without states
+        (ct.ss([[-1, 0], [0, -2]], [[1], [1]], [[0, 0], [1, 1]], 0), 2),  # an output without states
+    ],
+)
+def test_kinds_of_systems(G, order):
+    found = kp.positive_realization(G)
+    assert is_a_realization(found) and found.order == found.lower_bound == order
+    dt = True if isinstance(G, list) else G.dt
+    assert found.system.dt == dt
+    assert ("only system of order 2" in found.explain()) == isinstance(G, list)
+
+
+def test_responses_to_steps_never_fall():
+    found = kp.positive_realization(FOUR)
+    steps = ct.step_response(found.system, np.arange(12)).outputs
+    assert (np.diff(steps) >= 0).all() and np.allclose(np.diff(steps)[:3], [51, 6, 0])
+    assert "never fall" in found.explain()
+
+
+def test_limits_of_time_are_kept():
+    G = ct.ss(np.diag([-1, -2, -3]), np.ones((3, 1)), [[0.251, -1, 1]], 0)
+    found = kp.positive_realization(G, time_limit=1e-6)
+    assert found.status is kp.Status.UNDECIDED and "limit" in found.message and found.lower_bound == 3
 
 
 def test_two_inputs_and_outputs():
@@ -131,6 +220,13 @@ def test_minimal_realizations_are_exact():
         (ct.tf([3], [1]), "G is constant"),
         (ct.tf([1, 0, 0], [1, 1]), "more zeros than poles"),
         ([0, float("nan"), 1], "G"),
+        (ct.tf([0], [1, 1]), "G is constant"),
+        (ct.ss([[-1]], [[0]], [[1]], [[2]]), "positive exactly if no entry of D"),
+        (ct.ss([], [], [], [[-2]]), "G is constant"),
+        ([3, 0, 0], "G is constant"),
+        (ct.frd([1, 2], [1, 2]), "G is a FrequencyResponseData"),
+        (ct.ss(-np.eye(41), np.ones((41, 1)), np.ones((1, 41)), 0), "41 states"),
+        (None, "G is None"),
     ],
 )
 def test_bad_arguments(G, says):

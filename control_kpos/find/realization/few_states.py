@@ -39,6 +39,8 @@ _SIZES = (1.5, 4.0, 0.8, 8.0)
 _GOAL, _WORTH = 1e-3, 1e-9
 # Weight of negative outputs of a chain against the margin of all else; both are negative by that much at most.
 _PENALTY, _LOWEST = 10.0, -1e3
+# Relative height below which a chain is taken to leave the cone.
+_LOW = 1e-9
 # Denominators of shifts and coordinates, and shifts that are zero.
 _DENOMINATORS, _ZERO = ((12, 2**10), (1000, 2**22), (10**7, 2**44)), 1e-7
 
@@ -61,113 +63,106 @@ def few_rays(s: Spread, count: int, length: int, *, starts: int, seed: int = 0) 
         place = _Search(s, count, length).from_start(rng, k)
         if place is not None and place.margin > _WORTH:
             for shifts, units in _DENOMINATORS:
-                rays = _exactly(s, place, length, shifts, units)
-                if rays is not None:
-                    yield rays
+                yield _exactly(s, place, length, shifts, units)
 
 
 class _Search:
     """Programs for a number of rays with a chain."""
 
     def __init__(self, s: Spread, count: int, length: int) -> None:
-        self.s, self.count, self.length = s, count, length
-        n, p, m = len(s.A), count, s.B.shape[1]
-        self.required = required_entries(p, s.discrete)
-        self.margins = self.required & (np.arange(p) >= length)  # columns of the chain but for its last have none
-        self.inputs = length < 0
-        self.moving = np.arange(p) > length
-        self.sizes = n, p, m
+        self.s, self.length, self.shifts = s, length, max(length, 0)
+        self.n, self.p, self.m = len(s.A), count, s.B.shape[1]
+        self.required = required_entries(count, s.discrete)
+        self.margins = self.required & (np.arange(count) >= length)  # columns of the chain but for its last have none
+        self.bounds = _bounds(self.required, self.shifts)
 
     def from_start(self, rng: np.random.Generator, k: int) -> Place | None:
         """Rays moved as far as they go from one start."""
-        n, p, _ = self.sizes
-        s, middle = self.s, self.s.states.mean(axis=1)
-        around, sizes, _ = np.linalg.svd(s.states - middle[:, None])
-        if k == 0:
-            chosen = np.linspace(0, s.states.shape[1] - 1, p).astype(int)
-            R = middle[:, None] + _SIZES[0] * (s.states[:, chosen] - middle[:, None])
-        else:
-            corners = rng.standard_normal((n - 1, p))
-            if p == n and n > 1:
-                corners = np.linalg.qr(np.column_stack([np.ones(n), rng.standard_normal((n, n - 1))]))[0][:, 1:].T
-                corners = corners * np.sqrt(n)
-            width = np.resize(sizes, n - 1) / np.sqrt(s.states.shape[1])
-            R = middle[:, None] + _SIZES[k % 4] * (around[:, : n - 1] * width) @ corners
-        heights = s.w @ R
+        R = self._around(rng, k)
+        heights = self.s.w @ R
         if not (heights > 0).all():
             return None
-        low, high = (0.0, 0.5) if s.discrete else (-2.0, 0.0)
-        shifts = rng.uniform(low, high, max(self.length, 0)) if k else np.full(max(self.length, 0), 1.5 * low)
+        low, high = (0.0, 0.5) if self.s.discrete else (-2.0, 0.0)
+        shifts = rng.uniform(low, high, self.shifts) if k else np.full(self.shifts, 1.5 * low)
         start = self.settled(R / heights, shifts)
         return None if start is None else descend(start, self.moved, goal=_GOAL)
 
+    def _around(self, rng: np.random.Generator, k: int) -> Array:
+        """Points of the orbits for k = 0, then corners of random polytopes, of simplices for n rays."""
+        n, p, states = self.n, self.p, self.s.states
+        middle = states.mean(axis=1)[:, None]
+        if k == 0:
+            chosen = np.linspace(0, states.shape[1] - 1, p).astype(int)
+            return middle + _SIZES[0] * (states[:, chosen] - middle)
+        corners = rng.standard_normal((n - 1, p))
+        if p == n:
+            columns = np.column_stack([np.ones(n), rng.standard_normal((n, n - 1))])
+            corners = np.linalg.qr(columns)[0][:, 1:].T * np.sqrt(n)
+        axes, sizes, _ = np.linalg.svd(states - middle)
+        width = np.resize(sizes, n - 1) / np.sqrt(states.shape[1])
+        return middle + _SIZES[k % 4] * (axes[:, : n - 1] * width) @ corners
+
     def settled(self, R: Array, shifts: Array) -> Place | None:
         """The best multipliers of rays whose chain has these shifts."""
-        R = self._with_chain(R, shifts)
-        return None if R is None else self._solved(R, None, 0.0)
+        R, heights = np.array(R, dtype=np.float64), [1.0]
+        for k in range(self.length + 1):
+            g: Array = self.s.A @ R[:, k - 1] - shifts[k - 1] * R[:, k - 1] if k else self.s.B[:, 0]
+            height = float(self.s.w @ g)
+            heights.append(height / float(np.linalg.norm(g) or 1.0))
+            R[:, k] = np.asarray(g / height, dtype=np.float64)
+        return self._solved(R, None, 0.0) if min(heights) > _LOW and np.isfinite(R).all() else None
 
     def moved(self, place: Place, radius: float) -> Place | None:
         """The rays of one program, and their own best multipliers."""
         found = self._solved(place.R, place, radius)
-        return None if found is None else self.settled(found.R, np.diag(found.P)[: max(self.length, 0)])
-
-    def _with_chain(self, R: Array, shifts: Array) -> Array | None:
-        if self.length < 0:
-            return R
-        R = R.copy()
-        g = self.s.B[:, 0]
-        for k in range(self.length + 1):
-            R[:, k] = g
-            if k < self.length:
-                g = self.s.A @ g - shifts[k] * g
-                height = self.s.w @ g
-                if not height > 1e-9 * np.linalg.norm(g) * np.linalg.norm(self.s.w):
-                    return None
-                g = g / height
-        return R
+        return None if found is None else self.settled(found.R, np.diag(found.P)[: self.shifts])
 
     def _solved(self, R: Array, at: Place | None, radius: float) -> Place | None:
-        s, (n, p, m) = self.s, self.sizes
+        """The best multipliers, of rays that move within the radius if `at` is given."""
+        s, n, p, m = self.s, self.n, self.p, self.m
         spend(program_effort(n * p + n * m + p, p * p + p * m + n * p))
-        chain = max(self.length, 0)
-        low, high = np.where(self.required, 0.0, -np.inf), np.full((p, p), np.inf)
-        for k in range(chain):  # column k has two entries
-            high[:, k] = 0.0
-            low[np.arange(p) != k, k] = 0.0
-            high[[k, k + 1], k] = np.inf
-        program = Program(P=Block(p * p, low.T.ravel(), high.T.ravel()), N=Block(p * m, 0.0))
+        low, high = self.bounds
+        anywhere = float(self.length < 0)  # the input is a ray of the chain, or has a margin
+        program = Program(P=Block(p * p, low, high), N=Block(p * m, 0.0))
         program.add(margin=Block(1, _LOWEST, 1.0, -1.0), lowest=Block(1, _LOWEST, 0.0, -_PENALTY))
         images = {"P": np.kron(np.eye(p), R), "margin": (R @ self.margins).T.ravel()}
-        inputs = {"N": np.kron(np.eye(m), R), "margin": np.tile(R.sum(axis=1), m) if self.inputs else np.zeros(n * m)}
-        outputs, values = {}, (s.C @ R).T.ravel()
+        inputs = {"N": np.kron(np.eye(m), R), "margin": np.tile(R.sum(axis=1), m) * anywhere}
+        outputs: dict[str, Array] = {}
         if at is not None:
             program.add(D=Block(n * p, -radius, radius))
             images["D"] = np.kron(at.P.T, np.eye(n)) - np.kron(np.eye(p), s.A)
             inputs["D"] = np.kron(at.F.T, np.eye(n))
+            outputs["D"] = np.kron(np.eye(p), s.C)
             program.equal(0.0, D=np.kron(np.eye(p), s.w[None]))
-            outputs = {"D": np.kron(np.eye(p), s.C)}
-            if self.length >= 0:
-                program.equal(0.0, D=np.eye(n, n * p))
+        if at is not None and self.length >= 0:
+            program.equal(0.0, D=np.eye(n, n * p))
         program.equal((s.A @ R).T.ravel(), **images)
         program.equal(s.B.T.ravel(), **inputs)
-        q = len(s.C)
-        for name, rows in (("margin", np.repeat(self.moving, q)), ("lowest", np.repeat(~self.moving, q))):
+        chain = np.repeat(np.arange(p) <= self.length, len(s.C))
+        for name, rows in (("margin", ~chain), ("lowest", chain)):
             if rows.any():
                 parts = {block: part[rows] for block, part in outputs.items()}
-                program.above(-values[rows], np.ones(rows.sum()), name=name, **parts)
+                program.above(-(s.C @ R).T.ravel()[rows], np.ones(rows.sum()), name=name, **parts)
         answer = program.solve()
         if not answer:
             return None
         t = float(answer["margin"][0])
         P = answer["P"].reshape(p, p).T + t * self.margins
-        N = answer["N"].reshape(m, p).T + t * self.inputs
-        if at is not None:
-            R = R + answer["D"].reshape(p, n).T
-            R = R / (s.w @ R)
-        return Place(R, P, t + _PENALTY * float(answer["lowest"][0]), N)
+        N = answer["N"].reshape(m, p).T + t * anywhere
+        R = R if at is None else R + answer["D"].reshape(p, n).T
+        return Place(R / (s.w @ R), P, t + _PENALTY * float(answer["lowest"][0]), N)
 
 
-def _exactly(s: Spread, place: Place, length: int, shifts: int, units: int) -> Rationals | None:
+def _bounds(required: NDArray[np.bool_], shifts: int) -> tuple[Array, Array]:
+    """Of P, column by column: two entries of each column of a chain, and the signs of the others."""
+    low, high = np.where(required, 0.0, -np.inf), np.full(required.shape, np.inf)
+    for k in range(shifts):
+        others = ~np.isin(np.arange(len(low)), (k, k + 1))
+        low[others, k] = high[others, k] = 0.0
+    return low.T.ravel(), high.T.ravel()
+
+
+def _exactly(s: Spread, place: Place, length: int, shifts: int, units: int) -> Rationals:
     """Rays in fractions: a chain, computed exactly from its rounded shifts, and the others rounded."""
     A, B, _ = s.exact
     out = []

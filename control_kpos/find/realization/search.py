@@ -64,11 +64,23 @@ class PositiveRealization(Answer):
     lower_bound : int
         Every realization with nonnegative matrices has at least so many states: proven from the order of a minimal
         realization, from eigenvalues that are not real, and in discrete time from zeros of the response.
+    scope : str
+        For an impulse response: how far it is known, and what is taken to follow.
     """
 
     system: ConeStateSpace | None = None
     order: int | None = None
     lower_bound: int = 0
+    scope: str = ""
+
+    def explain(self) -> str:
+        """The verdict, why it holds, and of what response.
+
+        Returns
+        -------
+        str
+        """
+        return f"{super().explain()} {self.scope}".rstrip()
 
     def facts(self) -> list[tuple[str, str]]:
         """The order, and its bound from below."""
@@ -145,7 +157,7 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     )
     if isinstance(G, InputOutputSystem):
         return answer
-    return replace(answer, message=f"{answer.message} {_BEGINS.format(last=len(G) - 1, order=n)}".lstrip())
+    return replace(answer, scope=_BEGINS.format(last=len(G) - 1, order=n))
 
 
 @dataclass(frozen=True, eq=False)
