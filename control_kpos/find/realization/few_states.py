@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,7 +110,7 @@ class _Search:
             g: Array = self.s.A @ R[:, k - 1] - shifts[k - 1] * R[:, k - 1] if k else self.s.B[:, 0]
             height = float(self.s.w @ g)
             heights.append(height / float(np.linalg.norm(g) or 1.0))
-            R[:, k] = np.asarray(g / height, dtype=np.float64)
+            R[:, k] = g / height
         return self._solved(R, None, 0.0) if min(heights) > _LOW and np.isfinite(R).all() else None
 
     def moved(self, place: Place, radius: float) -> Place | None:
@@ -127,7 +128,7 @@ class _Search:
         program.add(margin=Block(1, _LOWEST, 1.0, -1.0), lowest=Block(1, _LOWEST, 0.0, -_PENALTY))
         images = {"P": np.kron(np.eye(p), R), "margin": (R @ self.margins).T.ravel()}
         inputs = {"N": np.kron(np.eye(m), R), "margin": np.tile(R.sum(axis=1), m) * anywhere}
-        outputs: dict[str, Array] = {}
+        outputs: dict[str, Any] = {}
         if at is not None:
             program.add(D=Block(n * p, -radius, radius))
             images["D"] = np.kron(at.P.T, np.eye(n)) - np.kron(np.eye(p), s.A)
