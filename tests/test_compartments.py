@@ -9,8 +9,9 @@ import pytest
 import scipy.sparse as sp
 
 import control_kpos as kp
+from control_kpos.theorems import subtraction_free
 from control_kpos.theorems.compartments import CompartmentalCertificate, Trap
-from control_kpos.theorems.subtraction_free import relative_error, solve_without_subtraction
+from control_kpos.theorems.subtraction_free import Elimination, relative_error
 
 
 def rates(n, seed, density=0.3):
@@ -91,24 +92,82 @@ def test_graphs_have_names():
     graph.add_edge("blood", "tissue", weight=0.5)
     graph.add_edge("tissue", "blood", weight="1/3")
     found = kp.compartmental(graph, [0.25, 0])
-    assert found and found.system.state_labels == ["blood", "tissue"]
+    system = found.system
+    assert found and system.state_labels == system.input_labels == system.output_labels == ["blood", "tissue"]
+    assert kp.compartmental(graph, {"blood": 0.25}, [[1], [0]]).system.input_labels == ["u[0]"]
     assert np.allclose(found.residence_times, [(1 + 0.5 * 3) * 4, (1 + 0.5 * 3) * 4 + 3])
     both = kp.compartmental(nx.path_graph(3), [0, 0, 1])
     assert np.array_equal(both.certificate.flows.values.toarray(), nx.to_numpy_array(nx.path_graph(3)))
 
 
-def test_a_ring_of_many():
+def test_a_chain_of_many():
     n = 20_000
-    ring = sp.csr_array(sp.eye_array(n, k=1) + sp.eye_array(n, k=-1))
+    chain = sp.csr_array(sp.eye_array(n, k=1) + sp.eye_array(n, k=-1))
     leak = np.zeros(n)
-    assert kp.compartmental(ring, leak).status is kp.Status.REFUTED
-    leak[7] = 1e-300
-    found = kp.compartmental(ring, leak)
+    assert kp.compartmental(chain, leak).status is kp.Status.REFUTED
+    leak[7] = 1e-200
+    found = kp.compartmental(chain, leak, np.eye(n, 1), np.eye(2, n))
     assert found and found.check()
-    with pytest.raises(kp.TooLargeError, match="20000 compartments"):
-        _ = found.gain
+    assert found.relative_error < 1e-9
+    assert np.abs(found.residence_times / (n * 1e200) - 1).max() < 1e-12
+    assert np.abs(found.gain / 1e200 - 1).max() < 1e-12
+    with pytest.raises(kp.TooLargeError, match="20000 inputs and 20000 outputs"):
+        _ = kp.compartmental(chain, leak).gain
     with pytest.raises(kp.TooLargeError, match="20000"):
         _ = found.system
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rounds_of_elimination_lose_nothing(seed, monkeypatch):
+    monkeypatch.setattr(subtraction_free, "_FEW", 3)
+    monkeypatch.setattr(subtraction_free, "_FILLED", 0.9)
+    n = 12
+    F, rng = rates(n, seed, 0.15)
+    F = F * 10.0 ** rng.integers(-6, 6, (n, n)) + np.roll(np.eye(n), 1, axis=1)
+    np.fill_diagonal(F, 0)
+    o = np.where(np.arange(n) == 3, 1e-12, 0.0)
+    C = rng.random((2, n))
+    exact = inverse(F, o)
+    gain = np.vectorize(Fraction)(C) @ exact
+    found = kp.compartmental(sp.csr_array(F), o, None, C)
+    assert len(found._factors.rounds) > 1
+    for got, wanted in ((found.gain, gain), (found.residence_times, exact.sum(axis=0))):
+        errors = [abs(Fraction(x) - y) / y if y else x for x, y in zip(got.flat, wanted.flat, strict=True)]
+        assert max(errors) <= found.relative_error < 1e-12
+    monkeypatch.setattr(subtraction_free, "LARGEST", 2)
+    with pytest.raises(kp.TooLargeError, match=r"of 12 compartments are left, with .* the limit is 2"):
+        Elimination(sp.csr_array(F.T), o)
+
+
+def test_numbers_that_scipy_would_let_out_of_range(monkeypatch):
+    monkeypatch.setattr(subtraction_free, "_FEW", 1)
+    monkeypatch.setattr(subtraction_free, "_FILLED", 2.0)
+    for size in (1e-300, 1.7e308):
+        star = sp.csr_array(np.array([[0, size, size], [size, 0, 0], [size, 0, 0]]))
+        with pytest.raises(kp.UndecidedError, match="leaves the range"):
+            Elimination(star, np.array([1.7e308, 1e-300, 1.7e308])).solve(np.full((3, 1), 1e-300))
+
+
+def test_a_chain_with_absorbing_states_is_drained_into_them():
+    # A gambler's ruin: states 1, 2, 3, absorbed at 0 and 4.
+    half = Fraction(1, 2)
+    walk = nx.DiGraph([(a, b, {"weight": half}) for a in (1, 2, 3) for b in (a - 1, a + 1) if b in (1, 2, 3)])
+    ruined = kp.compartmental(walk, {1: half, 3: "1/2"})
+    at = {name: ruined.names.index(name) for name in "123"}
+    assert np.allclose(ruined.residence_times[[at["1"], at["2"], at["3"]]], [3, 4, 3])  # steps, on average
+    assert np.allclose(ruined.gain[at["1"]] / 2 + ruined.gain[at["3"]] / 2, 1)  # one of both ends is reached
+    closed = kp.compartmental(nx.DiGraph([("up", "down"), ("down", "up")]), {})
+    assert closed.status is kp.Status.REFUTED and closed.explain().endswith("Never drained: up, down.")
+    numbered = kp.compartmental([[0, 1], [1, 0]], {1: "1/3"})
+    assert numbered.certificate.outflows.fractions().tolist() == [[0, Fraction(1, 3)]]
+
+
+def test_a_laplacian_that_is_not_symmetric_is_transposed():
+    W, rng = rates(5, 2, 0.8)
+    o, B, C = rng.random(5), rng.random((5, 1)), rng.random((2, 5))
+    L = np.diag(W.sum(axis=1)) - W
+    gain = C @ np.linalg.solve(L + np.diag(o), B)
+    assert np.allclose(kp.compartmental(W.T, o, C.T, B.T).gain.T, gain, rtol=1e-6)
 
 
 def test_wrong_certificates_are_noticed():
@@ -146,10 +205,11 @@ def test_no_gain_without_a_drain():
 
 def test_the_bound_counts_every_rounding():
     n = 5
-    steps = sum(2 * k * (k + 3) + 2 * k + 2 for k in range(n))
-    assert steps + 2 * n <= relative_error(n) * 2**53 <= 1.02 * (steps + 2 * n)
-    x = solve_without_subtraction(np.zeros((1, 1)), np.array([4.0]), np.array([[2.0]]))
-    assert x.tolist() == [[0.5]]
+    full = Elimination(np.ones((n, n)), np.ones(n))
+    assert full.roundings == sum(2 * k * (k + 3) + 2 * k + 2 for k in range(n)) + 2 * n
+    assert full.roundings <= relative_error(full.roundings) * 2**53 <= 1.02 * full.roundings
+    assert relative_error(10**15) == np.inf
+    assert Elimination(np.zeros((1, 1)), np.array([4.0])).solve(np.array([[2.0]])).tolist() == [[0.5]]
 
 
 @pytest.mark.parametrize(
@@ -166,6 +226,8 @@ def test_the_bound_counts_every_rounding():
         (([[0, 1], [1, 0]], [1, 0], None, [[1, 0, 0]]), "C is 1 x 3, but must be any x 2"),
         ((np.zeros((0, 0)), []), "flows has no compartments"),
         ((nx.MultiGraph(), []), "flows is a multigraph"),
+        ((nx.path_graph(2), {5: 1}), "outflows has a rate for 5, which is no compartment; the compartments are 0, 1"),
+        (([[0, 1], [1, 0]], {2: 1}), "outflows has a rate for 2"),
     ],
 )
 def test_bad_arguments(arguments, says):

@@ -7,6 +7,7 @@ are found without subtraction (see `theorems.subtraction_free`), with a proven r
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,21 +16,22 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from ..cards import raised
 from ..errors import DataError, KposError, ShapeError, TooLargeError, UndecidedError
 from ..exact.intake import exact_matrix, require_shape
 from ..exact.matrix import Matrix, dense
 from ..exact.rounding import SMALLEST_NORMAL
 from ..proof.answer import Answer
 from ..systems.statespace import ConeStateSpace
-from ..theorems.compartments import CompartmentalCertificate, drains
-from ..theorems.subtraction_free import LARGEST, relative_error, solve_without_subtraction
+from ..theorems.compartments import NAMED, CompartmentalCertificate, Trap, drains
+from ..theorems.subtraction_free import Elimination, relative_error, within_range
 from .coupling import from_entries
 from .ranges import is_graph
 
 Floats = NDArray[np.float64]
 # Compartments whose matrix is formed in fractions.
 _EXACT = 1000
+# Numbers in the solutions for a gain.
+_NUMBERS = 50_000_000
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -44,11 +46,15 @@ class Compartments(Answer):
         Nonnegative inputs and outputs.
     names : tuple of str
         Labels of the compartments, those of a graph.
+    inputs, outputs : tuple of str
+        The same, where B or C was left out.
     """
 
     B: Matrix
     C: Matrix
     names: tuple[str, ...] = ()
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
 
     @cached_property
     def system(self) -> ConeStateSpace:
@@ -70,15 +76,21 @@ class Compartments(Answer):
         A = np.array(cert.flows.fractions())
         A[np.diag_indices(n)] = -(A.sum(axis=0) + cert.outflows.fractions()[0])
         q, m = self.C.shape[0], self.B.shape[1]
-        labels = {"states": list(self.names)} if self.names else {}
+        signals = {"states": self.names, "inputs": self.inputs, "outputs": self.outputs}
+        labels = {kind: list(names) for kind, names in signals.items() if names}
         data = (Matrix.from_fractions(A), self.B.dense(), self.C.dense(), np.zeros((q, m)))
         return ConeStateSpace(*data, **labels)
 
     @property
     def relative_error(self) -> float:
-        """A proven bound of the relative error of every entry of `residence_times` and `gain`."""
-        n = self.B.shape[0]
-        return relative_error(n, n + 3)
+        """A proven bound of the relative error of every entry of `residence_times` and `gain`; inf above 1 %.
+
+        Raises
+        ------
+        KposError, TooLargeError, UndecidedError
+            As `residence_times`.
+        """
+        return relative_error(self._factors.roundings + self.B.shape[0] + 3)
 
     @cached_property
     def residence_times(self) -> Floats:
@@ -90,10 +102,12 @@ class Compartments(Answer):
         ------
         KposError
             Some compartment never drains.
-        TooLargeError, UndecidedError
-            More than 2000 compartments, or numbers outside the range of doubles.
+        TooLargeError
+            More than 2000 compartments, of which not enough can be eliminated as sparse ones.
+        UndecidedError
+            A number leaves the range of doubles.
         """
-        return self._solved(Matrix(np.ones((1, self.B.shape[0]))))[:, 0]
+        return self._factors.solve(np.ones((self.B.shape[0], 1)))[:, 0]
 
     @cached_property
     def gain(self) -> Floats:
@@ -102,37 +116,40 @@ class Compartments(Answer):
         Raises
         ------
         KposError, TooLargeError, UndecidedError
-            As `residence_times`.
+            As `residence_times`; also TooLargeError if n (q + m) is above 5e7.
         """
-        X = self._solved(self.C)
-        B = dense(self.B.values)
-        out = np.empty((X.shape[1], B.shape[1]))
-        for j in range(B.shape[1]):
-            out[:, j] = (X * B[:, [j]]).sum(axis=0)
-        return out
+        (n, m), q = self.B.shape, self.C.shape[0]
+        if n * (q + m) > _NUMBERS:
+            raise TooLargeError(
+                f"the gain between {m} inputs and {q} outputs takes {n} x {q + m} numbers; the limit is {_NUMBERS}. "
+                "Give B and C with the few inputs and outputs that matter."
+            )
+        X, B = self._factors.solve(np.array(dense(self.C.values)).T), np.array(dense(self.B.values))
+        with within_range():
+            return np.column_stack([(X * column[:, None]).sum(axis=0) for column in B.T]).reshape(q, m)
 
-    def _solved(self, right: Matrix) -> Floats:
-        """M^-1 r for every row r, in doubles, as columns; M = -A'."""
-        cert, n = self.certificate, self.B.shape[0]
+    @cached_property
+    def _factors(self) -> Elimination:
+        """Of M = -A'."""
+        cert = self.certificate
         if not isinstance(cert, CompartmentalCertificate) or not cert:
             raise KposError(f"there are residence times and gains only if all compartments drain. {self.explain()}")
-        if n > LARGEST:
-            raise TooLargeError(f"{n} compartments are eliminated as a dense matrix; the limit is {LARGEST}.")
         if not all(map(_has_all_digits, (cert.flows, cert.outflows, self.B, self.C))):
             raise UndecidedError("a rate or a weight is below the range of doubles; scale the time, or the signals.")
-        rates = np.array(dense(cert.flows.values)).T
-        return solve_without_subtraction(rates, cert.outflows.values[0], np.array(dense(right.values)).T)
+        return Elimination(cert.flows.values.T, cert.outflows.values[0])
+
+    def explain(self) -> str:
+        """The verdict and why, then the names of compartments that never drain."""
+        verdict = "" if self.certificate is None else self.certificate.explain()
+        return " ".join(part for part in (verdict, self.message) if part)
 
     def facts(self) -> list[tuple[str, str]]:
-        """How many compartments, and how accurate their gains are."""
-        n = self.B.shape[0]
-        return [("compartments", str(n)), ("relative error of gains", raised(self.relative_error))][
-            : 1 + (n <= LARGEST)
-        ]
+        """How many compartments there are."""
+        return [("compartments", str(self.B.shape[0]))]
 
 
 def compartmental(
-    flows: Any, outflows: ArrayLike, B: ArrayLike | None = None, C: ArrayLike | None = None
+    flows: Any, outflows: ArrayLike | Mapping[Any, Any], B: ArrayLike | None = None, C: ArrayLike | None = None
 ) -> Compartments:
     """Compartments from their flows and outflows: is everything drained, how long does it take, with what gains?
 
@@ -145,8 +162,9 @@ def compartmental(
         flows[i, j] >= 0 is the rate from j to i, for i != j; the diagonal must be 0, because it follows.  Of a graph
         the edge j -> k carries the rate "weight" from j to k (1 if there is none), in both directions if the graph has
         none.
-    outflows : array_like, shape (n,)
-        Rates >= 0 to the outside, in the order of the compartments (of a graph: of its nodes).
+    outflows : array_like, shape (n,), or dict
+        Rates >= 0 to the outside, in the order of the compartments (of a graph: of its nodes); or those that are not 0
+        by the node of the graph, or the number of the compartment.
     B : array_like, shape (n, m), optional
         Nonnegative inputs.  Default: an input into every compartment.
     C : array_like, shape (q, n), optional
@@ -169,8 +187,9 @@ def compartmental(
     Notes
     -----
     Rates may be fractions or text, and are exact.  The verdict takes one search through the graph, at any size;
-    residence times and gains a dense elimination without subtraction, up to 2000 compartments, whose entries have
-    nearly all digits even if the outflows are 1e-200 of the flows.
+    residence times and gains an elimination without subtraction, whose entries have nearly all digits even if the
+    outflows are 1e-200 of the flows: up to 2000 compartments in any case, and 1e5 where few flows are between them, as
+    in chains and trees (less than a second).
 
     Examples
     --------
@@ -181,12 +200,13 @@ def compartmental(
     >>> kp.compartmental([[0, 1], [2, 0]], [0, 0]).status.name
     'REFUTED'
     """
-    F, names = _flows(flows)
+    F, labels = _flows(flows)
     n = F.shape[0]
     if not n:
         raise ShapeError("flows has no compartments; give at least one.")
     require_shape(F, "flows", (n, n), "a rate for every pair of compartments")
-    o = require_shape(exact_matrix(outflows, "outflows", ndim=1), "outflows", (n,), f"flows has {n} compartments")[None]
+    rates = _in_order(outflows, labels) if isinstance(outflows, Mapping) else outflows
+    o = require_shape(exact_matrix(rates, "outflows", ndim=1), "outflows", (n,), f"flows has {n} compartments")[None]
     _require_nonnegative(F, "flows")
     _require_nonnegative(o, "outflows", "outflows[{1}]")
     own = np.flatnonzero(F.values.diagonal())
@@ -202,13 +222,31 @@ def compartmental(
     for M, name in ((ins, "B"), (outs, "C")):
         _require_nonnegative(M, name)
     cert = drains(F, o)
-    return Compartments(status=cert.status, certificate=cert, B=ins, C=outs, names=names)
+    texts = tuple(map(str, labels)) if is_graph(flows) else ()
+    names = texts if len(set(texts)) == len(texts) else ()
+    return Compartments(
+        status=cert.status,
+        certificate=cert,
+        message=_named(cert.witness.members, names) if isinstance(cert.witness, Trap) and names else "",
+        B=ins,
+        C=outs,
+        names=names,
+        inputs=names if B is None else (),
+        outputs=names if C is None else (),
+    )
 
 
-def _flows(given: Any) -> tuple[Matrix, tuple[str, ...]]:
-    """The matrix of flows, and the labels of a graph."""
+def _named(members: Floats, names: tuple[str, ...]) -> str:
+    """The compartments of a trap by their names."""
+    few = ", ".join(names[int(i)] for i in members[:NAMED])
+    return f"Never drained: {few}{', ...' * (len(members) > NAMED)}."
+
+
+def _flows(given: Any) -> tuple[Matrix, Sequence[Any]]:
+    """The matrix of flows, and the nodes of the graph, or else numbers."""
     if not is_graph(given):
-        return exact_matrix(given, "flows"), ()
+        F = exact_matrix(given, "flows")
+        return F, range(F.shape[0])
     if given.is_multigraph():
         raise DataError(
             "flows is a multigraph; parallel edges have no single rate. Add their rates up in a Graph or DiGraph."
@@ -220,8 +258,20 @@ def _flows(given: Any) -> tuple[Matrix, tuple[str, ...]]:
         edges += [(b, a, rate) for a, b, rate in edges if a != b]
     rates = exact_matrix([rate for *_, rate in edges], "the weights of flows", ndim=1)
     to, of = (np.array([number[edge[k]] for edge in edges], dtype=np.intp) for k in (1, 0))
-    names = tuple(map(str, labels))
-    return from_entries([to], [of], [rates], (len(labels), len(labels))), names if len(set(names)) == len(names) else ()
+    return from_entries([to], [of], [rates], (len(labels), len(labels))), labels
+
+
+def _in_order(outflows: Mapping[Any, Any], labels: Sequence[Any]) -> list[Any]:
+    """The outflows of all compartments."""
+    known = set(labels)
+    for label in outflows:
+        if label not in known:
+            few = ", ".join(map(repr, labels[:NAMED]))
+            raise DataError(
+                f"outflows has a rate for {label!r}, which is no compartment; the compartments are {few}"
+                f"{', ...' * (len(labels) > NAMED)}."
+            )
+    return [outflows.get(label, 0) for label in labels]
 
 
 def _require_nonnegative(M: Matrix, name: str, where: str = "") -> None:

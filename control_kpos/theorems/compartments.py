@@ -37,7 +37,7 @@ from ..proof.encoding import register_record
 Floats = NDArray[np.float64]
 _FLOWS, _OUTFLOWS = "flows >= 0", "outflows >= 0"
 # Compartments that a text names.
-_NAMED = 8
+NAMED = 8
 
 
 @register_record
@@ -55,7 +55,7 @@ class Trap:
 
     def __str__(self) -> str:
         numbers = [str(int(i)) for i in self.members]
-        few = ", ".join(numbers[:_NAMED]) + ", ..." * (len(numbers) > _NAMED)
+        few = ", ".join(numbers[:NAMED]) + ", ..." * (len(numbers) > NAMED)
         return f"compartment {few}" if len(numbers) == 1 else f"compartments {few}"
 
 
