@@ -12,15 +12,16 @@ few hundred or a filled matrix are left, which are eliminated one by one.
 
 *The error.*  Let u = 2^-53 and E = 1 / (1 - u): a rounding changes a nonnegative number by a factor between 1/E and E.
 Say k are left behind a step, d is the largest number of flows from an eliminated i, and c that of flows from one that
-is left to those eliminated.  Then p_i takes d roundings, and each of N_kj, w_k, b_k at most d + 2 + c (one by one:
-k + 3).  An entry of the solution of k equations is a quotient of two polynomials in the entries of N and w with
+is left to those eliminated.  Then p_i takes d roundings, and each of N_kj, w_k, b_k at most d + 2 + c.  (One by one, in
+panels: k + 3 in every step, and at the end of a panel of h steps h more, one for each of them, at most: k + 4.)
+An entry of the solution of k equations is a quotient of two polynomials in the entries of N and w with
 positive coefficients, homogeneous of the degrees k - 1 and k, times b (the matrix-tree theorem; Kirchhoff).  So factors
 within E^(d+2+c) of all entries move the solution by a factor within E^(2k(d+2+c)); going back adds 2d + 2 roundings.
 The sum over all steps is counted, and 2n more where the rates themselves were rounded.  For a full matrix
 
-    sum_{k=0}^{n-1} (2 k (k + 3) + 2 k + 2) + 2 n = n (n - 1)(2n - 1) / 3 + 4 n (n - 1) + 4 n:
+    sum_{k=0}^{n-1} (2 k (k + 4) + 2 k + 2) + 2 n = n (n - 1)(2n - 1) / 3 + 5 n (n - 1) + 4 n:
 
-the relative error is below (2/3 n^3 + 4 n^2) u, up to 1 %.  That nothing overflows or underflows is watched.
+the relative error is below (2/3 n^3 + 5 n^2) u, up to 1 %.  That nothing overflows or underflows is watched.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..errors import TooLargeError, UndecidedError
-from ..exact.rounding import HALF_ULP
+from ..exact.rounding import HALF_ULP, SMALLEST_NORMAL
 
 Floats = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -42,6 +43,8 @@ Index = NDArray[np.intp]
 LARGEST = 2000
 # Compartments that are eliminated one by one, as a dense matrix, even if it has many zeros; its share of nonzeros else.
 _FEW, _FILLED = 100, 0.1
+# Compartments whose effect on the others is added up in one product.
+_PANEL = 64
 # The share of rows that count as having few entries.
 _FEWEST = 0.05
 # Products of two flows in all rounds: seconds.
@@ -130,20 +133,19 @@ class Elimination:
         if n > LARGEST:
             raise TooLargeError(f"{n} compartments are eliminated as a dense matrix; the limit is {LARGEST}.")
         np.fill_diagonal(N, 0.0)
-        for i in range(n):
-            ahead = slice(i + 1, None)
-            p[i] = w[i] + N[i, ahead].sum()
-            N[ahead, i] /= p[i]
-            into = np.flatnonzero(N[ahead, i]) + i + 1
-            share = N[into, i]
-            w[into] += share * w[i]
-            if 4 * into.size > n - i:
-                N[ahead, ahead] += N[ahead, i, None] * N[i, ahead]
-            else:
-                out = np.flatnonzero(N[i, ahead]) + i + 1
-                N[np.ix_(into, out)] += share[:, None] * N[i, out]
+        for first in range(0, n, _PANEL):
+            # The panel's rows and columns at every step, the rest after it.
+            last = min(first + _PANEL, n)
+            for i in range(first, last):
+                ahead, panel = slice(i + 1, None), slice(i + 1, last)
+                p[i] = w[i] + N[i, ahead].sum()
+                N[ahead, i] /= p[i]
+                w[ahead] += N[ahead, i] * w[i]
+                N[panel, ahead] += N[panel, i, None] * N[i, ahead]
+                N[last:, panel] += N[last:, i, None] * N[i, panel]
+            N[last:, last:] += _product(N[last:, first:last], N[first:last, last:])
         self.p, self.filled = p, N
-        self.roundings += n * (n - 1) * (2 * n - 1) // 3 + 4 * n * (n - 1) + 2 * n
+        self.roundings += n * (n - 1) * (2 * n - 1) // 3 + 5 * n * (n - 1) + 2 * n
 
     def solve(self, b: Floats) -> Floats:
         """x with M x = b, every entry within `relative_error(roundings)` of its size.
@@ -173,10 +175,15 @@ class Elimination:
 
     def _solve_filled(self, b: Floats) -> Floats:
         n, N = len(b), self.filled
-        for i in range(n):
-            b[i + 1 :] += N[i + 1 :, i, None] * b[i]
-        for i in range(n - 1, -1, -1):
-            b[i] = (b[i] + (N[i, i + 1 :, None] * b[i + 1 :]).sum(axis=0)) / self.p[i]
+        panels = [(first, min(first + _PANEL, n)) for first in range(0, n, _PANEL)]
+        for first, last in panels:
+            for i in range(first, last):
+                b[i + 1 : last] += N[i + 1 : last, i, None] * b[i]
+            b[last:] += _product(N[last:, first:last], b[first:last])
+        for first, last in reversed(panels):
+            b[first:last] += _product(N[first:last, last:], b[last:])
+            for i in range(last - 1, first - 1, -1):
+                b[i] = (b[i] + (N[i, i + 1 : last, None] * b[i + 1 : last]).sum(axis=0)) / self.p[i]
         return b
 
 
@@ -213,6 +220,18 @@ def _no_flows_between(N: sp.csr_array, order: Index) -> NDArray[np.bool_]:
     chosen = np.ones(len(degrees), dtype=bool)
     chosen[some] = key[some] < np.minimum.reduceat(key[both.indices], both.indptr[some])
     return chosen & (degrees <= 1 + np.quantile(degrees, _FEWEST))
+
+
+def _product(left: Floats, right: Floats) -> Floats:
+    """left @ right of dense nonnegative matrices: by BLAS, which notices no number out of range, where none can be."""
+    least = [part.min(where=part > 0, initial=1.0) for part in (left, right)]
+    if least[0] >= SMALLEST_NORMAL / least[1]:
+        with np.errstate(all="ignore"):
+            return _finite(left @ right)
+    out = np.zeros((left.shape[0], right.shape[1]))
+    for k in range(left.shape[1]):
+        out += left[:, k, None] * right[k]
+    return out
 
 
 def _products(left: sp.csr_array, right: sp.csr_array) -> sp.csr_array:
