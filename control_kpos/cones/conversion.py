@@ -2,8 +2,9 @@
 
 A cone is given by generators (rows).  If they span less than R^n, the cone is described in coordinates
 of its span, and equations are added.  If they contain lines, the cone is divided by its largest linear
-subspace.  What remains is pointed and solid, and `hull.beneath_beyond` finds its facets.  The same
-function converts facets to generators: the normals generate the dual cone.
+subspace.  What remains is pointed and solid.  It is divided into parts whose spans are independent (`parts`), of which
+`hull.beneath_beyond` finds the facets.  The same function converts facets to generators: the normals generate the
+dual cone.
 """
 
 from __future__ import annotations
@@ -18,8 +19,9 @@ from ..exact.linalg import echelon, inverse_rows
 from ..exact.matrix import Integers, Matrix, divide_by_content
 from ..exact.rounding import rounding_radius, sum_factor
 from ..exact.rows import equilibrate, exact_rows, frozen, unit_rows
-from .hull import Facets, Lines, beneath_beyond
+from .hull import Facets, Lines, allowance, beneath_beyond
 from .normals import Hyperplanes
+from .parts import independent_parts
 from .simplicial import LARGE, simplicial_facets
 
 # Normals of all facets are computed exactly at once if they cost fewer multiplications than this.
@@ -75,7 +77,8 @@ def convert(generators: Matrix) -> Faces:
     -----
     Simplicial cones cost one elimination (n <= 24) or a few floating point inverses (n > 24), other
     cones about 10 microseconds per simplex of the triangulations that lead to the answer, and up to a
-    millisecond where rounding leaves signs open.  `TooLargeError` after about half a minute of that.
+    millisecond where rounding leaves signs open; products as much as their factors, in whatever coordinates.
+    `TooLargeError` after about half a minute of that.
     """
     p, n = generators.shape
     if p == n > LARGE:
@@ -97,37 +100,110 @@ def convert(generators: Matrix) -> Faces:
     project = np.eye(n, dtype=int).astype(object)[:, form.columns]
     current = divide_by_content(rows @ project)
     first = _distinct(current)
-    hull = _pointed_hull(current[first])
-    while isinstance(hull, Lines):
-        quotient = echelon(current[first[hull.members]]).null_space.T
+    parts = _hulls(current[first])
+    while isinstance(parts, Lines):
+        quotient = echelon(current[first[parts.members]]).null_space.T
         project, current = project @ quotient, divide_by_content(current @ quotient)
         first = _distinct(current)
-        hull = _pointed_hull(current[first])
+        parts = _hulls(current[first])
     in_lines = np.flatnonzero(~(current != 0).any(axis=1))
     lines = in_lines[echelon(rows[in_lines]).rows]
-
-    if isinstance(hull, Facets):
-        extreme = _extreme(hull.positive)
-        order = np.lexsort(~hull.positive[:, extreme].T[::-1])
-        kept, positive = first[extreme], hull.positive[order][:, extreme]
-        normals = _normals(FacetNormals(hull.hyperplanes, hull.vertices[order], project, shift))
-    else:
-        kept, positive = first, np.eye(len(first), dtype=bool)
-        normals = exact_rows(_in_given_units(hull @ project.T, shift))
+    described = [_described(part, project, shift) for part in parts]
+    chosen = np.concatenate([part.extreme for part in described])
+    order = np.argsort(chosen)
+    kept, positive = first[chosen[order]], _block_diagonal([part.positive for part in described])[:, order]
 
     basis = generators[lines]
     rays = Matrix.join([generators[kept], basis, -basis], -2)
-    facets = Matrix.join([normals, exact_rows(np.concatenate([equations, -equations]))], -2)
+    facets = Matrix.join(
+        [*(part.normals for part in described), exact_rows(np.concatenate([equations, -equations]))], -2
+    )
     incidence = np.ones((facets.shape[0], rays.shape[0]), dtype=bool)
     incidence[: len(positive), : len(kept)] = ~positive
     return Faces(rays, facets, frozen(incidence), len(lines), len(equations))
 
 
-def _pointed_hull(G: Integers) -> Facets | Lines | Integers:
-    """Facets of a solid cone, or lines in it; just the normals if it is simplicial."""
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Generators whose span is independent of that of the others, with their facets.
+
+    Attributes
+    ----------
+    members : ndarray of int, shape (p,)
+        Which generators.
+    project : ndarray of int (object), shape (n, m)
+        x @ project are coordinates in the span of this part, and 0 for the other parts.
+    hull : Facets or ndarray of int (object), shape (m, m)
+        Facets in these coordinates; just the normals if they are simplicial.
+    """
+
+    members: NDArray[np.intp]
+    project: Integers
+    hull: Facets | Integers
+
+
+def _hulls(G: Integers) -> list[_Part] | Lines:
+    """Facets of the parts of a solid cone, or lines in it."""
     p, n = G.shape
-    inverse = inverse_rows(G) if p == n else None
-    return beneath_beyond(G) if inverse is None else inverse
+    parts = [np.arange(p)] if p == n or n < 4 else independent_parts(G)
+    coordinates = [np.eye(n, dtype=int).astype(object)] if len(parts) == 1 else _coordinates(G, parts)
+    out, work = [], allowance()
+    for members, project in zip(parts, coordinates, strict=True):
+        own = divide_by_content(G[members] @ project)
+        inverse = inverse_rows(own) if len(members) == project.shape[1] else None
+        hull = beneath_beyond(own, work) if inverse is None else inverse
+        if isinstance(hull, Lines):
+            return Lines(members[hull.members])
+        out.append(_Part(members, project, hull))
+    return out
+
+
+def _coordinates(G: Integers, parts: list[NDArray[np.intp]]) -> list[Integers]:
+    """For each part functionals that are independent on its span and vanish on the other parts, one a column."""
+    basis = [part[echelon(G[part]).rows] for part in parts]
+    dual = inverse_rows(G[np.concatenate(basis)])
+    if dual is None:
+        raise ArithmeticError("the spans of the parts are not independent")
+    ends = np.cumsum([len(part) for part in basis])
+    return [rows.T for rows in np.split(dual, ends[:-1])]
+
+
+@dataclass(frozen=True, eq=False)
+class _Described:
+    """Both descriptions of a part.
+
+    Attributes
+    ----------
+    extreme : ndarray of int, shape (p,)
+        Which generators.
+    positive : ndarray of bool, shape (r, p)
+        Facets they do not lie in.
+    normals : Matrix, shape (r, n)
+        In the given coordinates.
+    """
+
+    extreme: NDArray[np.intp]
+    positive: NDArray[np.bool_]
+    normals: Matrix
+
+
+def _described(part: _Part, project: Integers, shift: NDArray[np.int64]) -> _Described:
+    hull, to = part.hull, project @ part.project
+    if not isinstance(hull, Facets):
+        off = np.eye(len(part.members), dtype=bool)
+        return _Described(part.members, off, exact_rows(_in_given_units(hull @ to.T, shift)))
+    extreme = _extreme(hull.positive)
+    order = np.lexsort(~hull.positive[:, extreme].T[::-1])
+    normals = _normals(FacetNormals(hull.hyperplanes, hull.vertices[order], to, shift))
+    return _Described(part.members[extreme], hull.positive[order][:, extreme], normals)
+
+
+def _block_diagonal(blocks: list[NDArray[np.bool_]]) -> NDArray[np.bool_]:
+    rows, columns = (np.cumsum([0, *(block.shape[k] for block in blocks)]) for k in (0, 1))
+    out = np.zeros((rows[-1], columns[-1]), dtype=bool)
+    for k, block in enumerate(blocks):
+        out[rows[k] : rows[k + 1], columns[k] : columns[k + 1]] = block
+    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,6 +28,7 @@ from .extreme import (
     rank,
 )
 from .hull import ALLOWANCE
+from .parts import independent_parts
 
 
 class _Conversion:
@@ -47,18 +48,29 @@ class _Conversion:
         if self._refusal:
             raise TooLargeError(self._refusal)
         try:
-            return convert(self.generators)
+            return convert(self._worth_converting)
         except TooLargeError as error:
             if ALLOWANCE.get() is None:  # refused for good: do not try again for half a minute
                 self._refusal = str(error)
             raise
 
     @property
+    def _worth_converting(self) -> Matrix:
+        """Without redundant generators where these may cost much, and may hide that the cone is a product."""
+        if not self._may_have_many_facets:
+            return self.generators
+        try:
+            extreme = self.extreme
+        except TooLargeError:
+            return self.generators
+        return self.generators if extreme is None else extreme.rays
+
+    @property
     def is_open(self) -> bool:
         """Whether the facets are unknown and may be too many; facets of cones that have few are listed here."""
         if "faces" in vars(self):
             return False
-        if self._refusal or may_have_many_facets(*self.generators.shape):
+        if self._refusal or self._may_have_many_facets:
             return True
         try:
             _ = self.faces
@@ -66,6 +78,15 @@ class _Conversion:
             if not self._refusal:  # for now: more may be allowed later
                 raise
         return bool(self._refusal)
+
+    @cached_property
+    def _may_have_many_facets(self) -> bool:
+        """Whether a cone of so many generators may have too many facets; asked of each part of a product."""
+        if not may_have_many_facets(*self.generators.shape):
+            return False
+        rows = self.generators.rows_as_integers(np.arange(self.generators.shape[0]))
+        parts = independent_parts(rows)
+        return len(parts) < 2 or any(may_have_many_facets(len(k), echelon(rows[k]).rank) for k in parts)
 
     @cached_property
     def extreme(self) -> Extreme | None:
