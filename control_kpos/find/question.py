@@ -25,7 +25,8 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
-from ..proof.proposed_weights import multipliers
+from ..proof.inclusion import GeneratorProof
+from ..proof.proposed_weights import Found, multipliers
 from .certificate import ConeCertificate, Obstruction
 
 Array = NDArray[np.float64]
@@ -266,6 +267,10 @@ class Proven:
     def cone(self) -> PolyhedralCone:
         """The cone; the dual of what the generators span if they are facet normals."""
         cone = proper_cone(self.candidate.rays, self.candidate.separators, self.candidate.right_inverse)
+        c = self.certificate
+        if not c.by_facets and len(c.matrices.values) == 1 and c.multipliers is not None and not c.multipliers.is_sparse:
+            proof = GeneratorProof(self.candidate.pointing, self.candidate.right_inverse, c.multipliers[0])
+            vars(cone)["_found"] = Found(c.matrices[0], proof)
         return cone.dual if self.certificate.by_facets else cone
 
 

@@ -12,7 +12,7 @@ is proven by `inclusion.GeneratorProof`.
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import NamedTuple
 
@@ -119,6 +119,13 @@ def nonnegative_combination(
     return p * size, float(rest.min(initial=np.inf))
 
 
+class Found(NamedTuple):
+    """A matrix for which a cone was found, and the proof."""
+
+    A: Matrix
+    proof: GeneratorProof
+
+
 class Crossing(NamedTuple):
     """A supporting hyperplane of X and a generator that A (of X) or B (of U) takes across it."""
 
@@ -144,17 +151,21 @@ def prove(
     some weight has to be zero.
     """
     rays = own_generators(X)
+    known = _known(X, rays, A, discrete)
+    sources = [("A", A, rays)] if known is None else []
+    sources += [] if B is None or U is None else [("B", B, portable(U.exact_rays))]
+    if known is not None and not sources:
+        return known, None
     values = np.asarray(rays.values)
-    w = pointing_functional(values)
+    w = pointing_functional(values) if known is None else known.pointing
     frame = Frame.of(values, w)
     if frame is None:
         return None
     # frame.R has orthonormal rows, so its transpose is its right inverse
-    inverse = (frame.R.T @ frame.to) / frame.heights[:, None]
+    inverse = (frame.R.T @ frame.to) / frame.heights[:, None] if known is None else known.right_inverse
     about_cone = GeneratorProof(w, inverse)
     search = _Search(rays, frame, Generators(rays, inverse))
-    found: dict[str, Matrix] = {}
-    sources = [("A", A, rays)] + ([] if B is None or U is None else [("B", B, portable(U.exact_rays))])
+    found: dict[str, Matrix] = {} if known is None or known.multipliers is None else {"A": known.multipliers}
     for name, M, vectors in sources:
         free = name == "A" and not discrete
         try:
@@ -165,6 +176,27 @@ def prove(
             return about_cone, Crossing(name, *weights)
         found[name] = weights
     return GeneratorProof(w, inverse, found["A"], found.get("B")), None
+
+
+def _known(X: Cone, rays: Matrix, A: Matrix, discrete: bool) -> GeneratorProof | None:
+    """The proof with which the cone was found, for a multiple of that matrix plus one of I; None if it does not fit.
+
+    a A + c I has the multipliers a P + c I, up to rounding, which `conditions` judge.
+    """
+    found = vars(X).get("_found")
+    if found is None or found.proof.multipliers.shape[0] != rays.shape[0]:
+        return None
+    values, given, eye = np.asarray(A.plain().values), np.asarray(found.A.values), np.eye(X.dim)
+    beside = given * (1 - eye)
+    part = float((values * beside).sum() / (beside**2).sum()) if beside.any() else 1.0
+    shift = float(np.diag(values - part * given).mean())
+    if not part > 0 or np.abs(values - part * given - shift * eye).max() > _CLOSE * np.abs(values).max(initial=0.0):
+        return None
+    P = found.proof.multipliers
+    if part != 1 or shift:
+        P = Matrix(part * np.asarray(P.values) + shift * np.eye(len(rays.values)))
+    proof = replace(found.proof, multipliers=P)
+    return proof if all(c.verdict() for c in proof.conditions(A, X, None, None, discrete=discrete)) else None
 
 
 def combinations(X: Cone, proof: GeneratorProof, M: Matrix, vectors: Matrix) -> Matrix | None:
