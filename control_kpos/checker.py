@@ -2893,12 +2893,11 @@ ALONE: dict[tuple[str, str], Callable[[Said, int], None]] = {
     ("delayed network", "PROVED"): delayed_network,
     ("delayed network", "REFUTED"): not_delayed_network,
     ("from data", "PROVED"): from_data,
-    ("from data", "REFUTED"): leaving_plant,
+    ("from data", "REFUTED"): not_from_data,
     ("compartmental", "PROVED"): drains,
     ("compartmental", "REFUTED"): never_drains,
     ("positive realization", "PROVED"): positive_realization,
     ("positive realization", "REFUTED"): no_positive_realization,
-    ("from data", "REFUTED"): not_from_data,
     ("dwell time", "PROVED"): dwells_long_enough,
     ("dwell time", "REFUTED"): too_short,
 }

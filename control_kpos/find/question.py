@@ -268,7 +268,12 @@ class Proven:
         """The cone; the dual of what the generators span if they are facet normals."""
         cone = proper_cone(self.candidate.rays, self.candidate.separators, self.candidate.right_inverse)
         c = self.certificate
-        if not c.by_facets and len(c.matrices.values) == 1 and c.multipliers is not None and not c.multipliers.is_sparse:
+        if (
+            not c.by_facets
+            and len(c.matrices.values) == 1
+            and c.multipliers is not None
+            and not c.multipliers.is_sparse
+        ):
             proof = GeneratorProof(self.candidate.pointing, self.candidate.right_inverse, c.multipliers[0])
             vars(cone)["_found"] = Found(c.matrices[0], proof)
         return cone.dual if self.certificate.by_facets else cone
