@@ -108,7 +108,6 @@ FOLDERS = (
     "observers",
     "data",
 )
-FOLDERS = ("exact", "cones", "proof", "theorems", "networks", "families", "design", "data", "find", "nonlinear")
 
 
 def constants() -> dict[tuple[str, str], str]:
