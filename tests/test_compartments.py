@@ -214,6 +214,25 @@ def test_rates_that_doubles_cannot_multiply():
         _ = tiny.residence_times
 
 
+def test_no_inputs_or_no_outputs():
+    assert kp.compartmental([[0, 1], [1, 0]], [1, 0], np.zeros((2, 0))).gain.shape == (2, 0)
+    assert kp.compartmental([[0, 1], [1, 0]], [1, 0], None, np.zeros((0, 2))).gain.shape == (0, 2)
+
+
+def test_rates_below_the_range_of_doubles_count():
+    found = kp.compartmental([[0, "1e-400"], [1, 0]], ["1e-400", 0])
+    assert found and found.check()
+    assert found.system.linear_lyapunov()
+    with pytest.raises(kp.DataError, match=r"flows\[1, 0\] is below 0"):
+        kp.compartmental([[0, 1], ["-1e-400", 0]], [1, 0])
+    with pytest.raises(kp.DataError, match=r"flows\[0, 0\] is above 0, a flow from a compartment to itself"):
+        kp.compartmental([["1e-400", 1], [1, 0]], [1, 0])
+    many = nx.path_graph(4000)
+    nx.set_edge_attributes(many, "1/3", "weight")
+    with pytest.raises(kp.TooLargeError, match="flows of 4000 x 4000 with decimals or fractions"):
+        kp.compartmental(many, {0: 1})
+
+
 def test_no_gain_without_a_drain():
     stuck = kp.compartmental([[0, 1], [1, 0]], [0, 0])
     with pytest.raises(kp.KposError, match="never leaves"):

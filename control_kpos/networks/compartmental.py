@@ -13,7 +13,6 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, KposError, ShapeError, TooLargeError, UndecidedError
@@ -22,7 +21,7 @@ from ..exact.matrix import Matrix, dense
 from ..exact.rounding import SMALLEST_NORMAL
 from ..proof.answer import Answer
 from ..systems.statespace import ConeStateSpace
-from ..theorems.compartments import NAMED, CompartmentalCertificate, Trap, drains
+from ..theorems.compartments import NAMED, CompartmentalCertificate, Trap, drains, signs
 from ..theorems.subtraction_free import Elimination, relative_error, within_range
 from .coupling import from_entries
 from .ranges import is_graph
@@ -126,7 +125,8 @@ class Compartments(Answer):
             )
         X, B = self._factors.solve(np.array(dense(self.C.values)).T), np.array(dense(self.B.values))
         with within_range():
-            return np.column_stack([(X * column[:, None]).sum(axis=0) for column in B.T]).reshape(q, m)
+            columns = [(X * column[:, None]).sum(axis=0) for column in B.T]
+        return np.array(columns, dtype=float).reshape(m, q).T
 
     @cached_property
     def _factors(self) -> Elimination:
@@ -209,11 +209,12 @@ def compartmental(
     o = require_shape(exact_matrix(rates, "outflows", ndim=1), "outflows", (n,), f"flows has {n} compartments")[None]
     _require_nonnegative(F, "flows")
     _require_nonnegative(o, "outflows", "outflows[{1}]")
-    own = np.flatnonzero(F.values.diagonal())
+    to, of = signs(F).coords
+    own = to[to == of]
     if own.size:
         i = int(own[0])
         raise DataError(
-            f"flows[{i}, {i}] is {F.values.diagonal()[i]:g}, a flow from a compartment to itself; put 0 there: the "
+            f"flows[{i}, {i}] is {_shown(F, i, i)}, a flow from a compartment to itself; put 0 there: the "
             "diagonal of A follows from the other rates."
         )
     eye = Matrix.identity(n, sparse=True)
@@ -258,7 +259,7 @@ def _flows(given: Any) -> tuple[Matrix, Sequence[Any]]:
         edges += [(b, a, rate) for a, b, rate in edges if a != b]
     rates = exact_matrix([rate for *_, rate in edges], "the weights of flows", ndim=1)
     to, of = (np.array([number[edge[k]] for edge in edges], dtype=np.intp) for k in (1, 0))
-    return from_entries([to], [of], [rates], (len(labels), len(labels))), labels
+    return from_entries([to], [of], [rates], (len(labels), len(labels)), "flows"), labels
 
 
 def _in_order(outflows: Mapping[Any, Any], labels: Sequence[Any]) -> list[Any]:
@@ -276,12 +277,19 @@ def _in_order(outflows: Mapping[Any, Any], labels: Sequence[Any]) -> list[Any]:
 
 def _require_nonnegative(M: Matrix, name: str, where: str = "") -> None:
     """Raise `DataError` at the first negative entry."""
-    entries = sp.coo_array(M.values if M.numerators is None else np.sign(M.numerators).astype(float) * abs(M.values))
+    entries = signs(M)
     below = np.flatnonzero(entries.data < 0)
     if below.size:
         i, j = (int(axis[below[0]]) for axis in entries.coords)
         remedy = "rates and weights are nonnegative" + "; leave out the diagonal" * (name == "flows" and i == j)
-        raise DataError(f"{where.format(i, j) or f'{name}[{i}, {j}]'} is {entries.data[below[0]]:g}; {remedy}.")
+        raise DataError(f"{where.format(i, j) or f'{name}[{i}, {j}]'} is {_shown(M, i, j)}; {remedy}.")
+
+
+def _shown(M: Matrix, i: int, j: int) -> str:
+    """An entry that is not 0, in a text."""
+    if M.values[i, j] or M.numerators is None:
+        return f"{M.values[i, j]:g}"
+    return "above 0" if M.numerators[i, j] > 0 else "below 0"
 
 
 def _has_all_digits(M: Matrix) -> bool:

@@ -148,16 +148,18 @@ def entries_of(M: Matrix) -> tuple[Index, Index, Matrix]:
     return rows, columns, M[rows, columns]
 
 
-def from_entries(rows: list[Index], columns: list[Index], values: list[Matrix], shape: tuple[int, int]) -> Matrix:
+def from_entries(
+    rows: list[Index], columns: list[Index], values: list[Matrix], shape: tuple[int, int], name: str = "coupling"
+) -> Matrix:
     """A coupling from its entries, those in the same place added: sparse, or dense if there are fractions."""
     at = np.concatenate([*rows, np.zeros(0, dtype=np.intp)]), np.concatenate([*columns, np.zeros(0, dtype=np.intp)])
     if all(part.is_double for part in values):
         data = np.concatenate([*(part.values for part in values), np.zeros(0)])
-        return Matrix(sparse_matrix(sp.coo_array((data, at), shape=shape), "coupling"))
+        return Matrix(sparse_matrix(sp.coo_array((data, at), shape=shape), name))
     if shape[0] * shape[1] > _EXACT_ENTRIES:
         raise TooLargeError(
-            f"a coupling of {shape[0]} x {shape[1]} with decimals or fractions is refused (limit {_EXACT_ENTRIES} "
-            "entries, zeros counted); give links of networks this large in doubles."
+            f"{name} of {shape[0]} x {shape[1]} with decimals or fractions is refused (limit {_EXACT_ENTRIES} entries, "
+            "zeros counted); give a graph this large in doubles."
         )
     out = np.full(shape, Fraction(0), dtype=object)
     np.add.at(out, at, np.concatenate([part.fractions() for part in values]))

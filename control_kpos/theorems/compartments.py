@@ -158,6 +158,14 @@ def _descending(flows: Matrix, levels: Floats) -> Matrix:
     return Matrix.from_fractions(np.where(kept, flows.fractions(), 0))
 
 
+def signs(M: Matrix) -> sp.coo_array:
+    """-1 and 1 where an entry is not 0, be it below the range of doubles."""
+    entries = sp.coo_array(M.values if M.numerators is None else np.sign(M.numerators).astype(float))
+    entries.data = np.sign(entries.data)
+    entries.eliminate_zeros()
+    return entries
+
+
 def drains(flows: Matrix, outflows: Matrix) -> CompartmentalCertificate:
     """Decide whether every compartment reaches an outflow: one search through the graph, linear in its edges.
 
@@ -179,11 +187,9 @@ def drains(flows: Matrix, outflows: Matrix) -> CompartmentalCertificate:
 def distances(flows: Matrix, outflows: Matrix) -> Floats:
     """The least number of flows from every compartment to one that has an outflow; inf where there is no way."""
     n = flows.shape[0]
-    # Backwards from the outside, node n, over every flow whose double is not 0.
-    entries = sp.coo_array(flows.values)
-    kept = entries.data != 0
-    to, of = (index[kept] for index in entries.coords)
-    draining = np.flatnonzero(outflows.values[0])
+    # Backwards from the outside, node n.
+    to, of = signs(flows).coords
+    draining = signs(outflows).coords[1]
     tails, heads = np.append(to, np.full(draining.size, n)), np.append(of, draining)
     graph = sp.csr_array((np.ones(tails.size), (tails, heads)), shape=(n + 1, n + 1))
     return np.asarray(dijkstra(graph, indices=n, unweighted=True))[:n]
