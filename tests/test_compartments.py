@@ -137,6 +137,8 @@ def test_rounds_of_elimination_lose_nothing(seed, monkeypatch):
     monkeypatch.setattr(subtraction_free, "LARGEST", 2)
     with pytest.raises(kp.TooLargeError, match=r"of 12 compartments are left, with .* the limit is 2"):
         Elimination(sp.csr_array(F.T), o)
+    with pytest.raises(kp.TooLargeError, match="12 compartments are eliminated as a dense matrix; the limit is 2"):
+        Elimination(F.T, o)
 
 
 def test_panels_lose_nothing(monkeypatch):

@@ -47,8 +47,8 @@ _FEW, _FILLED = 100, 0.1
 _PANEL = 64
 # The share of rows that count as having few entries.
 _FEWEST = 0.05
-# Products of two flows in all rounds: seconds.
-_PRODUCTS = 50_000_000
+# Flows, and products of two, in all rounds together: ten seconds.
+_WORK = 60_000_000
 # Products at once in a solution.
 _AT_ONCE = 10_000_000
 
@@ -104,13 +104,13 @@ class Elimination:
 
     def _apart(self, N: sp.csr_array, w: Floats) -> tuple[sp.csr_array, Floats]:
         """Rounds of elimination, until little is left, or what is left has filled up."""
-        order, products = np.random.default_rng(0).permutation(len(w)), 0
+        order, work = np.random.default_rng(0).permutation(len(w)), 0
         while len(w) > _FEW and N.nnz < _FILLED * len(w) ** 2:
             chosen = _no_flows_between(N, order)
             gone, left = np.flatnonzero(chosen), np.flatnonzero(~chosen)
             into, out = N[left][:, gone], N[gone][:, left]
-            products += np.diff(out.indptr)[into.indices].sum(dtype=np.int64)
-            if products > _PRODUCTS:
+            work += N.nnz + np.diff(out.indptr)[into.indices].sum(dtype=np.int64)
+            if work > _WORK:
                 break
             p = w[gone] + _finite(out.sum(axis=1))
             into.data = into.data / p[into.indices]
@@ -124,14 +124,17 @@ class Elimination:
         if len(w) > LARGEST:
             raise TooLargeError(
                 f"{len(w)} of {self.size} compartments are left, with {N.nnz} flows among them, and are eliminated as "
-                f"a dense matrix; the limit is {LARGEST}."
+                f"a dense matrix; the limit is {LARGEST}. Stability alone needs no elimination."
             )
         return N, w
 
     def _one_by_one(self, N: Floats, w: Floats) -> None:
         n, p = len(w), np.empty(len(w))
         if n > LARGEST:
-            raise TooLargeError(f"{n} compartments are eliminated as a dense matrix; the limit is {LARGEST}.")
+            raise TooLargeError(
+                f"{n} compartments are eliminated as a dense matrix; the limit is {LARGEST}. If most flows are 0, give "
+                "a sparse matrix; stability alone needs no elimination."
+            )
         np.fill_diagonal(N, 0.0)
         for first in range(0, n, _PANEL):
             # The panel's rows and columns at every step, the rest after it.
