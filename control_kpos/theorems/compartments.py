@@ -153,9 +153,9 @@ def _descending(flows: Matrix, levels: Floats) -> Matrix:
         kept = levels[rows] < levels[csr.indices]
         return Matrix(sp.csr_array((csr.data[kept], (rows[kept], csr.indices[kept])), shape=csr.shape))
     kept = levels[:, None] < levels[None, :]
-    if flows.is_double:
+    if flows.numerators is None:
         return Matrix(np.where(kept, flows.values, 0.0))
-    return Matrix.from_fractions(np.where(kept, flows.fractions(), 0))
+    return Matrix.over(np.where(kept, flows.numerators, 0), flows.denominator)
 
 
 def signs(M: Matrix) -> sp.coo_array:
