@@ -92,7 +92,7 @@ def plot_observer(
             "borderaxespad": 0,
             "frameon": False,
         }
-        legend = grid[0, 0].legend(*zip(*shown, strict=True), ncols=len(shown), **names)
+        legend = grid[0, 0].legend(*zip(*shown, strict=True), ncols=len(shown), **place)
         array = np.empty((count, 1), dtype=object)
         for i, drawn in enumerate(lines):
             array[i, 0] = drawn
@@ -103,10 +103,11 @@ def plot_observer(
 
 def _chosen(which: Any, count: int) -> list[int]:
     """Places of the states to draw."""
-    picked = list(range(count)) if which is None else places(which, "which")
-    for item in picked:
+    picked = list[int]()
+    for item in range(count) if which is None else places(which, "which"):
         if isinstance(item, str) or not 0 <= item < count:
             raise ShapeError(f"which holds {item!r}; the {count} states are numbered 0 to {count - 1}.")
+        picked.append(item)
     if not 0 < len(picked) <= _ROWS:
         raise DataError(f"{len(picked)} states are too many or too few for one picture; choose 1 to {_ROWS} by which.")
     return picked
