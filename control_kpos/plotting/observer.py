@@ -86,7 +86,7 @@ def plot_observer(
         handles, labels = grid[0, 0].get_legend_handles_labels()
         shown = [(h, text) for h, text in zip(handles, labels, strict=True) if not text.startswith("_")]
         # above the axes, on the right, where nothing is drawn
-        names: dict[str, Any] = {
+        place: dict[str, Any] = {
             "loc": "lower right",
             "bbox_to_anchor": (1, 1.01),
             "borderaxespad": 0,
