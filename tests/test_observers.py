@@ -166,3 +166,10 @@ def test_no_plant():
         kp.interval_observer(ct.ss([[-1]], [[1]], np.zeros((0, 1)), np.zeros((0, 1))))
     with pytest.raises(kp.DataError, match="at most 60"):
         kp.interval_observer(ct.ss(-np.eye(61), np.ones((61, 1)), np.ones((1, 61)), 0))
+
+
+def test_numbers_beyond_all_doubles_prove_nothing():
+    square = [[1, 1, 1], [1, -1, 1], [-1, 1, 1], [-1, -1, 1]]
+    for X in (None, square):
+        o = observed(np.diag([-1, -1.0, -0.5]), [[1e8, 0, 1e8]], X=X, noise=1e307, w=[1e307] * 3)
+        assert o.status is not kp.Status.REFUTED and (not o or np.isfinite(o.width).all())

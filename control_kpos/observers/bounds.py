@@ -43,6 +43,15 @@ def proven_observer(
     gains : tuple of ndarray, shape (n, q)
         L and N.
     """
+    try:
+        return _proven(system, X, box, gains)
+    except OverflowError:
+        return None  # beyond all doubles
+
+
+def _proven(
+    system: System, X: Cone, box: tuple[Matrix, Matrix, Matrix], gains: tuple[Floats, Floats]
+) -> IntervalObserverCertificate | None:
     L, N = (Matrix(np.ascontiguousarray(M, dtype=float)) for M in gains)
     equation = ErrorEquation.of(system.A, system.C, L, N)
     loop = lyapunov_on(state_positivity(Matrix.from_fractions(equation.F), X, discrete=system.discrete))
