@@ -244,8 +244,8 @@ def interval_observer(
     program, and the narrower of the two is taken; without noise the gains are kept small.  On other cones the
     narrowest of a few is taken, among them those of the largest decay rate.  Proofs take n^3 operations in fractions.
 
-    For networks, with N = 0, one sparse program minimises that sum, and proofs are linear in nodes and links: 4 s for
-    10 000 nodes of two states.
+    For networks, with N = 0, one sparse program minimises that sum, and proofs are linear in nodes and links: some
+    seconds for 10 000 nodes of two states.
 
     Examples
     --------
