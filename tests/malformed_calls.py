@@ -22,7 +22,7 @@ OUT_WEIGHTS = kp.scale_free_certificate([SIMPLE])
 DESIGN = kp.state_feedback(PLANT, X=PAPER)
 CURVE = kp.gain_rate_tradeoff(PLANT, [0.5, 1], X=PAPER)
 TIMES = np.linspace(0, 1, 5)
-MEASURED = {"X0": [[1, 0, 1], [0, 1, 1]], "X1": [[0.5, 0.2, 0.7], [0.1, 0.4, 1.5]], "noise": 0.01}
+MEASURED = {"X0": [[1, 0, 1], [0, 1, 1]], "X1": [[0.5, 0.2, 0.7], [0.1, 0.4, 0.5]], "noise": 0.01}
 # what the design functions share
 DEMANDS = {"X": None, "rate": 0, "gain_bound": None, "solver": None, "time_limit": 2.0, "progress": None}
 SEARCH = {"seed": 0, "restarts": 2, "time_limit": 1.0, "progress": None}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..cards import floored
+from .plants import Search
 
 # Bisections of the noise that an experiment tolerates.
 _HALVINGS = 6
@@ -15,13 +16,12 @@ _HALVINGS = 6
 _SMALL = 1e-6
 
 
-def not_enough(search: Any, *, gain: bool, refuted: bool = False) -> str:
+def not_enough(search: Search, *, gain: bool, refuted: bool = False) -> str:
     """Rank of the samples; else the open pair of facet and generator, and the noise that would be tolerable.
 
     Parameters
     ----------
-    search : _Search
-        Of `control_kpos.data.search`.
+    search : Search
     gain : bool
         A gain was sought, not only a verdict about the plants as they are.
     refuted : bool
@@ -66,7 +66,7 @@ def _told(d: Any) -> str:
     return f"({', '.join(f'{0.0 if abs(x) < _SMALL else x:.3g}' for x in d)})"
 
 
-def _open(search: Any, *, gain: bool) -> str:
+def _open(search: Search, *, gain: bool) -> str:
     """The pair of facet and generator that misses most where the sum of all that is missing is least."""
     found = _attempt(search, gain=gain, elastic=True)
     if found is None or found.open is None:
@@ -85,7 +85,7 @@ def _open(search: Any, *, gain: bool) -> str:
     )
 
 
-def _tolerable(search: Any, *, gain: bool) -> str:
+def _tolerable(search: Search, *, gain: bool) -> str:
     """For the plant in the middle: the share of the noise at which the same experiment would suffice."""
     if search.plant is None:
         return ""
@@ -106,14 +106,14 @@ def _tolerable(search: Any, *, gain: bool) -> str:
     )
 
 
-def _suffices(search: Any, plant: Any, share: float, *, gain: bool) -> bool:
+def _suffices(search: Search, plant: Any, share: float, *, gain: bool) -> bool:
     samples = search.samples
     central = replace(samples, X1=plant @ samples.Z, noise=share * samples.noise)
     found = _attempt(search, central, gain=gain)
     return found is not None and (not gain or found.margin > 0)
 
 
-def _attempt(search: Any, samples: Any = None, *, gain: bool, elastic: bool = False) -> Any:
+def _attempt(search: Search, samples: Any = None, *, gain: bool, elastic: bool = False) -> Any:
     """The program of the search: of a gain, or of the plants as they are."""
     with_e = gain
     unknowns = search.start() if gain else search.fixed_vector(search.x.sum(axis=0), free=False)

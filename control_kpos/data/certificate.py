@@ -128,7 +128,7 @@ def places(facets: Rationals, rays: Rationals, *, discrete: bool, stable: bool) 
 
 
 def _needed(k: int, signs: NDArray[np.int_]) -> list[Place]:
-    sides = (signs > 0).any(axis=0), (signs < 0).any(axis=0)
+    sides = np.any(signs > 0, axis=0), np.any(signs < 0, axis=0)
     return [(k, i, side) for i in range(signs.shape[1]) for side in (0, 1) if sides[side][i]]
 
 

@@ -193,7 +193,8 @@ def joint(
             program.above(right, np.ones(len(facets)), **parts)
             if not discrete:  # in steps h'e > h'(A + BF) e >= 0 anyway
                 room = np.full(len(facets), _INSIDE / samples.rate)
-                program.above(-(facets @ unknowns.fixed[at_e, :n]), room, theta=facets @ unknowns.moved[at_e, :n])
+                parts = {"theta": facets @ unknowns.moved[at_e, :n]}
+                program.above(-(facets @ unknowns.fixed[at_e, :n]), room, **parts)
     found = program.solve(lp)
     if not found:
         return None

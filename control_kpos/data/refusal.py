@@ -18,6 +18,7 @@ from ..exact.matrix import Matrix
 from ..proof.certificate import Status
 from ..systems.system import System
 from .certificate import DataCertificate, ExcludingPlants, Place
+from .plants import Search
 from .program import Floats, Found, Unknowns, extreme
 
 # Plants at most: each makes the exact program larger.
@@ -26,15 +27,15 @@ _PLANTS = 64
 _NEAR = 1e-4
 
 
-def excluded(search: Any) -> DataCertificate | None:
+def excluded(search: Search) -> DataCertificate | None:
     """The proof that no gain serves all plants that agree with the data, if it is found.
 
     On simplicial cones of positivity and a common e, on others of positivity alone.
 
     Parameters
     ----------
-    search : _Search
-        Of `control_kpos.data.search`, with a plant in the middle.
+    search : Search
+        With a plant in the middle.
     """
     simplicial, unknowns = search.data.X.is_simplicial, search.start()
     if simplicial:  # xi >= 1, so that the margin is negative where it cannot be positive
@@ -59,7 +60,7 @@ def excluded(search: Any) -> DataCertificate | None:
     return None
 
 
-def _nearby(search: Any, unknowns: Unknowns, named: list[Place], found: Found) -> Iterator[Floats]:
+def _nearby(search: Search, unknowns: Unknowns, named: list[Place], found: Found) -> Iterator[Floats]:
     """Rows of plants that attain the bounds where an input is a little larger, or smaller.
 
     What inputs do has to cancel exactly.  A row where it does is a mixture of vertices, and these are the vertices.
@@ -73,9 +74,9 @@ def _nearby(search: Any, unknowns: Unknowns, named: list[Place], found: Found) -
             yield np.array([np.full(z.shape[1], np.nan) if row is None else row for row in rows])
 
 
-def _worst(search: Any, named: list[Place], rows: Floats) -> list[Floats]:
+def _worst(search: Search, named: list[Place], rows: Floats) -> list[Floats]:
     """For every generator, and e, as few plants as have the rows that attain the bounds of all facets."""
-    place, central = {name: r for r, name in enumerate(named)}, np.asarray(search.plant.values)
+    place, central = {name: r for r, name in enumerate(named)}, search.central
     out: list[Floats] = []
     for k in range(len(search.x) + 1):
         started: list[dict[int, int]] = []
