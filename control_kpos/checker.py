@@ -2736,7 +2736,7 @@ def agrees(d: Measured, plant: Matrix) -> None:
     """A plant that is one of them."""
     for z, x, v in zip(d.Z, d.X1, d.noise, strict=True):
         off = sizes(total((1, x), (-1, image(plant, z))))
-        need(all(a <= v.get(i, 0) for i, a in off.items()), "a plant agrees with the samples")
+        need(all(off.get(i, 0) <= v.get(i, 0) for i in off | v), "a plant agrees with the samples")
 
 
 def bound_of_row(d: Measured, l: Vector, i: int, side: int) -> Fraction:

@@ -133,6 +133,7 @@ CASES = NO_GAIN | {
     "data": (one("1/2", "1/4"), "PROVED"),
     "data, at the edge": (one("1/2", "1/2"), "PROVED"),
     "data, beyond the edge": (one("1/2", "5/8"), "WRONG"),
+    "data, negative noise": (one("1/2", "-1/4"), "WRONG"),
     "data, another generator": (one("1/2", "1/4", [[2]], X=TWICE), "PROVED"),
     "data, another combination": (one("1/2", "1/4", [[2]]), "WRONG"),
     "data, no combination": (one("1/2", "1/4", []), "UNREADABLE"),

@@ -192,6 +192,38 @@ def test_a_verdict_without_a_gain_is_that_of_the_worst_plant():
     assert seen == {"PROVED", "REFUTED"}
 
 
+@pytest.mark.parametrize(("X", "discrete"), [(TILTED, True), (TILTED, False), (kp.PolyhedralCone(SQUARE), True)])
+def test_a_verdict_on_other_cones_is_that_of_programs_over_plants(X, discrete):
+    rng, n, seen = np.random.default_rng(8), X.dim, set()
+    for k in range(8):
+        A, _ = random_plant(rng, n, 1, discrete=discrete, X=X)
+        noise, X0 = (0.01, 0.5)[k % 2], rng.normal(size=(n, 15))
+        inside = np.outer(X.interior_point, X.facets.sum(axis=0))
+        A = (0.1 * A if discrete else A) + inside / np.linalg.norm(inside)
+        X1 = A @ X0 + rng.uniform(-noise, noise, (n, 15))
+        least = np.inf
+        for h, x in itertools.product(X.facets, X.rays):
+            if discrete or abs(h @ x) < 1e-12:
+                rows = [
+                    solve(
+                        a * x,
+                        np.vstack([X0.T, -X0.T]),
+                        np.concatenate([b + noise, noise - b]),
+                        bounds=(-np.inf, np.inf),
+                    )
+                    for a, b in zip(h, X1, strict=True)
+                ]
+                least = min(least, sum(row.value for row in rows))
+        found = kp.data_positivity(X0, X1, noise=noise, X=X, discrete=discrete)
+        assert found.status.name == ("PROVED" if least > 0 else "REFUTED") and found.check()
+        seen.add(found.status.name)
+        if not found:
+            w = found.witness
+            assert (np.abs(X1 - w.plant.values @ X0) <= noise + 1e-12).all()
+            assert w.normal @ w.plant.values @ X.rays[w.ray] < 0
+    assert seen == {"PROVED", "REFUTED"}
+
+
 @pytest.mark.parametrize("name", list(certified_data.CERTIFICATES))
 def test_perturbed_certificates_fail(name):
     cert = certified_data.CERTIFICATES[name]()

@@ -192,9 +192,9 @@ def joint(
         else:
             program.above(right, np.ones(len(facets)), **parts)
             if not discrete:  # in steps h'e > h'(A + BF) e >= 0 anyway
-                room = np.full(len(facets), _INSIDE / samples.rate)
+                depth = np.full(len(facets), _INSIDE / samples.rate)
                 parts = {"theta": facets @ unknowns.moved[at_e, :n]}
-                program.above(-(facets @ unknowns.fixed[at_e, :n]), room, **parts)
+                program.above(-(facets @ unknowns.fixed[at_e, :n]), depth, **parts)
     found = program.solve(lp)
     if not found:
         return None
