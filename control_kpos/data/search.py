@@ -104,12 +104,13 @@ def data_feedback(
 
     Notes
     -----
-    On simplicial cones one linear program finds a gain with a common e whenever there is one, up to rounding, and
-    where there is none its multipliers lead to the plants that prove it.  On other cones F and e take turns, and only
-    positivity is refuted.  About 2 n p T variables for p generators.  See `DataCertificate` for the inequalities.
+    On simplicial cones one linear program finds a gain with a common e whenever there is one, up to rounding (two more
+    where some products can only be 0), and where there is none its multipliers lead to the plants that prove it.  On
+    other cones F and e take turns, and only positivity is refuted.  About 2 n p T variables for p generators.  See
+    `DataCertificate` for the inequalities.
 
-    Errors of X0 and U0 are not covered: the noise is that of X1.  Neither a decay rate nor bounds of
-    states and inputs are claimed; `certificate.plant` is one plant for which `state_feedback` designs these.
+    Errors of X0 and U0 are not covered: the noise is that of X1.  Neither a decay rate nor bounds of states and inputs
+    are claimed.
 
     Examples
     --------
@@ -147,7 +148,8 @@ def data_positivity(
     noise : float or array_like
         As in `data_feedback`.
     U0 : array_like, shape (m, T), or list of such, optional
-        Inputs of the experiments; the statement is about A alone, u = 0.
+        Inputs of the experiments; the statement is about A alone, u = 0.  Without them it is about the plant with what
+        drove it, for samples of a closed loop.
     X : Cone or array_like of rays, optional
         Default: the nonnegative orthant.
     discrete : bool
