@@ -10,6 +10,7 @@ import pytest
 from realized_systems import hidden
 
 import control_kpos as kp
+from control_kpos import checker
 from control_kpos.find.realization.lower_bound import _has_walks, _walks, lower_bound
 from control_kpos.find.realization.minimal import Realization, companion, minimal, of_response
 
@@ -151,6 +152,44 @@ def test_kinds_of_systems(G, order):
     assert ("only system of order 2" in found.explain()) == isinstance(G, list)
 
 
+@pytest.mark.parametrize(
+    "G",
+    [
+        ct.tf([3], [1]),
+        ct.tf([0], [1, 1]),
+        ct.tf([0], [1, 0.5], True),
+        ct.ss([], [], [], [[2, 0], [0, 1]]),
+        ct.ss([[-1]], [[0]], [[1]], [[2]]),
+        [3, 0, 0],
+        [0, 0, 0],
+    ],
+)
+def test_constants_need_no_states(G, tmp_path):
+    found = kp.positive_realization(G)
+    assert found and found.check() and found.order == found.system.nstates == found.lower_bound == 0
+    assert "needs no states" in found.explain() and found.system.is_cone_positive()
+    D = np.atleast_2d(G[0]) if isinstance(G, list) else np.atleast_2d(G(0.3))
+    assert np.array_equal(found.system.D, D) and found.system.dt == (True if isinstance(G, list) else G.dt)
+    found.save(tmp_path / "constant.json")
+    assert checker.main(tmp_path / "constant.json") == 0
+    negative = kp.positive_realization(ct.ss([], [], [], [[2, -1]]))
+    assert negative.status is kp.Status.REFUTED and negative.check() and negative.certificate.witness.column == 1
+
+
+@pytest.mark.parametrize(
+    "G",
+    [
+        ct.ss([[-1, 1], [0, -1]], [[0, 0], [1, -1]], [[1, 0]], 0),
+        ct.ss([[-1, 0], [1, -2]], [[1], [0]], [[0, 1], [0, -1]], 0),
+        ct.ss([[0.5, 0], [1, 0.2]], [[1, -1], [0, 0]], [[0, 1]], 0, True),
+    ],
+)
+def test_opposite_inputs_or_outputs(G):
+    """C B = 0, and the response begins with the wrong sign later."""
+    found = kp.positive_realization(G)
+    assert found.status is kp.Status.REFUTED and found.check() and found.certificate.contains.shape[0] == 1
+
+
 def test_responses_to_steps_never_fall():
     found = kp.positive_realization(FOUR)
     steps = ct.step_response(found.system, np.arange(12)).outputs
@@ -217,13 +256,8 @@ def test_minimal_realizations_are_exact():
         ([], "without numbers"),
         ([[1, 2]], "give a transfer function"),
         ("1", "give a transfer function"),
-        (ct.tf([3], [1]), "G is constant"),
         (ct.tf([1, 0, 0], [1, 1]), "more zeros than poles"),
         ([0, float("nan"), 1], "G"),
-        (ct.tf([0], [1, 1]), "G is constant"),
-        (ct.ss([[-1]], [[0]], [[1]], [[2]]), "positive exactly if no entry of D"),
-        (ct.ss([], [], [], [[-2]]), "G is constant"),
-        ([3, 0, 0], "G is constant"),
         (ct.frd([1, 2], [1, 2]), "G is a FrequencyResponseData"),
         (ct.ss(-np.eye(41), np.ones((41, 1)), np.ones((1, 41)), 0), "41 states"),
         (None, "G is None"),

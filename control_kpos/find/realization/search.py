@@ -11,7 +11,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -21,7 +21,7 @@ from ...cones import Cone, PolyhedralCone
 from ...errors import ConeMismatchError, DataError, KposError, TooLargeError
 from ...exact.budget import OutOfBudgetError, budget
 from ...exact.intake import dimensions, exact_matrix, found, seconds
-from ...exact.linalg import Rationals, product, solve_columns
+from ...exact.linalg import Rationals, identity, product, solve_columns
 from ...exact.matrix import Matrix
 from ...exact.rational_programs import exact_combination
 from ...progress import Target
@@ -114,7 +114,7 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     Raises
     ------
     DataError
-        G is none of these, has more zeros than poles, is constant, or its numbers do not determine a system.
+        G is none of these, has more zeros than poles, or its numbers do not determine a system.
     TooLargeError
         More than 40 states.
 
@@ -137,11 +137,7 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     given, dt = _read(G)
     small = minimal(given.A, given.B, given.C, given.D)
     discrete, n = dt is not None and dt != 0, len(small.A)
-    if not n:
-        raise DataError(
-            "G is constant: y = D u needs no states, and is positive exactly if no entry of D is negative. Give a "
-            "system whose outputs depend on earlier inputs."
-        )
+    small = small if n else _with_idle_state(small, discrete)
     A, B, C, D = small.matrices
     data = {"A": A, "B": B, "C": C, "D": D, "discrete": discrete}
     for step, response in enumerate((small.D, product(small.C, small.B))):
@@ -150,7 +146,11 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
             cert = PositiveRealizationCertificate.settle(**data, witness=where)
             return PositiveRealization(status=cert.status, certificate=cert, lower_bound=n)
     answer = within_limits(
-        lambda: _searched(_Task(small, dt, data, lower_bound(small, discrete=discrete), progress)),
+        lambda: (
+            _searched(_Task(small, dt, data, lower_bound(small, discrete=discrete), progress))
+            if n
+            else _constant(small, dt, data)
+        ),
         lambda message: _undecided(PositiveRealizationCertificate.settle(**data), n, message),
         operations=_EFFORT,
         time_limit=limit,
@@ -158,6 +158,20 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
     if isinstance(G, InputOutputSystem):
         return answer
     return replace(answer, scope=_BEGINS.format(last=len(G) - 1, order=n))
+
+
+def _with_idle_state(s: Realization, discrete: bool) -> Realization:
+    """y = D u with a state that no input reaches and no output sees, for certificates are about some states."""
+    q, m = s.D.shape
+    zero = np.full((q, m), Fraction(0), dtype=object)
+    return Realization(np.array([[Fraction(discrete - 1)]], dtype=object), zero[:1], zero[:, :1], s.D)
+
+
+def _constant(s: Realization, dt: Any, data: dict[str, Any]) -> PositiveRealization:
+    """D >= 0 is positive as it is."""
+    cert = PositiveRealizationCertificate.settle(**data, **_from_rays(s, identity(1), data["discrete"]))
+    system = ConeStateSpace([], [], [], s.D, dt)
+    return PositiveRealization(status=cert.status, certificate=cert, message=_IDLE, system=system, order=0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,10 +213,14 @@ def _searched(task: _Task) -> PositiveRealization:
         return task.found(cert)
     A, B, C, _ = small.matrices
     inner, outer = B.T[np.flatnonzero(small.B.any(axis=0))], C[np.flatnonzero(small.C.any(axis=1))]
+    search = partial(find_cone, A, discrete=task.discrete, progress=task.progress)
     try:
-        cone = find_cone(A, inner, outer, discrete=task.discrete, progress=task.progress)
-    except ConeMismatchError as error:
-        return _undecided(PositiveRealizationCertificate.settle(**data), task.bound, str(error))
+        cone = search(inner, outer)
+    except ConeMismatchError as error:  # inputs, or outputs, against each other: some response is negative
+        single = (search(inner[[j]], outer[[i]]) for j in range(inner.shape[0]) for i in range(outer.shape[0]))
+        cone = next((found for found in single if found.status is Status.REFUTED), None)
+        if cone is None:
+            return _undecided(PositiveRealizationCertificate.settle(**data), task.bound, str(error))
     if cone.status is Status.REFUTED:
         message = _NONE + (_THIN if coordinates is not None and coordinates.thinness < _NEARLY else "")
         return PositiveRealization(
@@ -236,6 +254,7 @@ def _with_states(task: _Task, s: Spread | None, count: int, *, few: bool) -> Pos
 
 
 _NONE = "No realization of any order has nonnegative matrices; the matrices of the proof are minimal."
+_IDLE = "G is constant, y = D u, and needs no states; the certificate is about a state that does nothing."
 _THIN = (
     " Computed: a system of a smaller order has nearly the same response. The numbers of G are taken exactly: where a "
     "pole was meant to cancel a zero, leave both out."
