@@ -113,6 +113,9 @@ def test_a_transfer_function_is_realized_first():
     G = ct.tf([1], [1, 3, 2])
     found = kp.find_cone(G)
     assert found and kp.ConeStateSpace(G, X=found.cone).is_cone_positive()
+    assert kp.ConeStateSpace(found.system, X=found).is_cone_positive() and (found.system.A == ct.ss(G).A).all()
+    assert "control.ss made of the transfer function" in found.explain() and found.status is kp.Status.PROVED
+    assert kp.find_cone(ct.ss(G)).system is None and "control.ss" not in kp.find_cone(ct.ss(G)).explain()
     assert kp.find_cone(ct.tf([1, -3], [1, 3, 2])).status is kp.Status.REFUTED  # a zero at 3
     with pytest.raises(kp.KposError, match=r"A: control\.ss finds no realization"):
         kp.find_cone(ct.tf([1, 0, 0], [1, 1]))

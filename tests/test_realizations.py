@@ -84,6 +84,29 @@ def test_the_smallest_order_by_graphs():
     assert not _has_walks(_walks(3), np.array([False, False, False, True, *[True] * 16]))
 
 
+@pytest.mark.parametrize("seed", range(60))
+def test_bounds_of_the_order_hold_for_systems_of_that_order(seed):
+    """Sparse systems of p states, many of them with fewer states in a minimal realization, and responses with zeros."""
+    rng = np.random.default_rng(seed)
+    p, discrete = 2 + seed % 3, seed % 4 > 0
+    P = rng.integers(0, 4, (p, p)) * (rng.random((p, p)) < 0.45) - (0 if discrete else 3 * np.eye(p, dtype=int))
+    b, c = (np.array(rng.random(shape) < 0.4, dtype=int) for shape in ((p, 1), (1, p)))
+    A, B, C = (np.array(M.astype(int).tolist(), dtype=object) * Fraction(1) for M in (P, b, c))
+    small = minimal(A, B, C, np.array([[Fraction(0)]], dtype=object))
+    assert not len(small.A) or len(small.A) <= lower_bound(small, discrete=discrete) <= p
+
+
+@pytest.mark.parametrize("p", [3, 4, 6])
+def test_sectors_of_eigenvalues(p):
+    """Random matrices, rings among them, stay inside; a ring is on the edge."""
+    rng = np.random.default_rng(p)
+    for sparse in (0, 0.5, 1):
+        M = rng.random((200, p, p)) ** 3 * (rng.random((200, p, p)) > sparse) + np.roll(np.eye(p), 1, axis=0)
+        values = np.linalg.eigvals(M)
+        gap = values.real.max(axis=1, keepdims=True) - values.real
+        assert (np.abs(values.imag) * tan(pi / p) <= gap * (1 + 1e-9) + 1e-9).all()
+
+
 @pytest.mark.parametrize(("turn", "order"), [("1/2", 3), (1, 4), ("3/2", 6), (2, 7), (4, 13)])
 def test_the_smallest_order_by_eigenvalues(turn, order):
     """0 and -1 ± i turn: tan(pi / p) <= 1 / turn."""
