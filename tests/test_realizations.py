@@ -213,6 +213,19 @@ def test_opposite_inputs_or_outputs(G):
     assert found.status is kp.Status.REFUTED and found.check() and found.certificate.contains.shape[0] == 1
 
 
+@pytest.mark.parametrize(
+    "G",
+    [
+        ct.ss([[-1e200]], [[1e-200]], [[1e200]], 0),
+        ct.ss([[-1e200, 1], [0, -1e-200]], [[1e150], [1e-150]], [[1e150, 1e150]], 0),
+        [0, "1e-400", "1e-401", "1e-402", "1e-403"],
+    ],
+)
+def test_numbers_of_any_size(G):
+    found = kp.positive_realization(G)
+    assert is_a_realization(found) and found.order == found.lower_bound
+
+
 def test_responses_to_steps_never_fall():
     found = kp.positive_realization(FOUR)
     steps = ct.step_response(found.system, np.arange(12)).outputs

@@ -98,6 +98,12 @@ def _unit(A: Array, discrete: bool) -> tuple[float, float]:
     return top, float(np.abs(values - top).max()) or 1.0
 
 
+def _unit_columns(M: Array) -> Array:
+    """Columns of length 1, of numbers of any size."""
+    M = M / np.abs(M).max(axis=0)
+    return M / np.linalg.norm(M, axis=0)
+
+
 def _relative(A: Array, top: float, size: float, discrete: bool) -> Array:
     return A / size if discrete else (A - top * np.eye(len(A))) / size
 
@@ -105,11 +111,13 @@ def _relative(A: Array, top: float, size: float, discrete: bool) -> Array:
 def _balancing(A: Array, B: Array, C: Array, *, discrete: bool) -> tuple[Array, float] | None:
     M = _relative(A, *_unit(A, discrete), discrete)
     F = M if discrete else np.asarray(sl.expm(_STEP * M), dtype=np.float64)
-    reached, seen = [B / np.linalg.norm(B, axis=0)], [C / np.linalg.norm(C, axis=1, keepdims=True)]
+    reached, seen = [_unit_columns(B)], [_unit_columns(C.T).T]
     for _ in range(2 * len(A)):
         reached.append(F @ reached[-1])
         seen.append(seen[-1] @ F)
     states = np.hstack(reached)
+    if not (np.isfinite(states).all() and np.isfinite(np.vstack(seen)).all()):
+        return None
     _, values, right = np.linalg.svd(np.vstack(seen) @ states)
     values, right = values[: len(A)], right[: len(A)].T
     if len(values) < len(A) or not values[0] > 0:
@@ -125,7 +133,7 @@ def _scaled(
     top, size = _unit(A, discrete)
     A = _relative(A, top, size, discrete)
     resolvent = np.linalg.inv((_BEYOND + discrete) * np.eye(len(A)) - A)
-    C = C / np.linalg.norm(C, axis=1, keepdims=True)
+    C = _unit_columns(C.T).T
     w = np.asarray(C.sum(axis=0) @ resolvent, dtype=np.float64)
     heights = w @ B
     if not (heights > 0).all():
