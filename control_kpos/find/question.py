@@ -267,16 +267,17 @@ class Proven:
     def cone(self) -> PolyhedralCone:
         """The cone; the dual of what the generators span if they are facet normals."""
         cone = proper_cone(self.candidate.rays, self.candidate.separators, self.candidate.right_inverse)
-        c = self.certificate
-        if (
-            not c.by_facets
-            and len(c.matrices.values) == 1
-            and c.multipliers is not None
-            and not c.multipliers.is_sparse
-        ):
-            proof = GeneratorProof(self.candidate.pointing, self.candidate.right_inverse, c.multipliers[0])
-            vars(cone)["_found"] = Found(c.matrices[0], proof)
+        if not self.certificate.by_facets:
+            vars(cone)["_found"] = self._proofs()
         return cone.dual if self.certificate.by_facets else cone
+
+    def _proofs(self) -> list[Found]:
+        """What proves the cone for each matrix, where its multipliers are dense."""
+        c, about = self.certificate, (self.candidate.pointing, self.candidate.right_inverse)
+        if c.multipliers is None or c.multipliers.is_sparse:
+            return []
+        count = c.matrices.shape[0]
+        return [Found(c.matrices[s], GeneratorProof(*about, c.multipliers[s])) for s in range(count)]
 
 
 def prove(question: Question, candidate: Candidate) -> Proven | None:

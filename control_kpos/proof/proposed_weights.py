@@ -183,20 +183,27 @@ def _known(X: Cone, rays: Matrix, A: Matrix, discrete: bool) -> GeneratorProof |
 
     a A + c I has the multipliers a P + c I, up to rounding, which `conditions` judge.
     """
-    found = vars(X).get("_found")
-    if found is None or found.proof.multipliers.shape[0] != rays.shape[0]:
-        return None
-    values, given, eye = np.asarray(A.plain().values), np.asarray(found.A.values), np.eye(X.dim)
-    beside = given * (1 - eye)
-    part = float((values * beside).sum() / (beside**2).sum()) if beside.any() else 1.0
-    shift = float(np.diag(values - part * given).mean())
-    if not part > 0 or np.abs(values - part * given - shift * eye).max() > _CLOSE * np.abs(values).max(initial=0.0):
-        return None
-    P = found.proof.multipliers
-    if part != 1 or shift:
-        P = Matrix(part * np.asarray(P.values) + shift * np.eye(len(rays.values)))
-    proof = replace(found.proof, multipliers=P)
-    return proof if all(c.verdict() for c in proof.conditions(A, X, None, None, discrete=discrete)) else None
+    values, eye = np.asarray(A.plain().values), np.eye(X.dim)
+    for given, proof in vars(X).get("_found", ()):
+        part, shift = _multiple(values, np.asarray(given.values))
+        P = proof.multipliers
+        if P is None or P.shape[0] != rays.shape[0] or not part > 0:
+            continue
+        if np.abs(values - part * given.values - shift * eye).max() > _CLOSE * np.abs(values).max():
+            continue
+        if part != 1 or shift:
+            P = Matrix(part * np.asarray(P.values) + shift * np.eye(rays.shape[0]))
+        proposed = replace(proof, multipliers=P)
+        if all(c.verdict() for c in proposed.conditions(A, X, None, None, discrete=discrete)):
+            return proposed
+    return None
+
+
+def _multiple(A: Array, given: Array) -> tuple[float, float]:
+    """a and c with a given + c I close to A."""
+    beside = given * (1 - np.eye(len(given)))
+    part = float((A * beside).sum() / (beside**2).sum()) if beside.any() else 1.0
+    return part, float(np.diag(A - part * given).mean())
 
 
 def combinations(X: Cone, proof: GeneratorProof, M: Matrix, vectors: Matrix) -> Matrix | None:
