@@ -35,6 +35,7 @@ from .impossible.filters import family_obstruction
 from .impossible.jordan_index import matrix_obstruction
 from .impossible.response import near_zero, obstruction_between
 from .one_matrix import search as one_matrix
+from .one_matrix.close_modes import close_cones
 from .one_matrix.modes import Analysis, analysis
 from .one_matrix.repeated import repeated_cones
 from .ports import search as ports
@@ -316,7 +317,11 @@ def _of_one_matrix(question: Question, known: Analysis) -> Iterator[Candidate]:
     """Cones for one matrix, with or without vectors to hold and half-spaces to lie in."""
     if question.contains is not None or question.within is not None:
         return ports.candidates(question, known)
-    strategies = [lambda: one_matrix.candidates(question, known), lambda: repeated_cones(question)]
+    strategies = [
+        lambda: one_matrix.candidates(question, known),
+        lambda: repeated_cones(question),
+        lambda: close_cones(question),
+    ]
     if question.max_rays is not None:  # the modes need more: turn and move rays instead
         strategies.append(lambda: FamilySearch(question).candidates())
     return chain.from_iterable(strategy() for strategy in strategies)
