@@ -194,8 +194,7 @@ class Matrix:
     def fractions(self) -> NDArray[np.object_]:
         """All entries as Fraction (object array); rows with factors of their own are integers without a common one."""
         if self.integer_rows is not None:
-            rows = self.rows_as_integers(np.arange(self.shape[0]))
-            return np.array([Fraction(int(x)) for x in rows.ravel()], dtype=object).reshape(rows.shape)
+            return self.plain().fractions()
         if self.numerators is not None and not isinstance(self.denominator, int):
             return self.numerators * np.vectorize(partial(Fraction, 1), otypes=[object])(self.denominator)
         if self.is_double:
