@@ -200,3 +200,14 @@ def test_robust_cone_and_feedback(benchmark, size, m):
         benchmark, plants, lambda p: (design_cone_and_feedback(p[0], vertices=p[1], time_limit=20), None)
     )
     assert rate >= size(0.4, 0)
+
+
+@pytest.mark.parametrize("factors", [4, 5, 8, 16])
+def test_products_in_one_list(benchmark, size, factors):
+    """Facets of a product of pentagons in coordinates of its own, R^12 to R^48."""
+    rng, turn = np.random.default_rng(600), 2 * np.pi * np.arange(5) / 5
+    pentagon = np.round(10 * np.column_stack([np.cos(turn), np.sin(turn), np.ones(5)]))
+    n = 3 * factors
+    flat = [np.kron(np.eye(factors), pentagon) @ rng.integers(-2, 3, (n, n)) for _ in range(size(5, 1))]
+    rate, _, _ = measure(benchmark, flat, lambda rays: (kp.PolyhedralCone(rays).n_facets == 5 * factors, None))
+    assert rate == 1
