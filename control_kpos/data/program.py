@@ -195,7 +195,7 @@ def joint(
                 depth = np.full(len(facets), _INSIDE / samples.rate)
                 parts = {"theta": facets @ unknowns.moved[at_e, :n]}
                 program.above(-(facets @ unknowns.fixed[at_e, :n]), depth, **parts)
-    found = program.solve(lp)
+    found = program.solve(lp, presolve=False)  # its rows hold nothing to be simplified
     if not found:
         return None
     l = (found["p"] - found["q"]).reshape(K, T)
