@@ -15,7 +15,7 @@ from planted import pair, with_dominant_eigenvalue
 import control_kpos as kp
 from control_kpos.errors import DataError
 from control_kpos.find import find_cone
-from control_kpos.find.question import FoundCone
+from control_kpos.find.answer import FoundCone
 
 B, C, D, ONE = np.array([[0], [0], [1.0]]), np.array([[0, 0, 1.0]]), np.zeros((1, 1)), kp.orthant(1)
 ZERO, LOW, HIGH = np.zeros((1, 3)), [0, 0, 0.0], [0, 0, 1.0]

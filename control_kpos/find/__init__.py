@@ -1,9 +1,9 @@
 """Finding invariant cones: for one matrix, with inputs and outputs, for a family, with feedback."""
 
+from .answer import FoundCone
 from .certificate import ConeCertificate, Obstruction
 from .feedback.search import CodesignResult, design_cone_and_feedback
 from .find import find_cone
-from .question import FoundCone
 from .realization.certificate import NegativeResponse, PositiveRealizationCertificate
 from .realization.search import PositiveRealization, positive_realization
 

@@ -29,6 +29,7 @@ from ..proof.answer import first_proven
 from ..proof.certificate import Status
 from ..systems.reading import realized
 from ..systems.system import System
+from .answer import FoundCone
 from .certificate import Obstruction
 from .family.search import FamilySearch, completed
 from .impossible.filters import family_obstruction
@@ -39,7 +40,8 @@ from .one_matrix.close_modes import close_cones
 from .one_matrix.modes import Analysis, analysis
 from .one_matrix.repeated import repeated_cones
 from .ports import search as ports
-from .question import Candidate, FoundCone, Question, prove
+from .proven import prove
+from .question import Candidate, Question
 
 T = TypeVar("T")
 

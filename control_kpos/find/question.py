@@ -6,35 +6,25 @@ candidate, with the multipliers P that come with it or with those of linear prog
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from contextlib import suppress
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
-from control import StateSpace
 from numpy.typing import NDArray
 
 from ..cones import Cone, PolyhedralCone
-from ..cones.base import HoldsCone
 from ..cones.extreme import LOW
-from ..exact.budget import OutOfBudgetError, spend
 from ..exact.enclosure import Generators
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..proof.answer import Answer, first_proven
-from ..proof.certificate import Status
-from ..proof.inclusion import GeneratorProof
-from ..proof.proposed_weights import Found, multipliers
-from .certificate import ConeCertificate, Obstruction
+from .certificate import ConeCertificate
 
 Array = NDArray[np.float64]
 
 # A cone with a larger condition number is numerically flat: proven, but of no use.
 FLAT = 1e12
-# A proof takes a few products of n x n with n x N matrices, and singular values: operations divided by n^2 N.
-_PER_PRODUCT = 0.6
 
 # More generators are not compared with each other.
 _COMPARED = 3000
@@ -255,200 +245,3 @@ def _are_extreme(rays: Matrix, separators: NDArray[np.float64] | None) -> bool:
         return False
     signs = BilinearForms(Matrix(separators), None, rays).signs()
     return bool(np.array_equal(signs, np.ones_like(signs) - 2 * np.eye(len(signs), dtype=signs.dtype)))
-
-
-@dataclass(frozen=True, eq=False)
-class Proven:
-    """A certificate that is PROVED, and the candidate it is about."""
-
-    certificate: ConeCertificate
-    candidate: Candidate
-
-    def cone(self) -> PolyhedralCone:
-        """The cone; the dual of what the generators span if they are facet normals."""
-        cone = proper_cone(self.candidate.rays, self.candidate.separators, self.candidate.right_inverse)
-        if not self.certificate.by_facets:
-            vars(cone)["_found"] = self._proofs()
-        return cone.dual if self.certificate.by_facets else cone
-
-    def _proofs(self) -> list[Found]:
-        """What proves the cone for each matrix, where its multipliers are dense."""
-        c, about = self.certificate, (self.candidate.pointing, self.candidate.right_inverse)
-        if c.multipliers is None or c.multipliers.is_sparse:
-            return []
-        count = c.matrices.shape[0]
-        return [Found(c.matrices[s], GeneratorProof(*about, c.multipliers[s])) for s in range(count)]
-
-
-def prove(question: Question, candidate: Candidate) -> Proven | None:
-    """The certificate of the candidate, or None if it proves nothing, or a limit leaves too little for it."""
-    size = candidate.rays.values.shape[0]
-    found = None
-    with suppress(OutOfBudgetError):  # another candidate may be cheaper to prove
-        spend(_PER_PRODUCT * size * question.matrices.values.size)
-        P = _by_programs(question, candidate) if candidate.multipliers is None else candidate.multipliers
-        if P is not None:
-            certificate = question.settle(
-                rays=candidate.rays,
-                multipliers=P,
-                pointing=candidate.pointing,
-                right_inverse=candidate.right_inverse,
-                shares=candidate.combinations,
-            )
-            found = Proven(certificate, candidate) if certificate.status is Status.PROVED else None
-    question.report(f"a cone with {size} rays: {'proved' if found else 'not proven'}")
-    return found
-
-
-def first_cone(question: Question, candidates: Iterable[Candidate]) -> Proven | None:
-    """The first of the candidates that is proven."""
-    return first_proven(candidates, partial(prove, question))
-
-
-def _by_programs(question: Question, candidate: Candidate) -> Matrix | None:
-    """Multipliers of all matrices, by linear programs and rational arithmetic."""
-    found = []
-    for A in (question.searched[s] for s in range(question.matrices.shape[0])):
-        P = multipliers(A, candidate.rays, candidate.pointing, discrete=question.discrete)
-        if P is None:
-            return None
-        found.append(P)
-    return Matrix.stack(found)
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class ConeAnswer(Answer, HoldsCone):
-    """The answer of a search for a cone, taken wherever a cone is asked for.
-
-    Attributes
-    ----------
-    cone : Cone or None
-    """
-
-    cone: Cone | None = None
-
-    def __cone__(self) -> Cone | str:
-        return self.cone if self and self.cone is not None else self.explain()
-
-    @property
-    def explanation(self) -> str:
-        """`message`, by its earlier name."""
-        return self.message
-
-    def __repr__(self) -> str:
-        if self.cone is None:
-            return super().__repr__()
-        return f"<{type(self).__name__} {self.status.name}, {self.cone!r}>"
-
-
-@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class FoundCone(ConeAnswer):
-    """A cone with the proof that it is invariant, a proof that there is none, or neither.
-
-    `bool(found)` is True only if a cone was found, proven, and is not numerically flat.  A `FoundCone` is taken
-    wherever a cone is asked for; one without a cone is refused there with its reason.
-
-    Attributes
-    ----------
-    certificate : ConeCertificate
-        The proof, which recomputes itself with `check()`.
-    cone : Cone or None
-        Proper and invariant; None unless the certificate is PROVED.
-    fewest_rays : int
-        Lower bound on the number of generators (`few="facets"`: of facets) of any invariant cone, from
-        eigenvalues in floating point: computed, not proven.
-    conditioning : float
-        Condition number of the generators scaled to length 1, states in balanced units.
-    system : StateSpace or None
-        For a transfer function: its realization by `control.ss`, whose states the cone is in.
-    """
-
-    certificate: ConeCertificate  # type: ignore[reportGeneralTypeIssues]  (never without one)
-    fewest_rays: int = 1
-    conditioning: float = np.inf
-    system: StateSpace | None = None
-
-    @classmethod
-    def of(cls, question: Question, proven: Proven, fewest_rays: int) -> FoundCone:
-        """The answer for a cone that is proven; UNDECIDED if it is numerically flat.
-
-        Parameters
-        ----------
-        question : Question
-        proven : Proven
-        fewest_rays : int
-        """
-        conditioning = proven.candidate.conditioning
-        flat = not conditioning <= FLAT
-        message = (
-            "This is numerically flat, hence no success: rescale the states, or separate the dominant eigenvalue more."
-        )
-        return cls(
-            status=Status.UNDECIDED if flat else Status.PROVED,
-            certificate=proven.certificate,
-            message=message if flat else "",
-            cone=proven.cone(),
-            fewest_rays=fewest_rays,
-            conditioning=conditioning,
-        )
-
-    @property
-    def is_flat(self) -> bool:
-        """True if the cone is so thin that nothing should be built on it."""
-        return self.certificate.status is Status.PROVED and not self.conditioning <= FLAT
-
-    @property
-    def obstruction(self) -> Obstruction | None:
-        """For REFUTED: why no such cone exists."""
-        return self.certificate.witness
-
-    @property
-    def rays(self) -> NDArray[np.float64] | None:
-        """Generators of the cone, one a row; None if there is no cone."""
-        return None if self.cone is None else self.cone.rays
-
-    @property
-    def n_rays(self) -> int:
-        """Number of rays of the cone (of facets, if few facets were asked for); 0 if there is no cone."""
-        if self.cone is None:
-            return 0
-        return self.cone.n_facets if self.certificate.by_facets else self.cone.n_rays
-
-    @property
-    def v(self) -> NDArray[np.float64] | None:
-        """Common Lyapunov vector on the cone, if one was found."""
-        return self.certificate.v
-
-    def explain(self) -> str:
-        """A few sentences a person can act on.
-
-        Returns
-        -------
-        str
-        """
-        parts = [self.certificate.explain()]
-        if self.certificate.status is Status.PROVED:
-            kind = "facets" if self.certificate.by_facets else "rays"
-            parts.append(
-                f"Computed, not proven: every such cone has at least {self.fewest_rays} {kind}; conditioning "
-                f"{self.conditioning:.3g}."
-            )
-        if self and self.certificate.matrices.shape[0] > 1:
-            stable = "" if self.v is None else "; v proves stability under arbitrary switching"
-            parts.append(f"It is invariant under the whole convex hull of the family{stable}.")
-        return " ".join([*parts, self.message]).strip()
-
-    def facts(self) -> list[tuple[str, str]]:
-        """Names and values for the card that a notebook shows.
-
-        Returns
-        -------
-        list of (str, str)
-        """
-        if self.cone is None:
-            return []
-        return [
-            ("cone", repr(self.cone)),
-            ("fewest rays of any such cone, computed", str(self.fewest_rays)),
-            ("conditioning, computed", f"{self.conditioning:.3g}"),
-        ]

@@ -21,7 +21,8 @@ from ..certificate import ConeCertificate
 from ..generators import extreme_generators
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import Analysis, Modes, balancing_units, dominant_index, modes
-from ..question import Candidate, Proven, Question
+from ..proven import Proven
+from ..question import Candidate, Question
 from .descent import moving_descent, simplicial_descent
 from .flags import flag_orthants
 

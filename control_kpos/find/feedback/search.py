@@ -36,11 +36,11 @@ from ...proof.answer import first_proven
 from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
+from ..answer import ConeAnswer
 from ..family.descent import simplicial_descent
 from ..find import ended, square, within_limits
 from ..one_matrix.explicit import modal_cone
 from ..one_matrix.modes import modes
-from ..question import ConeAnswer
 from .placement import placed
 
 Array = NDArray[np.float64]

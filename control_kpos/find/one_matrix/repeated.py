@@ -37,7 +37,8 @@ from ...exact.polynomials import (
 )
 from ...proof.proposed_weights import pointing_functional
 from ..impossible.existence import spectrum_polynomial
-from ..question import Candidate, Question, first_cone
+from ..proven import first_cone
+from ..question import Candidate, Question
 from .modes import analysis
 from .search import candidates
 

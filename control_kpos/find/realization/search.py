@@ -30,9 +30,9 @@ from ...proof.certificate import Status
 from ...systems.statespace import ConeStateSpace
 from ...systems.system import System
 from ...theorems.positivity import state_positivity
+from ..answer import FoundCone
 from ..certificate import ConeCertificate
 from ..find import find_cone, within_limits
-from ..question import FoundCone
 from .certificate import NegativeResponse, PositiveRealizationCertificate
 from .few_states import few_rays
 from .lower_bound import lower_bound
