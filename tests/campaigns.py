@@ -25,7 +25,8 @@ from control_kpos.design.certificates import GainBoundCertificate
 from control_kpos.errors import CertificateFileError, FalseClaimError, UndecidedError
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.families.common_vector import CommonVectorCertificate
-from control_kpos.proof.encoding import Decoder, number
+from control_kpos.proof.encoding import Decoder
+from control_kpos.proof.numerals import number
 from control_kpos.proof.portable_cones import decode_cone
 
 

@@ -24,8 +24,8 @@ from control_kpos.__main__ import main
 from control_kpos.errors import CertificateFileError
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.proof import files
-from control_kpos.proof.encoding import number, number_text
 from control_kpos.proof.files import load_certificate
+from control_kpos.proof.numerals import double, number, number_text, number_texts, special_double
 
 EVERY = {**certified.CERTIFICATES, **certified.FOR_THE_PACKAGE}
 
@@ -71,6 +71,27 @@ def test_numbers_come_back_exactly(text):
 @pytest.mark.parametrize("value", [0.1, 5e-324, -1.7e308, 2.0**-1074, 2.0**60, 1 / 3, -0.5])
 def test_doubles_come_back_exactly(value):
     assert float(number(number_text(value))) == value == float(checker.number(number_text(value)))
+    assert double(number_text(value)) == value
+
+
+def test_many_doubles_are_written_as_each_of_them():
+    values = np.array([0.0, -0.0, 1.0, -7.0, 0.1, 2.0**53, 2.0**53 - 1, 5e-324, -1.7e308, np.inf, -np.inf, np.nan])
+    texts = number_texts(values)
+    assert texts[:4] == [0, "-0x0.0p+0", 1, -7] and texts[-3:] == ["inf", "-inf", "nan"]
+    assert texts == [number_text(float(x)) for x in values]
+    assert np.array_equal([special_double(x) for x in texts], values, equal_nan=True)
+    assert [double(x) for x in texts[:-3]] == values[:-3].tolist()
+
+
+@pytest.mark.parametrize(
+    "text", ["0x1.0p+1024", "0x1.00000000000001p+0", "0x1.0p-1080", "1/3", "0x3.0p-1", "nan", "inf"]
+)
+def test_what_is_no_double(text):
+    if text == "0x3.0p-1":  # not as it would be written, but a double
+        assert double(text) == 1.5
+    else:
+        with pytest.raises((kp.CertificateFileError, OverflowError)):
+            double(text)
 
 
 def test_semantics_and_digest(tmp_path):

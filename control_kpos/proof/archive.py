@@ -21,7 +21,7 @@ from numpy.lib import format as npy
 from numpy.typing import NDArray
 
 from ..errors import CertificateFileError
-from .encoding import nested_text, number_text
+from .numerals import nested_text, number_text
 
 MAX_MEMBERS = 10_000
 _TEXT = "certificate.json"

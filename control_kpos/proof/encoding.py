@@ -1,13 +1,11 @@
-"""Numbers, matrices, cones and records as JSON data, without rounding: the vocabulary of certificate files.
+"""Matrices, cones and records as JSON data, without rounding: the vocabulary of certificate files.
 
-A number is a JSON integer, or text: a double in hexadecimal ("0x1.8p+1"), a decimal or a fraction as the
-user gave it ("-21.3", "1/3"), or a fraction of long integers in hexadecimal ("0x1f/0x3").  No JSON number
-with a decimal point occurs, so no reader can round.  The page certificate_format in docs has it all.
+Numbers are those of `numerals`.  No JSON number with a decimal point occurs, so no reader can round.  The page
+certificate_format in docs has it all.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from fractions import Fraction
@@ -20,13 +18,9 @@ from numpy.typing import NDArray
 from ..cones import Cone
 from ..errors import CertificateFileError
 from ..exact.matrix import Matrix
+from .numerals import double, nested_text, number, number_text, number_texts, special_double
 
 _FREE_DIMENSION = 20_000
-_LONG = 10**18
-_SHORT_DECIMAL = 10**15
-# The grammar of numbers, as on the page certificate_format and in the checker.
-_DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{0,30}))?p([+-][0-9]{1,4})")
-_TEXT = re.compile(r"-?([0-9]{1,4000}(\.[0-9]{1,4000}|/[0-9]{1,4000})?|0x[0-9a-f]{1,20000}(/0x[0-9a-f]{1,20000})?)")
 
 # Keys of the objects that stand for a value.
 _OBJECTS = [
@@ -165,8 +159,8 @@ class Encoder:
             if self.compact:
                 rows, columns = (index.astype(np.int64) for index in coo.coords)
                 return {"sparse": {"rows": rows, "columns": columns, "values": coo.data}, "shape": shape}
-            entries = zip(*coo.coords, coo.data.tolist(), strict=True)
-            return encode_triplets(list(entries), m.shape)
+            rows, columns = (index.tolist() for index in coo.coords)
+            return {"sparse": list(map(list, zip(rows, columns, number_texts(coo.data), strict=True))), "shape": shape}
         # the zeros of matrices have no sign, as readers know them
         return {"matrix": self.nested(np.asarray(m.values + 0.0 if m.is_double else m.fractions()))}
 
@@ -174,29 +168,11 @@ class Encoder:
         """Entries as lists of rows."""
         if self.compact and values.dtype != object:
             return np.ascontiguousarray(values)
-        return nested_text(values.tolist())
-
-
-def nested_text(values: Any) -> Any:
-    """Nested lists of numbers as text."""
-    return [nested_text(item) for item in values] if isinstance(values, list) else number_text(values)
-
-
-def number_text(x: Any) -> str | int:
-    """A number without loss: int, float or Fraction."""
-    if isinstance(x, float):
-        return int(x) if x.is_integer() and abs(x) < 2**53 and not (x == 0 and str(x)[0] == "-") else x.hex()
-    x = Fraction(x)
-    p, q = x.numerator, x.denominator
-    if q == 1 and abs(p) < _LONG:
-        return p
-    if max(abs(p), q) >= _LONG:
-        return hex(p) if q == 1 else f"{p:#x}/{q:#x}"
-    digits = next((k for k in range(1, 16) if 10**k % q == 0), None) if q < _SHORT_DECIMAL else None
-    if digits is None:
-        return f"{p}/{q}"
-    whole = str(abs(p) * (10**digits // q)).rjust(digits + 1, "0")
-    return f"{'-' if p < 0 else ''}{whole[:-digits]}.{whole[-digits:]}"
+        if values.dtype != float:
+            return nested_text(values.tolist())
+        texts = np.empty(values.size, dtype=object)
+        texts[:] = number_texts(values.ravel())
+        return texts.reshape(values.shape).tolist()
 
 
 def encode_triplets(entries: list[tuple[int, int, Any]], shape: tuple[int, ...]) -> dict[str, Any]:
@@ -254,7 +230,7 @@ class Decoder:
         if set(value) not in _OBJECTS:
             raise CertificateFileError(f"an object with the keys {sorted(value)} has no meaning here.")
         if "double" in value:
-            return _special_double(value["double"])
+            return special_double(value["double"])
         if "fraction" in value:
             return number(value["fraction"])
         if "fractions" in value:
@@ -293,7 +269,7 @@ class Decoder:
         if isinstance(entries, np.ndarray):
             return _doubles(entries)
         shape = nested_shape(entries)
-        return np.array([_special_double(x) for x in flat_entries(entries, shape)], dtype=float).reshape(shape)
+        return np.array([special_double(x) for x in flat_entries(entries, shape)], dtype=float).reshape(shape)
 
     def _is_size(self, side: Any) -> bool:
         return type(side) is int and 0 <= side <= self.limit
@@ -320,7 +296,7 @@ class Decoder:
             if any(not isinstance(e, list) or len(e) != 3 or not all(map(self._is_size, e[:2])) for e in entries):
                 raise CertificateFileError("a sparse matrix has an entry that is not [row, column, number].")
             i, j = (np.array([e[k] for e in entries], dtype=np.int64) for k in (0, 1))
-            data = np.array([_double(e[2]) for e in entries], dtype=float)
+            data = np.array([double(e[2]) for e in entries], dtype=float)
         if not (i.ndim == 1 and i.shape == j.shape == data.shape):
             raise CertificateFileError("the arrays of a sparse matrix differ in length.")
         if i.size and (min(i.min(), j.min()) < 0 or i.max() >= shape[0] or j.max() >= shape[1]):
@@ -381,43 +357,6 @@ def flat_entries(entries: list[Any], shape: tuple[int, ...]) -> list[Any]:
             raise CertificateFileError("nested lists of numbers are ragged.")
         entries = [x for part in entries for x in part]
     return entries
-
-
-def number(x: Any) -> Fraction:
-    """A number as text or a JSON integer."""
-    if type(x) is int:
-        return Fraction(x)
-    if not isinstance(x, str):
-        raise CertificateFileError(f"{str(x)[:60]!r} is not a number.")
-    double = _DOUBLE.fullmatch(x)
-    if double:
-        digits = double[2] or ""
-        return int(double[1] + digits, 16) * Fraction(2) ** (int(double[3]) - 4 * len(digits))
-    if not _TEXT.fullmatch(x):
-        raise CertificateFileError(f"{x[:60]!r} is not a number, or has too many digits.")
-    if "x" in x:
-        top, _, bottom = x.partition("/")
-        return Fraction(int(top, 16), int(bottom or "1", 16))
-    return Fraction(x)
-
-
-def _double(x: Any) -> float:
-    exact = number(x)
-    value = exact.numerator / exact.denominator
-    if Fraction(value) != exact:
-        raise CertificateFileError(f"{str(x)[:60]!r} is not a double.")
-    return value
-
-
-def _special_double(x: Any) -> float:
-    """A double, or what stands for none: inf and nan."""
-    if type(x) is int and -_SHORT_DECIMAL < x < _SHORT_DECIMAL:
-        return float(x)
-    return float(x) if x in ("inf", "-inf", "nan") else _signed(x)
-
-
-def _signed(x: Any) -> float:
-    return -0.0 if isinstance(x, str) and x.startswith("-0x0.0p") else _double(x)
 
 
 def _doubles(values: NDArray[Any]) -> NDArray[np.float64]:

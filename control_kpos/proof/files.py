@@ -83,6 +83,7 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     path = file_path(path)
     compact = path.suffix.lower() == ".npz"
     content = _describe(certificate, compact=compact)
+    text = "" if compact else _file_text(content)
     target = Path(os.path.realpath(path))  # what a link points to is written, and the link stays
     mode = target.stat().st_mode if target.exists() else None
     if mode is not None and not stat.S_ISREG(mode):
@@ -94,7 +95,7 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
             if compact:
                 write_archive(stream, content)
             else:
-                stream.write(_compact_text(content).encode())
+                stream.write(text.encode())
             stream.flush()
             os.fsync(stream.fileno())
         if mode is not None:
@@ -246,9 +247,15 @@ def _describe(certificate: Any, *, compact: bool) -> dict[str, Any]:
         "format": FORMAT,
         "producer": f"control_kpos {getattr(package, '__version__', '')}".strip(),
         "semantics": "binary" if all_doubles(certificate) else "decimal",
-        **({} if compact else {"digest": digest(content["data"])}),  # archives have checksums of their own
         **content,
     }
+
+
+def _file_text(content: dict[str, Any]) -> str:
+    """JSON with the digest of the data, which are written once for both; archives have checksums of their own."""
+    texts = {key: _compact_text(value, sort_keys=key == "data") for key, value in content.items()}
+    texts = {"format": texts["format"], "digest": _compact_text(_digest(texts["data"])), **texts}
+    return "{" + ",".join(f'"{key}":{text}' for key, text in texts.items()) + "}"
 
 
 def _encode_claim(certificate: Any, encoder: Encoder) -> dict[str, Any]:
@@ -262,7 +269,11 @@ def _encode_claim(certificate: Any, encoder: Encoder) -> dict[str, Any]:
 
 def digest(data: dict[str, Any]) -> str:
     """SHA-256 of the data as compact JSON with sorted keys."""
-    return "sha256:" + hashlib.sha256(_compact_text(data, sort_keys=True).encode()).hexdigest()
+    return _digest(_compact_text(data, sort_keys=True))
+
+
+def _digest(text: str) -> str:
+    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
 
 
 def _compact_text(content: Any, *, sort_keys: bool = False) -> str:

@@ -16,8 +16,9 @@ import scipy.sparse as sp
 
 from ..errors import DataError
 from ..exact.matrix import Matrix
-from .encoding import exact_rows, number
+from .encoding import exact_rows
 from .inclusion import GeneratorProof
+from .numerals import number
 from .portable_cones import Rationals, portable, spanning_inverse
 
 # Entries of weights in files above which they are rounded and sparse.

@@ -29,7 +29,8 @@ from ..exact.condition import Condition
 from ..exact.linalg import echelon, solve_exactly
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from .encoding import Written, exact_rows, nested_text
+from .encoding import Written, exact_rows
+from .numerals import nested_text
 
 Rationals = NDArray[np.object_]
 # Above this dimension exact inverses are longer than a file should be.

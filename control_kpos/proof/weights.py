@@ -27,7 +27,8 @@ from ..errors import TooLargeError
 from ..exact.linalg import solve_exactly
 from ..exact.matrix import Matrix, integers_of_doubles
 from ..exact.rational_programs import exact_combination, exact_feasibility
-from .encoding import encode_triplets, number_text
+from .encoding import encode_triplets
+from .numerals import number_text
 from .portable_cones import (
     LARGE,
     independent,
