@@ -83,15 +83,14 @@ def test_many_doubles_are_written_as_each_of_them():
     assert [double(x) for x in texts[:-3]] == values[:-3].tolist()
 
 
-@pytest.mark.parametrize(
-    "text", ["0x1.0p+1024", "0x1.00000000000001p+0", "0x1.0p-1080", "1/3", "0x3.0p-1", "nan", "inf"]
-)
+@pytest.mark.parametrize("text", ["0x1.0p+1024", "0x1.00000000000001p+0", "0x1.0p-1080", "1/3", 2**60 + 1, "nan"])
 def test_what_is_no_double(text):
-    if text == "0x3.0p-1":  # not as it would be written, but a double
-        assert double(text) == 1.5
-    else:
-        with pytest.raises((kp.CertificateFileError, OverflowError)):
-            double(text)
+    with pytest.raises(CertificateFileError, match="is not a"):
+        double(text)
+
+
+def test_doubles_may_be_written_in_other_ways():
+    assert [double(x) for x in ("0x3.0p-1", "1.5", "3/2", "0x3/0x2")] == [1.5] * 4
 
 
 def test_semantics_and_digest(tmp_path):
