@@ -34,7 +34,8 @@ from ...exact.polynomials import (
     without_roots_of_unity,
 )
 from ...exact.roots import Disc, on_imaginary_axis, real_roots_above, root_discs, roots_beyond
-from ...proof.encoding import LATER, number_text, register_record
+from ...proof.encoding import LATER, register_record
+from ...proof.numerals import number_text
 from ...proof.weights import ProofOmittedError
 
 # Characteristic polynomials of larger matrices take too long in exact arithmetic.
