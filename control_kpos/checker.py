@@ -321,6 +321,8 @@ def cone(o: Json, limit: int) -> Cone:
             Z, w = matrix({"matrix": factor["Z"]}, p, n), entries([number(x) for x in factor["w"]], n)
             need(all(dot(w, x) > 0 for x in rays), "a cone is pointed")
             need(all(image(rays, z) == {j: 1} for j, z in enumerate(Z)), "a cone is solid")
+            directions = {tuple(sorted((i, a / dot(w, x)) for i, a in x.items())) for x in rays}
+            expect(len(directions) == p, "two generators of a cone are in a line")
         for _ in range(count):
             first = len(out.rays)
             out.factors.append((range(out.dim, out.dim + n), range(first, first + p)))

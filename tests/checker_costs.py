@@ -61,7 +61,7 @@ def tapered(factor, pushes, *, discrete=True, count=1, low=2, high=2, beside=())
 
 
 SQUARE = over([(1, 1), (-1, -1), (1, -1), (-1, 1)])
-WIDER = over([(1, 1), (-1, -1), (1, -1), (-1, 1)], (0, 0, 1), (2, 2, 2), (1, 0, 1))  # with generators that add nothing
+WIDER = over([(1, 1), (-1, -1), (1, -1), (-1, 1)], (0, 0, 1), (2, 1, 2), (1, 0, 1))  # with generators that add nothing
 OCTAHEDRON = over([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)])
 CUBE = over([(a, b, c) for a in (1, -1) for b in (1, -1) for c in (1, -1)])
 FACETS = {

@@ -87,7 +87,7 @@ class Elimination:
 
     Examples
     --------
-    >>> Elimination(np.array([[0, 1e-200], [1, 0]]), np.array([0, 1e-200])).solve(np.ones((2, 1)))[:, 0]
+    >>> Elimination(np.array([[0, 1], [1, 0]]), np.array([0, 1e-200])).solve(np.ones((2, 1)))[:, 0]
     array([2.e+200, 2.e+200])
     """
 
