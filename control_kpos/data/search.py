@@ -58,7 +58,8 @@ class DataAnswer(Answer):
         str
         """
         verdict = "" if self.certificate is None else self.certificate.explain()
-        return f"{verdict} {self.message}".strip()
+        message = self.message if not verdict else self.message[:1].upper() + self.message[1:]
+        return f"{verdict} {message}".strip()
 
 
 def data_feedback(

@@ -303,7 +303,7 @@ def read_plant(
 def read_system(sys: Any, X: Cone | ArrayLike | None) -> System:
     """The exact data of sys, with the cone X if one is given."""
     if not isinstance(sys, (StateSpace, System)):
-        raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace, or a control.StateSpace and X=.")
+        raise DataError(f"sys is a {type(sys).__name__}; give a ConeStateSpace or what control.ss returns.")
     system = System.read(sys, X=X)
     if not system.A.shape[0]:
         raise ShapeError("sys has no states; there is nothing to design.")

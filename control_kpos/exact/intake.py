@@ -179,6 +179,8 @@ def require_shape(M: Matrix, name: str, shape: tuple[int | None, ...], meaning: 
     if len(M.shape) != len(shape) or any(s is not None and s != m for s, m in zip(shape, M.shape, strict=True)):
         want = " x ".join("any" if s is None else str(s) for s in shape)
         have = " x ".join(map(str, M.shape))
+        if len(shape) == len(M.shape) == 1:
+            have, want = f"a vector of {have}", f"of {want}"
         raise ShapeError(f"{name} is {have}, but must be {want}{f' ({meaning})' if meaning else ''}.")
     return M
 

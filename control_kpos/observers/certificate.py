@@ -93,7 +93,7 @@ class ErrorEquation(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class IntervalObserverCertificate(ClaimOnPositivity):
-    """Proof that two copies of an observer enclose the state of a plant for all time, and how wide they are at last.
+    """Proof that two copies of an observer enclose the state of a plant for all time, and of their final width.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class IntervalObserverCertificate(ClaimOnPositivity):
     covers : Matrix, shape (n, n)
         The rows a_i that turn bounds in the order of X into bounds on entries.
     width : ndarray, shape (n,)
-        The bounds on x_i are at last no further apart than this.
+        In the long run the bounds on x_i are no further apart than this.
     exact : tuple of tuples of Fraction, or None
         Of all these vectors, where doubles do not suffice.
     """
@@ -226,8 +226,8 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         time = "steps" if self.discrete else "time"
         return (
             "Proved: from every enclosure of the first state the two copies of the observer enclose the state for all "
-            f"{time}, for all disturbances and noise within their bounds. Their distance is at last at most `width`, "
-            "entry by entry, whatever disturbances, noise, inputs and measurements do."
+            f"{time}, for all disturbances and noise within their bounds. In the long run their distance is at most "
+            "`width`, entry by entry, whatever disturbances, noise, inputs and measurements do."
         )
 
 

@@ -33,6 +33,8 @@ from .reading import read_noise, read_pair, read_signal, read_times
 
 # States up to which observers are designed: their bounds are proven in fractions.
 _STATES = 60
+# Final widths that a card shows one by one.
+_SHOWN = 8
 _NONE = (
     "no gains L and N were proven to keep this cone; other cones may do: leave X out, with a plain system, and one is "
     "looked for."
@@ -67,7 +69,7 @@ class IntervalObserver(Answer):
     cone : Cone or None
         In whose order the two copies enclose z.
     width : ndarray, shape (n,), or None
-        Proven: the bounds on each state are at last no further apart.
+        Proven: in the long run the bounds on each state are no further apart.
     system : control.StateSpace or None
         Both copies, from (y, u, one) to (upper, lower); the last input is 1 at all times.  Of a network one
         copy, a `ConeNetwork` from (u_j, y_j, upper_j or lower_j) of every node to its outputs.
@@ -91,7 +93,11 @@ class IntervalObserver(Answer):
         -------
         list of (str, str)
         """
-        return [] if self.width is None else [("final width", ", ".join(raised(x, 4) for x in self.width))]
+        if self.width is None:
+            return []
+        if len(self.width) > _SHOWN:
+            return [("largest final width", raised(self.width.max(), 4))]
+        return [("final width", ", ".join(raised(x, 4) for x in self.width))]
 
     def simulate(self, T: ArrayLike, y: ArrayLike, u: ArrayLike | None = None, *, x0: Any) -> tuple[Floats, Floats]:
         """Bounds on the states from measurements.
@@ -215,9 +221,9 @@ def interval_observer(
     sys : ConeStateSpace, control.StateSpace or network
         In continuous or discrete time.  Of a network: its inputs are known, its outputs measured.
     disturbance : (w_lo, w_hi), shapes (n,), optional
-        Bounds on what adds to x' (to x[k+1]); default: 0.
+        Bounds on what adds to x' (to x[k+1]), entry by entry, in the units of x' (of x); default: 0.
     noise : float or array_like, shape (q,)
-        Bounds on the noise of the measurements.
+        Bounds on |n|, in the units of y, for all outputs or for each; default: 0.
     X : Cone or array_like of rays, optional
         The cone in whose order z is enclosed.  Default: that of a ConeStateSpace; of a plain system the orthant, and
         where that does not work one that is found for the transposed plant.  For a network, which has the cones of its
@@ -228,8 +234,8 @@ def interval_observer(
     Returns
     -------
     IntervalObserver
-        PROVED with gains, cone, final width and both copies as one system.  REFUTED: no gains L and N make F keep the
-        cone and decay, which must be simplicial for that; of a network, no local gains do.  UNDECIDED: none was found,
+        PROVED with gains, cone, final width and both copies as one system.  REFUTED, on simplicial cones only:
+        no gains L and N make F keep the cone and decay; of a network, no local gains do.  UNDECIDED: none was found,
         or none could be proven.
 
     Raises

@@ -43,9 +43,12 @@ def read_signal(values: Any, name: str, count: int, length: int) -> Floats:
 
 def read_pair(given: Any, name: str, size: int) -> tuple[Matrix, Matrix]:
     """Bounds (lo, hi) of vectors of this size; None for zeros."""
-    pair = items(given, name) if given is not None else [np.zeros(size)] * 2
+    try:
+        pair = [np.zeros(size)] * 2 if given is None else items(given, name)
+    except DataError:
+        pair = []
     if len(pair) != 2:
-        raise ShapeError(f"{name} must be a pair (lo, hi) of vectors of {size} numbers.")
+        raise ShapeError(f"{name} must be a pair (lo, hi) of vectors of {size} numbers, one for each state of sys.")
     lo, hi = (exact_matrix(part, f"{name}[{k}]", ndim=1) for k, part in enumerate(pair))
     for k, part in enumerate((lo, hi)):
         if part.shape != (size,):

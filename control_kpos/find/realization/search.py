@@ -253,7 +253,7 @@ def _with_states(task: _Task, s: Spread | None, count: int, *, few: bool) -> Pos
     return None
 
 
-_NONE = "No realization of any order has nonnegative matrices; the matrices of the proof are minimal."
+_NONE = "No realization of any order has nonnegative matrices; the proof is about a minimal realization."
 _IDLE = "G is constant, y = D u, and needs no states; the certificate is about a state that does nothing."
 _THIN = (
     " Computed: a system of a smaller order has nearly the same response. The numbers of G are taken exactly: where a "
