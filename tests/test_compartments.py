@@ -254,7 +254,7 @@ def test_the_bound_counts_every_rounding():
     ("arguments", "says"),
     [
         (([[0, 1, 0], [1, 0, 0]], [1, 1]), "flows is 2 x 3, but must be 2 x 2"),
-        (([[0, 1], [1, 0]], [1]), "outflows is a vector of 1, but must be of 2"),
+        (([[0, 1], [1, 0]], [1]), "outflows has 1 entries; it must have 2"),
         (([[0, -1], [1, 0]], [1, 1]), r"flows\[0, 1\] is -1"),
         (([[-1, 0], [1, 0]], [1, 1]), r"flows\[0, 0\] is -1; .*leave out the diagonal"),
         (([[2, 1], [1, 0]], [1, 1]), r"flows\[0, 0\] is 2, a flow from a compartment to itself"),

@@ -178,10 +178,10 @@ def require_shape(M: Matrix, name: str, shape: tuple[int | None, ...], meaning: 
     """Raise `ShapeError` with both shapes unless M has the given shape (None: any size)."""
     if len(M.shape) != len(shape) or any(s is not None and s != m for s, m in zip(shape, M.shape, strict=True)):
         want = " x ".join("any" if s is None else str(s) for s in shape)
-        have = " x ".join(map(str, M.shape))
+        have, why = " x ".join(map(str, M.shape)), f" ({meaning})" if meaning else ""
         if len(shape) == len(M.shape) == 1:
-            have, want = f"a vector of {have}", f"of {want}"
-        raise ShapeError(f"{name} is {have}, but must be {want}{f' ({meaning})' if meaning else ''}.")
+            raise ShapeError(f"{name} has {have} entries; it must have {want}{why}.")
+        raise ShapeError(f"{name} is {have}, but must be {want}{why}.")
     return M
 
 
