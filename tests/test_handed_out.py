@@ -93,3 +93,5 @@ def test_a_transfer_function_becomes_a_system():
     for wrong in (ct.tf([1, 0, 0], [1, 2]), ct.frd([1, 2], [1, 2])):
         with pytest.raises(kp.DataError, match=r"[tT]ransfer ?[fF]unction"):
             kp.ConeStateSpace(wrong)
+    with pytest.raises(kp.DataError, match="A is a FrequencyResponseData; give a matrix"):
+        kp.find_cone(ct.frd([1, 2], [1, 2]))

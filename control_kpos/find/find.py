@@ -12,7 +12,7 @@ from itertools import chain
 from typing import Any, Literal, TypeVar
 
 import numpy as np
-from control import StateSpace, TransferFunction
+from control import InputOutputSystem, StateSpace, TransferFunction
 
 from ..cards import about
 from ..cones import Cone
@@ -125,6 +125,8 @@ def find_cone(
     limit = seconds(time_limit)
     converted = realized(A, "A") if isinstance(A, TransferFunction) else None
     A = A if converted is None else converted
+    if isinstance(A, InputOutputSystem) and not isinstance(A, StateSpace):
+        raise DataError(f"A is a {type(A).__name__}; give a matrix, a transfer function or a state-space system.")
     if _is_family(A):
         if contains is not None or within is not None or by_facets:
             raise DataError("contains, within and few are for one matrix; a family takes max_rays only.")
