@@ -96,6 +96,21 @@ def test_bounds_of_the_order_hold_for_systems_of_that_order(seed):
     assert not len(small.A) or len(small.A) <= lower_bound(small, discrete=discrete) <= p
 
 
+@pytest.mark.parametrize(
+    ("P", "N", "Q"),
+    [
+        ([[3]], [[3]], [[1], [0]]),
+        ([[3]], [[0, 2]], [[1]]),
+        ([[0]], [[2]], [[0], [3]]),
+        ([[0, 1], [1, 0]], [[1], [0]], [[0, 0], [2, 0]]),
+    ],
+)
+def test_an_output_that_never_responds_needs_no_states(P, N, Q):
+    """Nor does an input without effect: no state of its own, and no walk."""
+    found = kp.positive_realization(ct.ss(P, N, Q, 0, True))
+    assert is_a_realization(found) and found.order == found.lower_bound == len(P)
+
+
 @pytest.mark.parametrize("p", [3, 4, 6])
 def test_sectors_of_eigenvalues(p):
     """Random matrices, rings among them, stay inside; a ring is on the edge."""

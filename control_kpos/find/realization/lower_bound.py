@@ -85,7 +85,8 @@ def _lacks_walks(s: Realization, p: int) -> bool:
     if p == len(s.A):
         fits = np.all(_closed(walks) == np.array(closed)[:, None], axis=0)
         walks = walks[..., fits]
-    return any(not _has_walks(walks, np.array(pattern)) for pattern in patterns)
+    # for a response that is always zero the input, or the output, may have no states at all
+    return any(any(pattern) and not _has_walks(walks, np.array(pattern)) for pattern in patterns)
 
 
 def _walks(p: int) -> NDArray[np.uint8]:
