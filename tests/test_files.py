@@ -89,6 +89,19 @@ def test_what_is_no_double(text):
         double(text)
 
 
+@pytest.mark.parametrize("text", ["-0x0.0p", "-0x0.0pfoo", "-0x0.0p+0 ", "-0x0.0p+0x", "-0x0.0p+00000"])
+def test_a_zero_with_a_sign_is_read_like_any_other_number(text):
+    for read in (special_double, double, number, checker.number):
+        with pytest.raises((CertificateFileError, ValueError)):
+            read(text)
+    assert np.signbit([special_double(x) for x in ("-0x0.0p+0", "-0x0p+7", "0x0.0p+0", "0x0p+0")]).tolist() == [
+        1,
+        1,
+        0,
+        0,
+    ]
+
+
 def test_doubles_may_be_written_in_other_ways():
     assert [double(x) for x in ("0x3.0p-1", "1.5", "3/2", "0x3/0x2")] == [1.5] * 4
 

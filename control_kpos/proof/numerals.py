@@ -96,4 +96,5 @@ def special_double(x: Any) -> float:
 
 
 def _signed(x: Any) -> float:
-    return -0.0 if isinstance(x, str) and x.startswith("-0x0.0p") else double(x)
+    value = double(x)
+    return -0.0 if value == 0 and isinstance(x, str) and x.startswith("-0x") else value
