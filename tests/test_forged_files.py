@@ -143,3 +143,66 @@ def test_entries_that_say_nothing_in_a_part(name, entry, tmp_path):
     content = files_of(name, tmp_path / "c.json")
     content["data"]["others"]["tuple"][-1]["certificate"]["data"] |= entry
     both_refuse(content, tmp_path / "c.json")
+
+
+# -- products that no cone allows
+
+FAMILIES = {
+    False: [[[0, 1], [0, 0]], [[0, 0], [-1, 0]]],  # resolvents of nilpotent matrices, one of them with the wrong sign
+    True: [[[1, 1], [0, 1]], [[1, 0], [-1, 1]]],  # the product has the eigenvalues (1 +- i sqrt 3) / 2
+}
+
+
+def refuted_by_a_product(discrete, path):
+    found = kp.find_cone(FAMILIES[discrete], discrete=discrete)
+    content = content_of(found.certificate, path)
+    assert content["data"]["witness"]["record"] == "PerronObstruction"
+    assert kp.load_certificate(path).check() and checker.main(path) == 1
+    return content
+
+
+def _wrong_products():
+    """What is changed in the witness, in the matrices and in the proof."""
+    fields = {
+        "one letter left out": {"cycle": [0], "shifts": [1]},
+        "one shift left out": {"shifts": [1]},
+        "no letters": {"cycle": [], "shifts": []},
+        "the same matrix twice": {"cycle": [0, 0]},
+        "another matrix": {"cycle": [0, 2]},
+        "a matrix from the end": {"cycle": [0, -1]},
+        "a power below 1, or a resolvent at an eigenvalue": {"shifts": [0, 1]},
+        "a negative power, or a resolvent to the left of an eigenvalue": {"shifts": [-1, -1]},
+        "a bound beyond all eigenvalues": {"bound": "1000000"},
+        "a negative bound": {"bound": "-1/2"},
+    }
+    for name, changed in fields.items():
+        yield name, {"fields": changed}
+    yield "matrices that have a common cone", {"matrices": [[[0, 1], [0, 0]], [[0, 0], [1, 0]]]}
+    yield "one matrix", {"matrices": [[[0, 1], [0, 0]]]}
+    yield "the status", {"status": "PROVED"}
+    yield "no disc", {"z": None}
+    yield "a disc inside", {"z": [0, 0, 0]}
+    yield "a disc too large", {"z": [2, 0, 3]}
+    yield "a disc without eigenvalues", {"z": [1000, 1000, 1]}
+
+
+@pytest.mark.parametrize("discrete", [False, True])
+@pytest.mark.parametrize(("name", "change"), list(_wrong_products()))
+def test_products_that_do_not_exclude_cones(name, change, discrete, tmp_path):
+    content = refuted_by_a_product(discrete, tmp_path / "c.json")
+    said = content["data"]["witness"]["fields"]
+    kinds = {"cycle": ("tuple", "tuple"), "shifts": ("fractions", "tuple"), "bound": ("fraction", "fraction")}
+    for key, value in change.get("fields", {}).items():
+        said[key] = {kinds[key][not value]: value}
+    content["data"]["matrices"]["matrix"] = change.get("matrices", content["data"]["matrices"]["matrix"])
+    content["status"] = change.get("status", content["status"])
+    content["proof"] = {"z": change["z"]} if "z" in change else content["proof"]
+    both_refuse(content, tmp_path / "c.json")
+
+
+def test_a_product_in_another_time(tmp_path):
+    """Resolvents are not powers: 0.03 is no power, and 1 is an eigenvalue of the matrices of the other family."""
+    for discrete in (False, True):
+        content = refuted_by_a_product(discrete, tmp_path / "c.json")
+        content["data"]["discrete"] = not discrete
+        both_refuse(content, tmp_path / "c.json")

@@ -3,7 +3,7 @@
 An invariant cone holds the dominant direction e_s of every A_s (with the right sign), and its dual the
 dominant functional l_s; hence (l_i'e_j)(l_j'e_k)..(l_p'e_i) >= 0 around every cycle.  If a cycle is negative,
 the product of resolvents (s_i I - A_i)^-1 along it (discrete time: of powers of A_i), which maps any such
-cone into itself, has a negative dominant eigenvalue, and that is proven exactly.
+cone into itself, has a negative dominant eigenvalue; that no nonnegative one is dominant is proven exactly.
 
 Where there are no such directions, or none that contradict each other, short products are tried: of the matrices in
 discrete time, else of resolvents a little and far to the right of all eigenvalues.
@@ -95,7 +95,7 @@ class PerronObstruction:
         spectral = SpectralObstruction(0, "ahead", self.bound, discrete=True)
         return [
             fact(
-                "a product of resolvents has a negative dominant eigenvalue",
+                "a product of resolvents or powers has no nonnegative dominant eigenvalue",
                 excludes_cones(spectrum_polynomial(product), spectral),
             )
         ]
