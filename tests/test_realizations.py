@@ -111,6 +111,23 @@ def test_an_output_that_never_responds_needs_no_states(P, N, Q):
     assert is_a_realization(found) and found.order == found.lower_bound == len(P)
 
 
+@pytest.mark.parametrize(
+    ("P", "N", "Q", "order"),
+    [
+        # zeros leave no margin at either side of the cone
+        ([[0, 4, 0], [0, 4, 0], [0, 0, 1]], [[4, 0], [4, 0], [2, 2]], [[0, 3, 0], [0, 2, 1]], 2),
+        # a state that nobody sees, and one that nobody reaches
+        ([[1, 0, 0], [2, 0, 0], [0, 3, 3]], [[0], [1], [0]], [[0, 1, 1]], 2),
+        # the outer states are one
+        ([[0, 1, 0], [1, 0, 1], [0, 1, 0]], [[1], [0], [1]], [[1, 0, 1]], 2),
+    ],
+)
+@pytest.mark.parametrize("discrete", [True, False])
+def test_nonnegative_systems_are_realizations_as_they_are(P, N, Q, order, discrete):
+    found = kp.positive_realization(ct.ss(P, N, Q, 0, discrete))
+    assert is_a_realization(found) and found.lower_bound <= found.order <= order
+
+
 @pytest.mark.parametrize("p", [3, 4, 6])
 def test_sectors_of_eigenvalues(p):
     """Random matrices, rings among them, stay inside; a ring is on the edge."""

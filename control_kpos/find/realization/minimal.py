@@ -68,6 +68,29 @@ def _reached(A: Rationals, B: Rationals, C: Rationals) -> tuple[Rationals, Ratio
     return A1, B1, product(C, V)
 
 
+def connected(s: Realization) -> Realization:
+    """Without the states to which no walk leads from an input, or from which none leads to an output: same response."""
+    from_inputs, to_outputs = (s.B != 0).any(axis=1), (s.C != 0).any(axis=0)
+    walks = s.A != 0
+    for _ in range(len(s.A)):
+        from_inputs = from_inputs | (walks & from_inputs).any(axis=1)
+        to_outputs = to_outputs | (walks.T & to_outputs).any(axis=1)
+    kept = np.flatnonzero(from_inputs & to_outputs)
+    return Realization(s.A[np.ix_(kept, kept)], s.B[kept], s.C[:, kept], s.D)
+
+
+def towards(small: Realization, s: Realization) -> Rationals | None:
+    """R with C A^k R = Q P^k for the minimal (A, B, C) and P, Q of s, k < n; None if there is none.
+
+    If any R satisfies A R = R P and C R = Q it is this one.
+    """
+    seen, wanted = [small.C], [s.C]
+    for _ in range(len(small.A) - 1):
+        seen.append(product(seen[-1], small.A))
+        wanted.append(product(wanted[-1], s.A))
+    return solve_columns(np.concatenate(seen), np.concatenate(wanted))
+
+
 def companion(numerator: Sequence[Fraction], denominator: Sequence[Fraction]) -> Realization:
     """The companion form of a proper rational function, coefficients from the highest power on; perhaps not minimal."""
     den = _without_leading_zeros(denominator)

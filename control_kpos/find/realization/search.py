@@ -36,7 +36,7 @@ from ..find import find_cone, within_limits
 from .certificate import NegativeResponse, PositiveRealizationCertificate
 from .few_states import few_rays
 from .lower_bound import lower_bound
-from .minimal import Realization, beside_each_other, companion, minimal, of_response
+from .minimal import Realization, beside_each_other, companion, connected, minimal, of_response, towards
 from .spread import Spread, spread
 
 # Rays that are tried one by one whether the cone does without them; work of a linear program in fractions; numbers of
@@ -147,7 +147,7 @@ def positive_realization(G: Any, *, time_limit: float | None = None, progress: T
             return PositiveRealization(status=cert.status, certificate=cert, lower_bound=n)
     answer = within_limits(
         lambda: (
-            _searched(_Task(small, dt, data, lower_bound(small, discrete=discrete), progress))
+            _answered(_Task(small, dt, data, lower_bound(small, discrete=discrete), progress), given)
             if n
             else _constant(small, dt, data)
         ),
@@ -202,6 +202,34 @@ class _Task:
         return PositiveRealization(
             status=cert.status, certificate=cert, system=system, order=system.nstates, lower_bound=self.bound
         )
+
+
+def _answered(task: _Task, given: Realization) -> PositiveRealization:
+    """What is found, unless G is nonnegative as it was given and of no larger order."""
+    own = _as_given(task, given)
+    if own is not None and own.order == task.bound:
+        return own
+    answer = _searched(task)
+    is_better = own is not None and (answer.status is Status.UNDECIDED or (answer.order or 0) > (own.order or 0))
+    return own if own is not None and is_better else answer
+
+
+def _as_given(task: _Task, given: Realization) -> PositiveRealization | None:
+    """The minimal realization, or G without states that do nothing, if the certificate finds no sign against it."""
+    for s in (task.small, connected(given)):
+        R = towards(task.small, s) if _is_nonnegative(s, task.discrete) else None
+        if R is not None:
+            matrices = {"A_positive": s.A, "B_positive": s.B, "C_positive": s.C, "transform": R}
+            fields = {name: Matrix.from_fractions(M) for name, M in matrices.items()}
+            cert = PositiveRealizationCertificate.settle(**task.data, **fields)
+            if cert:
+                return task.found(cert)
+    return None
+
+
+def _is_nonnegative(s: Realization, discrete: bool) -> bool:
+    off = s.A if discrete else s.A[~np.eye(len(s.A), dtype=bool)]
+    return all((M >= 0).all() for M in (off, s.B, s.C, s.D))
 
 
 def _searched(task: _Task) -> PositiveRealization:
