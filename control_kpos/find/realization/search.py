@@ -1,6 +1,7 @@
 """`positive_realization`: nonnegative matrices for a transfer function, a system or an impulse response.
 
-The minimal realization is formed exactly.  As many rays as it needs at least are moved until A keeps
+The minimal realization is formed exactly.  If it is nonnegative, or G is as it was given and the order cannot be
+smaller, there is nothing to seek.  Else as many rays as it needs at least are moved until A keeps
 their cone between B and C (`few_states`).  Where that fails, `find_cone` seeks any such cone, or refutes all, and with
 them every positive realization; then more rays are moved, but fewer than its cone has.  The coordinates in terms of the
 rays are solved in fractions.
