@@ -108,6 +108,19 @@ def test_links_of_nodes_to_themselves_belong_to_the_nodes():
     assert (o.certificate.plant.stacks[0].A.values == own_links_closed(model).stacks[0].A.values).all()
 
 
+def test_cones_of_generators_in_doubles():
+    R = np.array([[1.3, 0.2], [0.7, 1.0]])  # its facets are known exactly as integers of any length
+    A, B, C = R @ [[-1, 0.2], [0.3, -2]] @ np.linalg.inv(R), R @ [[0.1], [0.2]], [[1, 0.5]] @ np.linalg.inv(R)
+    seen = []
+    for rays in (R.T.tolist(), [[13, 7], [2, 10]]):
+        nodes = kp.stack([A] * 3, B, C, X=kp.PolyhedralCone(rays))
+        net = kp.feedback_interconnect(nodes, np.roll(np.eye(3), 1, axis=0), outputs=[0, 1])
+        o = kp.interval_observer(net, disturbance=([-1] * 6, [1] * 6), noise=0.1)
+        assert o and o.check()
+        seen.append(o.width)
+    assert seen[0] == pytest.approx(seen[1], rel=1e-6) and seen[0].max() < 10
+
+
 def test_a_whole_network_may_be_one_system():
     net = kp.feedback_interconnect(kp.stack([[[-2.0]]] * 2, [[1]], [[1]]), [[0, 1], [1, 0]])
     o = kp.interval_observer(net, disturbance=([-1, -1], [1, 1]), noise=0.1, X=kp.orthant(2))

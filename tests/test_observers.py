@@ -81,6 +81,21 @@ def test_continuous_time_encloses_with_inputs(integrator):
     assert (upper - lower)[:, -1] == pytest.approx(integrator.width, rel=1e-3)
 
 
+@pytest.mark.parametrize("dim", [2, 3, 20])
+def test_facets_of_any_length(dim):
+    # exact facets of generators in doubles are integers of any length: bounds are those of the orthant, moved
+    rng = np.random.default_rng(dim)
+    R = np.eye(dim) + rng.random((dim, dim)) / dim
+    A, C = np.diag(-1 - rng.random(dim)) + 0.1 * rng.random((dim, dim)) / dim, np.eye(1, dim)
+    moved, seen = R @ A @ np.linalg.inv(R), C @ np.linalg.inv(R)
+    o = observed(moved, seen, X=kp.PolyhedralCone(R.T.tolist()), noise=0.1)
+    H, K, T = (np.asarray(M, dtype=float) for M in (o.cone.facets, o.certificate.equation.K, o.certificate.equation.T))
+    most = np.abs(H @ T).sum(axis=1) + 0.1 * np.abs(H @ K).sum(axis=1)
+    assert o and o.certificate.upper == pytest.approx(np.linalg.solve(H, most), rel=1e-6)
+    x = R.sum(axis=0)
+    assert (o.system.C @ o.start((x, x)))[:dim] == pytest.approx(T @ x, rel=1e-6)
+
+
 def test_a_cone_is_found_for_the_transposed_plant():
     A = [[0, 0, -4], [1, 0, -2], [0, 1, 1]]  # one output, of which no orthant needs to know
     plant = ct.ss(A, np.ones((3, 1)), [[1, 2, -1]], 0)

@@ -17,6 +17,7 @@ from ..exact.linalg import Rationals
 from ..exact.matrix import Matrix
 from ..exact.program import Block, Program
 from ..proof.certificate import exactly
+from ..proof.portable_cones import portable_rows
 from ..systems.system import System
 from ..theorems.positivity import state_positivity
 from ..theorems.stability import lyapunov_on
@@ -80,10 +81,12 @@ def least_above(X: Cone, needed: Rationals) -> Rationals | None:
     ----------
     X : Cone
     needed : ndarray of Fraction, shape (r,)
+        For the rows of `portable_rows(X.exact_facets)`.
     """
     if not needed.any():
         return np.array([0 * needed[0]] * X.dim, dtype=object)
-    H, numbers = np.asarray(X.facets, dtype=float), np.array(needed, dtype=float)
+    exact = portable_rows(X.exact_facets)
+    H, numbers = np.array(exact, dtype=float), np.array(needed, dtype=float)
     if X.is_simplicial:
         guess = np.linalg.solve(H, numbers)
     else:
@@ -93,7 +96,6 @@ def least_above(X: Cone, needed: Rationals) -> Rationals | None:
         if not answer:
             return None
         guess = np.asarray(answer["d"], dtype=float)
-    exact = X.exact_facets.plain().fractions()
     return _moved(X, guess, lambda d: bool((exact @ d >= needed).all()))
 
 
@@ -115,7 +117,7 @@ def _spread(X: Cone, F: Matrix, discrete: bool, width: Rationals) -> Rationals |
     """A small x with F x + width in -X (F - I for F in discrete time)."""
     if not width.any():
         return width
-    M, H = F.plain().fractions(), X.exact_facets.plain().fractions()
+    M, H = F.plain().fractions(), portable_rows(X.exact_facets)
     if discrete:
         M = M - np.eye(X.dim, dtype=int).astype(object)
     rounded, inside = np.array(M, dtype=float), np.asarray(X.interior_point, dtype=float)

@@ -41,6 +41,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.inclusion import NO_MARGIN
+from ..proof.portable_cones import portable_rows
 from ..proof.weights import Prover, drift
 from ..theorems.decay_rates import drift_forms
 from ..theorems.positivity import ClaimOnPositivity
@@ -85,7 +86,7 @@ class ErrorEquation(NamedTuple):
         X : Cone
         w_lo, w_hi, noise : ndarray of Fraction, shapes (n,), (n,), (q,)
         """
-        H = X.exact_facets.plain().fractions()
+        H = portable_rows(X.exact_facets)
         G, around = H @ self.T, np.abs(H @ self.K) @ noise
         most, least = (np.maximum(G * a, G * b).sum(axis=1) for a, b in ((w_hi, w_lo), (-w_hi, -w_lo)))
         return most + around, -(least + around)
@@ -173,7 +174,7 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         lo, hi, noise = self._box()
         if self.covers.shape != eye.shape:
             raise DataError("covers are square, a row for each state.")
-        H = self.X.exact_facets.plain().fractions()
+        H = portable_rows(self.X.exact_facets)
         most, least = self.equation.pushed(self.X, lo, hi, noise)
         above = H @ self._vector("upper") - most, least - H @ self._vector("lower")
         both = Matrix.join([self.covers, eye], -1)

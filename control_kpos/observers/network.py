@@ -25,6 +25,7 @@ from ..networks.model import NetworkModel
 from ..networks.network import ConeNetwork
 from ..networks.own_links import own_links_closed
 from ..proof.certificate import Status, exactly
+from ..proof.portable_cones import portable_rows
 from .bounds import ANY, INWARDS
 from .network_certificate import NetworkObserverCertificate, apart, blocks_of, observed, pushed_forms
 from .network_program import MeasuredNetwork, local_gains
@@ -191,7 +192,7 @@ def above_all(
 
 def _above(X: Cone, box: Sequence[Matrix], gain: Matrix | None, sign: int) -> Floats | None:
     """The same for the nodes of a stack; None if rounding hides it."""
-    H, inside = np.asarray(X.facets, dtype=float), np.asarray(X.interior_point, dtype=float)
+    H, inside = np.array(portable_rows(X.exact_facets), dtype=float), np.asarray(X.interior_point, dtype=float)
     zero = Matrix(np.zeros((box[0].shape[0], X.dim)))
     needed = -np.asarray(pushed_forms(X, zero, box, gain, sign).values, dtype=float)[..., 0]
     guess = np.linalg.solve(H, needed.T).T

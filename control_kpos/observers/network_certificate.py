@@ -48,6 +48,7 @@ from ..networks.own_links import rightly_closed, same_network
 from ..networks.witnesses import positive_parts
 from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.inclusion import NO_MARGIN
+from ..proof.portable_cones import portable_rows
 from ..proof.weights import Prover
 
 _UPPER, _LOWER = "h'upper >= h'(w + L n)", "h'lower <= h'(w + L n)"
@@ -67,8 +68,8 @@ def pushed_forms(X: Cone, d: Matrix, box: Sequence[Matrix], gain: Matrix | None,
     sign : 1 or -1
         -1: with -h for h, so that it is min h'(w + L n) - h'd.
     """
-    H = on.facets(X) if sign > 0 else -on.facets(X)
-    h, count = H.fractions(), d.shape[0]
+    h, count = sign * portable_rows(X.exact_facets), d.shape[0]
+    H = Matrix.from_fractions(h)
     up, down = (Matrix.from_fractions(part) for part in (np.where(h > 0, h, 0), np.where(h < 0, h, 0)))
     left, right = [_repeated(part, count) for part in (H, -up, -down)], [d, box[1], box[0]]
     if gain is not None:

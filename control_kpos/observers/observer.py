@@ -22,6 +22,7 @@ from ..networks.blocks import Index
 from ..networks.network import ConeNetwork
 from ..proof.answer import Answer, first_proven
 from ..proof.certificate import Status
+from ..proof.portable_cones import portable_rows
 from ..systems.statespace import ConeStateSpace
 from ..systems.system import System
 from .bounds import entry_rows, least_above, proven_observer
@@ -192,7 +193,7 @@ class IntervalObserver(Answer):
 def _first(proof: IntervalObserverCertificate, x0: Any, sign: int) -> Floats:
     """A vector above z(0) = T x(0) in the order of X; with the other sign one above -z(0)."""
     lo, hi = (part.fractions() for part in read_pair(x0, "x0", proof.X.dim))
-    H = proof.X.exact_facets.plain().fractions() @ proof.equation.T
+    H = portable_rows(proof.X.exact_facets) @ proof.equation.T
     d = least_above(proof.X, np.maximum(sign * H * hi, sign * H * lo).sum(axis=1))
     if d is None:
         raise DataError("x0 could not be enclosed in the order of the cone; scale the states.")
