@@ -78,6 +78,13 @@ def test_what_is_typed_is_what_is_proven():
     assert abs(Fraction(found.gain[0, 0]) - exact) <= found.relative_error * exact
 
 
+def test_names_that_python_control_refuses():
+    graph = nx.DiGraph([("a.b", 1.5)])
+    found = kp.compartmental(graph, {1.5: 1})
+    assert found.names == ("a.b", "1.5") and found.system.state_labels == ["x[0]", "x[1]"]
+    assert "Never drained: a.b, 1.5." in kp.compartmental(graph, {}).explain()
+
+
 def test_mass_balance():
     F, rng = rates(6, 5, 0.6)
     o = rng.random(6)

@@ -166,12 +166,30 @@ def test_bad_arguments_are_named(name, value):
         ({"u": [[0, 0, 0], [0, 0, 0]]}, "u has shape"),
         ({"x0": ([1, 1], [0, 0])}, "x0 has its lower"),
         ({"x0": [0]}, "x0 must be a pair"),
+        ({"x0": None}, "x0 is None"),
+        ({"x0": ([-1e308] * 2, [1e308] * 2)}, "x0 could not be enclosed"),
+        ({"y": [1e308, -1e308, 1e308]}, "range of doubles"),
+        ({"T": [0, 1e300, 2e300]}, "range of doubles"),
     ],
 )
 def test_bad_signals_are_named(integrator, change, words):
     good = {"T": [0, 1, 2], "y": [0, 0, 0], "x0": ([0, 0], [1, 1])}
     with pytest.raises(kp.KposError, match=words):
         integrator.simulate(**good | change)
+
+
+def test_names_are_distinct():
+    for names, found in ((("one", "y"), ["y", "one", "one_"]), (("y", "y"), ["y", "y_", "one"])):
+        plant = ct.ss(-1, 1, 1, 0, inputs=names[0], outputs=names[1])
+        assert kp.interval_observer(plant, noise=1).system.input_labels == found
+    dotted = kp.interval_observer(ct.ss(-1, 1, 1, 0, states=["tank.level"]), noise=1)
+    assert dotted.system.output_labels == ["tank_level_upper", "tank_level_lower"]
+
+
+def test_disturbances_of_all_sizes_prove_nothing_wrong():
+    plant = ct.ss([[0, 1], [0, 0]], [[0], [1]], [[1, 0]], 0)
+    o = kp.interval_observer(plant, disturbance=([0, -1e-300], [1e300, 0]), noise=0.1)
+    assert not o or np.isfinite(o.width).all()
 
 
 def test_no_plant():

@@ -44,7 +44,8 @@ class Compartments(Answer):
     B, C : Matrix
         Nonnegative inputs and outputs.
     names : tuple of str
-        Labels of the compartments, those of a graph.
+        Labels of the compartments, those of a graph; those of the states of `system`, unless one has a dot, which
+        python-control refuses.
     inputs, outputs : tuple of str
         The same, where B or C was left out.
     """
@@ -75,8 +76,9 @@ class Compartments(Answer):
         A = np.array(cert.flows.fractions())
         A[np.diag_indices(n)] = -(A.sum(axis=0) + cert.outflows.fractions()[0])
         q, m = self.C.shape[0], self.B.shape[1]
+        # python-control takes no dots
         signals = {"states": self.names, "inputs": self.inputs, "outputs": self.outputs}
-        labels = {kind: list(names) for kind, names in signals.items() if names}
+        labels = {kind: list(names) for kind, names in signals.items() if names and "." not in "".join(names)}
         data = (Matrix.from_fractions(A), self.B.dense(), self.C.dense(), np.zeros((q, m)))
         return ConeStateSpace(*data, **labels)
 

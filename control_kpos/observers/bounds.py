@@ -124,6 +124,8 @@ def _spread(X: Cone, F: Matrix, discrete: bool, width: Rationals) -> Rationals |
     push = np.array(width, dtype=float)
     guess, more = -np.linalg.solve(rounded, np.stack([push, inside * np.abs(push).max()], axis=1)).T
     for part in INWARDS:
+        if not np.isfinite(guess + part * more).all():
+            return None
         x = Matrix(guess + part * more).fractions()
         if (H @ (M @ x + width) <= 0).all():
             return x

@@ -94,7 +94,7 @@ class ErrorEquation(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class IntervalObserverCertificate(ClaimOnPositivity):
-    """Proof that two copies of an observer enclose the state of a plant for all time, and of their final width.
+    """Proof that two copies of an observer enclose the state of a plant for all time, and their width in the limit.
 
     Attributes
     ----------
@@ -117,7 +117,7 @@ class IntervalObserverCertificate(ClaimOnPositivity):
     covers : Matrix, shape (n, n)
         The rows a_i that turn bounds in the order of X into bounds on entries.
     width : ndarray, shape (n,)
-        In the long run the bounds on x_i are no further apart than this.
+        The distance of the bounds on x_i tends to at most this.
     exact : tuple of tuples of Fraction, or None
         Of all these vectors, where doubles do not suffice.
     """
@@ -227,8 +227,8 @@ class IntervalObserverCertificate(ClaimOnPositivity):
         time = "steps" if self.discrete else "time"
         return (
             "Proved: from every enclosure of the first state the two copies of the observer enclose the state for all "
-            f"{time}, for all disturbances and noise within their bounds. In the long run their distance is at most "
-            "`width`, entry by entry, whatever disturbances, noise, inputs and measurements do."
+            f"{time}, for all disturbances and noise within their bounds. The bounds on each state tend to a "
+            "distance of at most its entry of `width`, whatever disturbances, noise, inputs and measurements do."
         )
 
 

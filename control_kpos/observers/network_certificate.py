@@ -14,7 +14,7 @@ upper - (w + L n) and by (w + L n) - lower.  If that network is positive, both s
 
     h'upper >= max h'(w + L n),    h'lower <= min h'(w + L n)    over all w and n,
 
-and if it is stable (Theorem 4) the width z_hi - z_lo, driven by upper - lower, is finally below each `x_max` with
+and if it is stable (Theorem 4) the width z_hi - z_lo, driven by upper - lower, tends to a limit below each `x_max` with
 
     A_j x_j + B_j u_j + (upper - lower)_j in -X_j,    C_j x_j - y_j in -Y_j,    W y - u in -U
 
@@ -131,7 +131,7 @@ def blocks_of(model: NetworkModel, M: Matrix, rows: int, columns: int) -> list[M
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class NetworkObserverCertificate(ClaimOnNetwork):
-    """Proof that local observers enclose the states of a network for all time, and of their final width.
+    """Proof that local observers enclose the states of a network for all time, and their width in the limit.
 
     Attributes
     ----------
@@ -156,7 +156,7 @@ class NetworkObserverCertificate(ClaimOnNetwork):
     covers : Matrix, sparse, shape (n, n)
         The rows a_i that turn bounds in the order of X into bounds on entries.
     width : ndarray, shape (n,)
-        In the long run the bounds on x_i are no further apart than this.
+        The distance of the bounds on x_i tends to at most this.
     """
 
     claim: ClassVar[str] = "network observer"
@@ -298,6 +298,6 @@ class NetworkObserverCertificate(ClaimOnNetwork):
         return (
             f"Proved: from every enclosure of the first states the two copies of each of {self.plant.n_nodes} nodes, "
             f"which exchange outputs as the nodes do, enclose the states for all {time}, for all disturbances and "
-            "noise within their bounds. In the long run their distance is at most `width`, entry by entry, "
+            "noise within their bounds. The bounds on each state tend to a distance of at most its entry of `width`, "
             "whatever disturbances, noise, inputs and measurements do."
         )

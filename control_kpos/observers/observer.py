@@ -30,7 +30,7 @@ from .certificate import IntervalObserverCertificate
 from .network import copy_of, proven_local, read_network, refused, simulated, spread_noise
 from .network_certificate import NetworkObserverCertificate, blocks_of
 from .program import Measured, shifted, unshifted
-from .reading import read_noise, read_pair, read_signal, read_times
+from .reading import distinct, finite, read_noise, read_pair, read_signal, read_times
 
 # States up to which observers are designed: their bounds are proven in fractions.
 _STATES = 60
@@ -70,7 +70,7 @@ class IntervalObserver(Answer):
     cone : Cone or None
         In whose order the two copies enclose z.
     width : ndarray, shape (n,), or None
-        Proven: in the long run the bounds on each state are no further apart.
+        Proven: the distance of the bounds on each state tends to at most this.
     system : control.StateSpace or None
         Both copies, from (y, u, one) to (upper, lower); the last input is 1 at all times.  Of a network one
         copy, a `ConeNetwork` from (u_j, y_j, upper_j or lower_j) of every node to its outputs.
@@ -121,7 +121,8 @@ class IntervalObserver(Answer):
         Raises
         ------
         DataError, ShapeError
-            Nothing was proven; times that are not evenly spaced; signals of other sizes; lo > hi.
+            Nothing was proven; times that are not evenly spaced; signals of other sizes; lo > hi; bounds beyond the
+            range of doubles.
 
         Notes
         -----
@@ -144,10 +145,12 @@ class IntervalObserver(Answer):
         known = np.zeros((m, len(times))) if u is None else u
         signals = read_signal(y, "y", q, len(times)), read_signal(known, "u", m, len(times))
         if isinstance(proof, NetworkObserverCertificate) and self.ports is not None:
-            return simulated(proof, system, self.ports, times, signals, read_pair(x0, "x0", n))
-        inputs = np.concatenate([*signals, np.ones((1, len(times)))])
-        bounds = np.asarray(forced_response(system, times, inputs, self.start(x0), squeeze=False).outputs)
-        return bounds[n:], bounds[:n]
+            with np.errstate(all="ignore"):
+                return finite(*simulated(proof, system, self.ports, times, signals, read_pair(x0, "x0", n)))
+        inputs, first = np.concatenate([*signals, np.ones((1, len(times)))]), self.start(x0)
+        with np.errstate(all="ignore"):
+            bounds = np.asarray(forced_response(system, times, inputs, first, squeeze=False).outputs)
+        return finite(bounds[n:], bounds[:n])
 
     def start(self, x0: Any) -> Floats:
         """First states of `system`, so that its outputs enclose every state of the plant from here on.
@@ -194,7 +197,10 @@ def _first(proof: IntervalObserverCertificate, x0: Any, sign: int) -> Floats:
     """A vector above z(0) = T x(0) in the order of X; with the other sign one above -z(0)."""
     lo, hi = (part.fractions() for part in read_pair(x0, "x0", proof.X.dim))
     H = portable_rows(proof.X.exact_facets) @ proof.equation.T
-    d = least_above(proof.X, np.maximum(sign * H * hi, sign * H * lo).sum(axis=1))
+    try:
+        d = least_above(proof.X, np.maximum(sign * H * hi, sign * H * lo).sum(axis=1))
+    except OverflowError:  # beyond all doubles
+        d = None
     if d is None:
         raise DataError("x0 could not be enclosed in the order of the cone; scale the states.")
     return np.array(d, dtype=float)
@@ -284,7 +290,7 @@ def interval_observer(
         )
     if not q:
         raise ShapeError("sys has no outputs; an observer needs a measurement.")
-    box = (*read_pair(disturbance, "disturbance", n), read_noise(noise, q))
+    box = (*_disturbance(disturbance, n), read_noise(noise, q))
     free = X is None and not isinstance(sys, ConeStateSpace)
     return within(time_limit, lambda lp: _designed(sys, system, box, free, lp), answer=IntervalObserver)
 
@@ -292,10 +298,14 @@ def interval_observer(
 Box = tuple[Matrix, Matrix, Matrix]
 
 
+def _disturbance(given: Any, n: int) -> tuple[Matrix, Matrix]:
+    return read_pair([np.zeros(n)] * 2 if given is None else given, "disturbance", n)
+
+
 def _of_network(net: ConeNetwork, disturbance: Any, noise: Any, time_limit: float | None) -> IntervalObserver:
     """Local observers."""
     plant, ports = read_network(net), net.external
-    w_lo, w_hi = read_pair(disturbance, "disturbance", net.nstates)
+    w_lo, w_hi = _disturbance(disturbance, net.nstates)
     box = w_lo, w_hi, spread_noise(net, read_noise(noise, net.noutputs))
 
     def design(lp: Programs) -> IntervalObserver:
@@ -423,8 +433,8 @@ def _copies(sys: StateSpace, system: System, proof: IntervalObserverCertificate)
         np.block([[through, around], [through, -around]]),
         system.dt,
         remove_useless_states=False,
-        inputs=[*sys.output_labels, *sys.input_labels, "one"],
-        outputs=[f"{label}_{end}" for end in ("upper", "lower") for label in sys.state_labels],
+        inputs=distinct([*sys.output_labels, *sys.input_labels, "one"]),
+        outputs=[f"{label.replace('.', '_')}_{end}" for end in ("upper", "lower") for label in sys.state_labels],
         states=[f"{label}_{end}" for end in ("hi", "lo") for label in sys.state_labels],
         name=f"{sys.name}$observer",
     )

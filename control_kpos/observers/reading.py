@@ -42,11 +42,8 @@ def read_signal(values: Any, name: str, count: int, length: int) -> Floats:
 
 
 def read_pair(given: Any, name: str, size: int) -> tuple[Matrix, Matrix]:
-    """Bounds (lo, hi) of vectors of this size; None for zeros."""
-    try:
-        pair = [np.zeros(size)] * 2 if given is None else items(given, name)
-    except DataError:
-        pair = []
+    """Bounds (lo, hi) of vectors of this size."""
+    pair = items(given, name)
     if len(pair) != 2:
         raise ShapeError(f"{name} must be a pair (lo, hi) of vectors of {size} numbers, one for each state of sys.")
     lo, hi = (exact_matrix(part, f"{name}[{k}]", ndim=1) for k, part in enumerate(pair))
@@ -69,3 +66,20 @@ def read_noise(given: Any, q: int) -> Matrix:
     if any(x < 0 for x in noise.fractions()):
         raise DataError("noise holds bounds on |n|; a number in it is negative.")
     return noise
+
+
+def finite(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
+    """The bounds, if they are numbers."""
+    if not (np.isfinite(lower).all() and np.isfinite(upper).all()):
+        raise DataError("the bounds leave the range of doubles; scale T, y, u or x0.")
+    return lower, upper
+
+
+def distinct(labels: list[str]) -> list[str]:
+    """The labels; those that stand before get an underscore."""
+    out: list[str] = []
+    for label in labels:
+        while label in out:
+            label += "_"
+        out.append(label)
+    return out
