@@ -9,6 +9,7 @@ from certified_observers import SQUARE, double_integrator, observed
 
 import control_kpos as kp
 from control_kpos.exact.matrix import Matrix
+from control_kpos.observers import program
 
 BOXES = {"disturbance": ([0, -1], [0, 1]), "noise": ["1/10"]}
 
@@ -111,6 +112,23 @@ def test_no_gain_is_refuted():
     assert o.status is kp.Status.UNDECIDED and "no cone" in o.explain()
     with pytest.raises(kp.DataError, match="encloses nothing"):
         o.simulate([0, 1], [0, 0], x0=([0, 0], [1, 1]))
+
+
+def test_gains_are_not_larger_than_the_width_needs(integrator, monkeypatch):
+    assert np.abs(integrator.L).max() <= 1 + 1e-9  # z_1 = 0: any decay will do
+    larger = 0
+    for seed in (1, 3, 9):
+        rng = np.random.default_rng(seed)
+        A, C = rng.normal(size=(2, 2)), rng.normal(size=(1, 2))
+        both = []
+        for gains in (program._GAINS, ()):
+            with monkeypatch.context() as patch:
+                patch.setattr(program, "_GAINS", gains)
+                both.append(observed(A, C, noise=0.1))
+        calm, plain = both
+        assert calm and calm.check() and calm.width.sum() <= 1.01 * plain.width.sum()
+        larger += np.abs(plain.L).max() > 3 * np.abs(calm.L).max()
+    assert larger
 
 
 def test_more_noise_makes_it_wider():

@@ -84,7 +84,7 @@ def local_gains(plant: MeasuredNetwork, kept: float, lp: Programs) -> list[Float
         _keep(program, s, kept, model.discrete, (n, z))
     _fall(program, model, nodes, counted, z)
     answer = program.solve(lp, method="ipm") if n + 2 * z > _LARGE else program.solve(lp)
-    if not answer:
+    if not answer or answer["eta"].min() <= 0:  # solvers have broken bounds
         return None
     Z, eta = np.append(answer["more"] - answer["less"], 0.0), answer["eta"]
     return [s.rays @ (Z[s.gains] / eta[s.states][:, :, None]) for s in nodes]

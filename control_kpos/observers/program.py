@@ -12,6 +12,9 @@ most eta'g, and for the best eta equal to it.  With N fixed and Z = diag(eta) R^
 So the smallest final width for a given N takes one program.  N and L together are the gains of the outputs -C A x and
 C x, linear as long as the products of N and L in the noise are replaced by |Z_N| and |Z_L|: that gives a first N, which
 a search improves entry by entry.
+
+Gains may be large without making the width smaller: then they are bounded, |Z_ki| <= g_i eta_k, by the least g of a few
+that costs next to no width.
 """
 
 from __future__ import annotations
@@ -33,6 +36,8 @@ _NOISE = 1e-3
 FASTEST = 100.0
 # Sizes of N that are tried, relative to the outputs of generators.
 _SHIFTS = (1.0, 10.0, 100.0)
+# Bounds on gains that are tried, relative to the size of A over the outputs of generators, and the width they may cost.
+_GAINS, _COSTS = (1.0, 3.0, 10.0, 30.0), 1.001
 # Programs of a search for a better N, and its smallest step, relative to N.
 _SEARCHES, _STEP = 40, 2e-2
 
@@ -106,10 +111,26 @@ def shifted(plant: Measured, lp: Programs) -> Iterator[Proposal]:
 
 
 def _safer(plant: Measured, N: Floats, lp: Programs) -> Iterator[Proposal]:
+    rest = list[Proposal]()
     for kept in KEPT:
         found = _best(plant, N, kept, lp)
-        if found is not None:
-            yield found
+        calmer = None if found is None else _calmer(plant, found, kept, lp)
+        if calmer is not None:
+            yield calmer
+        rest += [found] if found is not None else []
+        if calmer is None:
+            yield from rest
+            rest.clear()
+    yield from rest
+
+
+def _calmer(plant: Measured, found: Proposal, kept: float, lp: Programs) -> Proposal | None:
+    """Smaller gains with next to the same width, if there are any."""
+    for most in _GAINS:
+        other = _best(plant, found.N, kept, lp, most)
+        if other is not None and other.value <= _COSTS * found.value:
+            return other
+    return None
 
 
 def _descended(plant: Measured, best: Proposal, lp: Programs) -> Proposal:
@@ -130,8 +151,8 @@ def _descended(plant: Measured, best: Proposal, lp: Programs) -> Proposal:
     return best
 
 
-def _best(plant: Measured, N: Floats, kept: float, lp: Programs) -> Proposal | None:
-    """L of the smallest sum of the final widths for this N."""
+def _best(plant: Measured, N: Floats, kept: float, lp: Programs, most: float | None = None) -> Proposal | None:
+    """L of the smallest sum of the final widths for this N; in generator coordinates at most so large if asked for."""
     n, q = N.shape
     T = np.eye(n) - N @ plant.C
     inverse = np.linalg.inv(plant.R)
@@ -144,8 +165,12 @@ def _best(plant: Measured, N: Floats, kept: float, lp: Programs) -> Proposal | N
     for k in range(n):
         eta[k * q : (k + 1) * q, k] = noisy[k]
     _sizes(program, "noise", 2 * np.tile(plant.least_noise, n), eta=eta, Z=np.kron(np.eye(n), through.T))
+    if most is not None:
+        largest = np.kron(np.eye(n), (most * _size(plant) * _units(measured))[:, None])
+        for sign in (1.0, -1.0):
+            program.above(0.0, eta=largest, Z=sign * np.eye(n * q))
     answer = program.solve(lp)
-    if not answer:
+    if not answer or answer["eta"].min() <= 0:  # solvers have broken bounds
         return None
     value = float(cost @ answer["eta"] + 2 * np.tile(plant.least_noise, n) @ answer["noise"])
     shifted = 2 * float(np.abs(N).sum(axis=0) @ plant.least_noise)
@@ -163,20 +188,28 @@ def _jointly(plant: Measured, most: float, lp: Programs) -> Floats | None:
     count = 2 * np.tile(plant.least_noise, n)
     _sizes(program, "noise", count, Z=np.eye(n * q))
     _sizes(program, "moved", scale * count, Y=np.eye(n * q))
-    units = most / np.where(seen.any(axis=1), np.abs(seen).max(axis=1), 1.0)
-    program.above(0.0, eta=np.kron(np.eye(n), units[:, None]), moved=-np.eye(n * q))
+    program.above(0.0, eta=np.kron(np.eye(n), most * _units(seen)[:, None]), moved=-np.eye(n * q))
     eta = np.zeros((n * n, n))
     for k in range(n):
         eta[k * n : (k + 1) * n, k] = inverse[k]
     _sizes(program, "pushed", np.tile(plant.disturbance, n), eta=eta, Y=np.kron(np.eye(n), -plant.C.T))
     answer = program.solve(lp)
-    return _gain(plant, answer["eta"], answer["Y"]) if answer else None
+    return _gain(plant, answer["eta"], answer["Y"]) if answer and answer["eta"].min() > 0 else None
 
 
 def _program(plant: Measured, cost: Floats, size: int) -> Program:
-    size_of_a = float(np.abs(np.linalg.solve(plant.R, plant.A @ plant.R)).max()) or 1.0
-    least = np.abs(plant.R).sum(axis=0) / (FASTEST * size_of_a)
+    least = np.abs(plant.R).sum(axis=0) / (FASTEST * _size(plant))
     return Program(eta=Block(len(plant.A), low=least, cost=cost), Z=Block(size))
+
+
+def _size(plant: Measured) -> float:
+    """The size of A in generator coordinates."""
+    return float(np.abs(np.linalg.solve(plant.R, plant.A @ plant.R)).max()) or 1.0
+
+
+def _units(seen: Floats) -> Floats:
+    """1 over the largest output of a generator, for each output."""
+    return 1 / np.where(seen.any(axis=1), np.abs(seen).max(axis=1), 1.0)
 
 
 def _keep(program: Program, plant: Measured, kept: float, own: Floats, measured: dict[str, Floats]) -> None:
