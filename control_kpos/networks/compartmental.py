@@ -22,7 +22,7 @@ from ..exact.rounding import SMALLEST_NORMAL
 from ..proof.answer import Answer
 from ..systems.statespace import ConeStateSpace
 from ..theorems.compartments import NAMED, CompartmentalCertificate, Trap, drains, signs
-from ..theorems.subtraction_free import Elimination, relative_error, within_range
+from ..theorems.subtraction_free import Elimination, product, relative_error, within_range
 from .coupling import from_entries
 from .ranges import is_graph
 
@@ -127,8 +127,7 @@ class Compartments(Answer):
             )
         X, B = self._factors.solve(np.array(dense(self.C.values)).T), np.array(dense(self.B.values))
         with within_range():
-            columns = [(X * column[:, None]).sum(axis=0) for column in B.T]
-        return np.array(columns, dtype=float).reshape(m, q).T
+            return product(np.ascontiguousarray(X.T), B)
 
     @cached_property
     def _factors(self) -> Elimination:

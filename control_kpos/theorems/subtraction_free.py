@@ -146,7 +146,7 @@ class Elimination:
                 w[ahead] += N[ahead, i] * w[i]
                 N[panel, ahead] += N[panel, i, None] * N[i, ahead]
                 N[last:, panel] += N[last:, i, None] * N[i, panel]
-            N[last:, last:] += _product(N[last:, first:last], N[first:last, last:])
+            N[last:, last:] += product(N[last:, first:last], N[first:last, last:])
         self.p, self.filled = p, N
         self.roundings += n * (n - 1) * (2 * n - 1) // 3 + 5 * n * (n - 1) + 2 * n
 
@@ -182,9 +182,9 @@ class Elimination:
         for first, last in panels:
             for i in range(first, last):
                 b[i + 1 : last] += N[i + 1 : last, i, None] * b[i]
-            b[last:] += _product(N[last:, first:last], b[first:last])
+            b[last:] += product(N[last:, first:last], b[first:last])
         for first, last in reversed(panels):
-            b[first:last] += _product(N[first:last, last:], b[last:])
+            b[first:last] += product(N[first:last, last:], b[last:])
             for i in range(last - 1, first - 1, -1):
                 b[i] = (b[i] + (N[i, i + 1 : last, None] * b[i + 1 : last]).sum(axis=0)) / self.p[i]
         return b
@@ -225,8 +225,13 @@ def _no_flows_between(N: sp.csr_array, order: Index) -> NDArray[np.bool_]:
     return chosen & (degrees <= 1 + np.quantile(degrees, _FEWEST))
 
 
-def _product(left: Floats, right: Floats) -> Floats:
-    """left @ right of dense nonnegative matrices: by BLAS, which notices no number out of range, where none can be."""
+def product(left: Floats, right: Floats) -> Floats:
+    """left @ right of dense nonnegative matrices: by BLAS, which notices no number out of range, where none can be.
+
+    Parameters
+    ----------
+    left, right : ndarray, shapes (q, n) and (n, m)
+    """
     least = [part.min(where=part > 0, initial=1.0) for part in (left, right)]
     if least[0] >= SMALLEST_NORMAL / least[1]:
         with np.errstate(all="ignore"):
