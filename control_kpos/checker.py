@@ -1632,7 +1632,6 @@ def no_order_interval(e: Said, limit: int) -> None:
 
 
 def interval_observer(e: Said, limit: int) -> None:
-    """Two copies of an observer enclose z = T x for all time, and are in the long run no further apart than stated.
     """Two copies of an observer enclose z = T x for all time, and tend to be no further apart than stated.
 
     The plant is x' = plant x + w, y = output x + n with w_lo <= w <= w_hi and |n| <= noise;  T = I - shift output,
@@ -1678,7 +1677,6 @@ OBSERVER = ("plant", "output", "gain", "shift")
 
 
 def network_observer(e: Said, limit: int) -> None:
-    """Two copies of each node of a network enclose its states for all time, and are in the long run as close as stated.
     """Two copies of each node of a network enclose its states for all time, and tend to be as close as stated.
 
     x' = A x + B u + w, u = W C x, y = C x + n with w_lo <= w <= w_hi and |n| <= noise;  with A + gain C for A:

@@ -43,7 +43,10 @@ def read_signal(values: Any, name: str, count: int, length: int) -> Floats:
 
 def read_pair(given: Any, name: str, size: int) -> tuple[Matrix, Matrix]:
     """Bounds (lo, hi) of vectors of this size."""
-    pair = items(given, name)
+    try:
+        pair = items(given, name)
+    except DataError:
+        pair = []
     if len(pair) != 2:
         raise ShapeError(f"{name} must be a pair (lo, hi) of vectors of {size} numbers, one for each state of sys.")
     lo, hi = (exact_matrix(part, f"{name}[{k}]", ndim=1) for k, part in enumerate(pair))
