@@ -184,7 +184,7 @@ def test_bad_arguments_are_named(name, value):
         ({"u": [[0, 0, 0], [0, 0, 0]]}, "u has shape"),
         ({"x0": ([1, 1], [0, 0])}, "x0 has its lower"),
         ({"x0": [0]}, "x0 must be a pair"),
-        ({"x0": None}, "x0 is None"),
+        ({"x0": None}, "x0 must be a pair"),
         ({"x0": ([-1e308] * 2, [1e308] * 2)}, "x0 could not be enclosed"),
         ({"y": [1e308, -1e308, 1e308]}, "range of doubles"),
         ({"T": [0, 1e300, 2e300]}, "range of doubles"),
