@@ -132,15 +132,15 @@ class CompartmentalCertificate(Certificate):
         n = self.flows.shape[0]
         if self.refuted_by is not None:
             return (
-                f"Refuted: what enters {self.refuted_by} never leaves: there is no outflow, and no flow to another "
-                "compartment. The total there never falls, so that the system is positive but not stable. Every "
-                "compartment needs a way to an outflow."
+                f"Refuted: what enters {self.refuted_by} never leaves: there is no outflow, and no flow from there to "
+                "the rest. The total there never falls, so that the system is positive but not exponentially stable. "
+                "Every compartment needs a way to an outflow."
             )
         if self:
             return (
                 f"Proved: every one of the {n} compartments reaches an outflow, so that the system is positive and "
-                "exponentially stable. Mass balance: the total content falls exactly at the rate of the outflows; in a "
-                "steady state the outflows carry what flows in."
+                "exponentially stable. Mass balance: without inflow the total content falls exactly at the rate of the "
+                "outflows; in a steady state the outflows carry what flows in."
             )
         return "Undecided: neither levels that lead to outflows nor a trap could be proven."
 
