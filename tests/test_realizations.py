@@ -334,3 +334,9 @@ def test_minimal_realizations_are_exact():
 def test_bad_arguments(G, says):
     with pytest.raises(kp.KposError, match=says):
         kp.positive_realization(G)
+
+
+def test_huge_numbers_do_not_take_forever():
+    """Terms of the series of e^(At) in fractions of a million digits are more than the effort allows."""
+    found = kp.positive_realization(ct.ss([[1e308, 1], [-1e308, 1]], [[1], [1]], [[1, 1]], 0))
+    assert found.status is not kp.Status.PROVED

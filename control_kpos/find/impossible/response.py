@@ -52,8 +52,9 @@ _TIMES, _NEARLY = 400, 1e-9
 _LOW = 1e-3
 # Relative width of the interval around a time that is stated.
 _NARROW = Fraction(1, 10**6)
-# Operations of a product of long integers, and of a matrix exponential, divided by n^3.
-_PER_PRODUCT, _PER_LOOK = 200.0, 30.0
+# Operations of a product of long integers, of a matrix exponential, divided by n^3, and of a sum of fractions, divided
+# by the square of their lengths in digits of machine integers.
+_PER_PRODUCT, _PER_LOOK, _PER_DIGITS = 200.0, 30.0, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +167,8 @@ def _highest(A: Matrix, w: SeriesObstruction) -> Fraction | None:
     total, factor = Fraction(0), Fraction(1)
     size = sum(map(abs, c.tolist())) * max(map(abs, x.tolist()))
     for k in range(w.terms):
-        spend(_PER_PRODUCT * M.size)
+        digits = (factor.denominator.bit_length() + factor.numerator.bit_length()) / 30
+        spend(_PER_PRODUCT * M.size + _PER_DIGITS * digits**2)  # common factors of long numbers
         total += factor * int(c @ x)
         factor *= step / (k + 1)
         x = M @ x
