@@ -321,8 +321,6 @@ def cone(o: Json, limit: int) -> Cone:
             Z, w = matrix({"matrix": factor["Z"]}, p, n), entries([number(x) for x in factor["w"]], n)
             need(all(dot(w, x) > 0 for x in rays), "a cone is pointed")
             need(all(image(rays, z) == {j: 1} for j, z in enumerate(Z)), "a cone is solid")
-            directions = {tuple(sorted((i, a / dot(w, x)) for i, a in x.items())) for x in rays}
-            expect(len(directions) == p, "two generators of a cone are in a line")
         for _ in range(count):
             first = len(out.rays)
             out.factors.append((range(out.dim, out.dim + n), range(first, first + p)))
@@ -1292,6 +1290,8 @@ def inwards(e: Said, w: Said, X: Cone, m: int) -> list[tuple[Matrix, Matrix, lis
     l_sk'(A_s + B_s F) x_k >= 0.
     """
     expect(type(e["discrete"]) is bool, "discrete is neither true nor false")
+    lines = {tuple(sorted((i, a / abs(x[min(x)])) for i, a in x.items())) for x in X.rays}
+    expect(len(lines) == len(X.rays), "two generators are in a line")
     out = []
     for A, B, L in zip(sequence(e["A"]), sequence(e["B"]), sequence(w["L"]), strict=True):
         l = functionals(L, X, len(X.rays))

@@ -142,6 +142,17 @@ def rigid(A, B, R=1, pattern=1, discrete=True):
     return {"claim": "invariant gain exists", "status": "REFUTED", "data": data, "proof": {}}
 
 
+def rigid_plane(*rays):
+    """x[k+1] = -x[k] in the plane, on a cone of generators."""
+    factor = {"rays": [list(x) for x in rays], "w": [1, 1], "Z": [[1, 0], [0, 1]] + [[0, 0]] * (len(rays) - 2)}
+    factor = factor if len(rays) > 2 else {"rays": factor["rays"]}
+    data = {"A": {"tuple": [{"matrix": [[-1, 0], [0, -1]]}]}, "B": {"tuple": [{"matrix": [[0], [0]]}]}}
+    data |= {"R": {"matrix": [[1, 0]]}, "pattern": {"array": [[1]]}, "X": {"cone": [[1, factor]]}, "discrete": True}
+    functionals = {"L": {"tuple": [{"matrix": [[1] * len(rays)] * 2}]}}
+    data["witness"] = {"record": "Functionals", "fields": functionals}
+    return {"claim": "invariant gain exists", "status": "REFUTED", "data": data, "proof": {}}
+
+
 PORTS = [{"matrix": [[1]]}, {"matrix": [[0]]}, HALF]
 NO_FEEDBACK = {
     "no input": (hopeless(-1), "REFUTED"),
@@ -165,6 +176,14 @@ NO_FEEDBACK = {
     "pattern of another size": (hopeless(-1, free=((1,), (1,))), "UNREADABLE"),
     "no input at all": (changed(hopeless(-1), B={"tuple": [None]}), "UNREADABLE"),
     "nothing to gain": (rigid([-1], [0]), "REFUTED"),
+    "nothing to gain in the plane": (rigid_plane((1, 0), (0, 1)), "REFUTED"),
+    "nothing to gain, a generator that adds nothing": (rigid_plane((1, 0), (0, 1), (1, 2)), "REFUTED"),
+    "nothing to gain, generators of one sum": (rigid_plane((1, 0), (0, 1), (2, 1), (1, 2)), "REFUTED"),
+    "nothing to gain, two generators in a line": (rigid_plane((1, 0), (0, 1), (0, 2)), "UNREADABLE"),
+    "nothing to gain, two generators in a line, long and short": (
+        rigid_plane((1, 0), (0, 1), (2, 4), (1, 2)),
+        "UNREADABLE",
+    ),
     "nothing to gain on the boundary": (rigid([0], [0]), "WRONG"),
     "a gain that helps": (rigid([-1], [1]), "WRONG"),
     "a gain that helps, negative": (rigid([-1], [1], R=-1), "WRONG"),

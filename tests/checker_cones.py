@@ -93,18 +93,6 @@ CASES = {
     "three generators that nothing shows solid": (three(Z=None), "UNREADABLE"),
     "three generators, Z of another": (three(Z=[["1/2", "1/2"], ["1/2", "-1/2"], [0, 1]]), "WRONG"),
     "three generators with more": (three(more=1), "UNREADABLE"),
-    "three generators, two in a line": (
-        three(
-            rays=[[1, 0], [0, 1], [0, 2]], w=[1, 1], Z=[[1, 0], [0, 1], [0, 0]], P=[[-2, 0, 0], [0, -2, 0], [0, 0, -2]]
-        ),
-        "UNREADABLE",
-    ),
-    "three generators, none in a line": (
-        three(
-            rays=[[1, 0], [0, 1], [1, 2]], w=[1, 1], Z=[[1, 0], [0, 1], [0, 0]], P=[[-2, 0, 0], [0, -2, 0], [0, 0, -2]]
-        ),
-        "PROVED",
-    ),
     "two generators": (stable(two()), "PROVED"),
     "two generators, w and Z not read": (stable(two(w="x", Z=None)), "PROVED"),
     "two generators with more": (stable(two(more=1)), "UNREADABLE"),
