@@ -33,6 +33,7 @@ from .theorems.stability import LyapunovCertificate, linear_lyapunov
 from .theorems.structured_gain import StructuredGainCertificate
 
 if TYPE_CHECKING:
+    from . import shards
     from .data import (
         DataAnswer,
         DataCertificate,
@@ -270,6 +271,7 @@ __all__ = [
     "robust_margin",
     "scale_free_certificate",
     "scale_free_feedback",
+    "shards",
     "stack",
     "state_feedback",
     "state_positivity",
@@ -310,6 +312,7 @@ _ON_DEMAND = {
         ),
         ".observers": "IntervalObserver IntervalObserverCertificate NetworkObserverCertificate interval_observer",
         ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_observer plot_poles plot_tradeoff",
+        ".shards": "shards",
     }.items()
     for name in names.split()
 }
@@ -318,7 +321,8 @@ _ON_DEMAND = {
 def __getattr__(name: str) -> Any:
     if name not in _ON_DEMAND:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    value = getattr(importlib.import_module(_ON_DEMAND[name], __name__), name)
+    room = importlib.import_module(_ON_DEMAND[name], __name__)
+    value = room if _ON_DEMAND[name] == f".{name}" else getattr(room, name)
     globals()[name] = value
     return value
 

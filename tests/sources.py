@@ -30,6 +30,7 @@ FLOORS = {
     "systems": {"systems"},
     "theorems about many systems": {"networks", "nonlinear"},
     "families of systems": {"families"},
+    "networks larger than memory": {"shards"},
     "design": {"design", "data"},
     "search for cones": {"find"},
     "observers": {"observers"},

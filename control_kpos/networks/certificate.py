@@ -48,7 +48,7 @@ from .witnesses import (
 )
 
 # What a refusal is about, and what to do.
-_REMEDY = {
+REMEDY = {
     CouplingViolation: "This is about these cones, and no sign of instability. Change the sign of the link, or choose "
     "cones that the coupling respects.",
     NodeViolation: "This is about these cones, and no sign of instability. Choose another cone for this node, or a "
@@ -179,14 +179,11 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
         if not (0 <= self.decay_rate < np.inf and np.all(self.sigma > 0) and np.shape(self.sigma) == (model.n_nodes,)):
             raise DataError("decay_rate must not be negative, and sigma must hold one positive number per node.")
         v, r, q = node_vectors(self)
-        out = positive_parts(model)
-        out += dissipation(model, v, r, q, self.decay_rate, discrete=model.discrete, required=self.required_rate)
-        out.append(on.balance(model, q, r, self.sigma))
-        if model.has_feedthrough:
-            if self.loop is None:
-                raise DataError("loop_weights are missing although some D is not zero.")
-            out += on.loop_gain(model, *self.loop)
-        return out
+        if model.has_feedthrough and self.loop is None:
+            raise DataError("loop_weights are missing although some D is not zero.")
+        loop = self.loop if model.has_feedthrough else None
+        decay = decreasing(model, v, r, q, self.decay_rate, loop, sigma=self.sigma, required=self.required_rate)
+        return positive_parts(model) + decay
 
     def _evaluate(self) -> tuple[Status, Sequence[Condition]]:
         if self.witness is None and self.v is None:
@@ -258,7 +255,7 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
                 "both map Y into U. Nothing is said of a weakened feedback inside a node."
             )
         if self.status is Status.REFUTED:
-            return f"Not certified: {what} fails, {self._reason()}. {_REMEDY[type(self.witness)]}"
+            return f"Not certified: {what} fails, {self._reason()}. {REMEDY[type(self.witness)]}"
         return (
             f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the "
             "edge of stability. "
@@ -280,6 +277,26 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
             if all(isinstance(cone, Orthant) for cone in (s.X, s.U, s.Y)):
                 return f"{w}; its cones are nonnegative orthants, as those of nodes given without cones"
         return f"{w}"
+
+
+def decreasing(
+    model: NetworkModel,
+    v: Matrix,
+    r: Matrix,
+    q: Matrix,
+    rate: float,
+    loop: LoopWeights,
+    *,
+    sigma: NDArray[np.float64] | None = None,
+    required: Fraction | None = None,
+) -> list[Condition]:
+    """(II), (III') and contracting algebraic loops, for positive nodes and (I); r, and t of the loops, with the halo.
+
+    A network is proven if all its shards are, for no inequality takes its terms from two of them.
+    """
+    out = dissipation(model, v, r, q, rate, discrete=model.discrete, required=required)
+    out.append(on.balance(model, q, r, sigma))
+    return out if loop is None else [*out, *on.loop_gain(model, *loop)]
 
 
 def dissipation(

@@ -290,8 +290,8 @@ def _coupling_witness(
         entry = place[-1]
         row = int(np.searchsorted(model.W.indptr, entry, side="right")) - 1
         column = int(model.W.indices[entry])
-        j, k = int(model.owners(1)[row]), int(model.owners(2)[column])
-        return coupling_violation(model, j, k, row - int(model.offsets[1][j]), column - int(model.offsets[2][k]))
+        j, k = int(model.receivers.owners[row]), int(model.owners(2)[column])
+        return coupling_violation(model, j, k, row - int(model.receivers.starts[j]), column - int(model.offsets[2][k]))
     j, k = int(pair[0][place[0]]), int(pair[1][place[0]])
     return coupling_violation(model, j, k, place[1], place[2])
 

@@ -118,13 +118,13 @@ def coupling(model: NetworkModel) -> list[Condition]:
 
 def coupling_by_pairs(model: NetworkModel) -> list[tuple[Condition, tuple[Index, Index] | None]]:
     """The same with the nodes j and k of the blocks; None if the condition is about the entries of W."""
-    if all(isinstance(c, Orthant) for s in model.stacks for c in (s.U, s.Y)) and model.coupling.is_sparse:
+    receiving = model.receivers.cones
+    if all(isinstance(c, Orthant) for c in (*receiving, *(s.Y for s in model.stacks))) and model.coupling.is_sparse:
         forms = BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(model.coupling.values.data[:, None]))
         return [(Condition(COUPLING, forms, ">="), None)]
     out = []
     for g, (j, k), (blocks,) in _blocks_by_stacks(model, [model.coupling]):
-        target, source = model.stacks[g[0]], model.stacks[g[1]]
-        forms = stacked(facets(target.U), blocks, source.rays[2])
+        forms = stacked(facets(receiving[g[0]]), blocks, model.stacks[g[1]].rays[2])
         out.append((Condition(_between(COUPLING, model, g), forms, ">="), (j, k)))
     return out
 
@@ -175,25 +175,29 @@ def same_numbers(a: Matrix, b: Matrix) -> bool:
 
 
 def _between(name: str, model: NetworkModel, g: tuple[int, int]) -> str:
-    return name if len(model.stacks) == 1 else f"{name} [stack {g[1]} to {g[0]}]"
+    return name if len(model.receivers.cones) == 1 else f"{name} [stack {g[1]} to {g[0]}]"
 
 
 def _blocks_by_stacks(
     model: NetworkModel, couplings: list[Matrix]
 ) -> Iterator[tuple[tuple[int, int], tuple[Index, Index], list[Matrix]]]:
-    """The blocks that are not zero in some coupling, for every two stacks: target and source, nodes j and k, blocks."""
-    pairs = [nonzero_blocks(W.values, model.owners(1), model.owners(2)) for W in couplings]
+    """The blocks that are not zero in some coupling, for every two stacks: target and source, nodes j and k, blocks.
+
+    Nodes j are receivers of the links, the stacks of targets places in the cones of these.
+    """
+    to = model.receivers
+    pairs = [nonzero_blocks(W.values, to.owners, model.owners(2)) for W in couplings]
     target_nodes, source_nodes = pairs[0]
     if len(pairs) > 1:
         width = model.n_nodes
         places = np.unique(np.concatenate([j.astype(np.int64) * width + k for j, k in pairs]))
         target_nodes, source_nodes = places // width, places % width
-    u0, y0 = model.offsets[1], model.offsets[2]
-    key = model.home[0][target_nodes] * len(model.stacks) + model.home[0][source_nodes]
+    u0, y0 = to.starts, model.offsets[2]
+    key = to.kinds[target_nodes] * len(model.stacks) + model.home[0][source_nodes]
     for pair in np.unique(key).tolist():
         gj, gk = divmod(pair, len(model.stacks))
         j, k = target_nodes[key == pair], source_nodes[key == pair]
-        rows = u0[j][:, None] + np.arange(model.stacks[gj].sizes[1])
+        rows = u0[j][:, None] + np.arange(to.cones[gj].dim)
         columns = y0[k][:, None] + np.arange(model.stacks[gk].sizes[2])
         yield (gj, gk), (j, k), [take_blocks(W, rows, columns) for W in couplings]
 

@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from control import StateSpace
 from numpy.typing import NDArray
 
+from ..cones import Cone
 from ..errors import DataError, KposError, ShapeError, TimebaseError
 from ..exact.intake import items
 from ..exact.matrix import Matrix
@@ -39,10 +40,54 @@ BLOCKS = {"A": (0, 0), "B": (0, 1), "C": (2, 0), "D": (2, 1)}
 READABLE = 10_000
 
 
+@dataclass(frozen=True, eq=False)
+class Halo:
+    """Nodes elsewhere in a larger network that links of these nodes lead to; nothing else is known of them here.
+
+    Attributes
+    ----------
+    cones : tuple of Cone
+        The input cones that occur among them.
+    kinds : ndarray of int
+        The place in `cones` of the input cone of every such node.
+    """
+
+    cones: tuple[Cone, ...]
+    kinds: Index
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """Whom the rows of the coupling belong to: these nodes, then those of the halo.
+
+    Attributes
+    ----------
+    starts : ndarray of int
+        The row where the inputs of each of them begin, and the number of rows.
+    cones : tuple of Cone
+        Input cones: those of the stacks, then those of the halo.
+    kinds : ndarray of int
+        The place of each of them in `cones`.
+    """
+
+    starts: Index
+    cones: tuple[Cone, ...]
+    kinds: Index
+
+    @cached_property
+    def owners(self) -> Index:
+        """The receiver that every row of the coupling belongs to."""
+        return np.repeat(np.arange(len(self.kinds)), np.diff(self.starts))
+
+
 @register_record
 @dataclass(frozen=True, eq=False)
 class NetworkModel:
     """Nodes in stacks, their numbers, and the coupling.
+
+    The general form is a shard of a larger network: nodes, and the columns of W that leave them.  What Theorem 4 asks
+    of these nodes needs nothing else but r at the inputs that they feed, which may be inputs of other nodes, the halo.
+    A network in one piece has none.
 
     Attributes
     ----------
@@ -50,10 +95,12 @@ class NetworkModel:
     members : tuple of ndarray of int
         Node numbers, one array per stack; together 0, ..., N-1.
     coupling : Matrix, shape (sum m_j, sum q_k)
-        W in u = W y + w; csr_array, or dense if the data are fractions.
+        W in u = W y + w; csr_array, or dense if the data are fractions.  The inputs of the halo are further rows.
     dt : float, bool or None
     origin : NetworkModel or None
         The network before the links of nodes to themselves were closed; see `own_links`.
+    halo : Halo or None
+        Receivers of links that are no nodes of this network.
     """
 
     stacks: tuple[NodeStack, ...]
@@ -61,6 +108,7 @@ class NetworkModel:
     coupling: Matrix
     dt: Timebase = 0
     origin: NetworkModel | None = None
+    halo: Halo | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "members", tuple(frozen(np.array(k, dtype=np.intp)) for k in self.members))
@@ -98,6 +146,17 @@ class NetworkModel:
         return int(x[-1]), int(u[-1]), int(y[-1])
 
     @cached_property
+    def receivers(self) -> Receivers:
+        """Whom the rows of the coupling belong to."""
+        cones = tuple(s.U for s in self.stacks)
+        if self.halo is None:
+            return Receivers(self.offsets[1], cones, self.home[0])
+        sizes = np.array([cone.dim for cone in self.halo.cones], dtype=np.intp)[self.halo.kinds]
+        starts = np.concatenate([self.offsets[1], self.totals[1] + np.cumsum(sizes)])
+        kinds = np.concatenate([self.home[0], len(cones) + self.halo.kinds])
+        return Receivers(starts, cones + self.halo.cones, kinds)
+
+    @cached_property
     def places(self) -> tuple[tuple[Index, Index, Index], ...]:
         """Per stack: places (N, n), (N, m), (N, q) of its signals in the vectors x, u, y."""
         return tuple(
@@ -113,7 +172,12 @@ class NetworkModel:
         return len(self.stacks) == 1 and bool((self.members[0] == np.arange(self.n_nodes)).all())
 
     def split(self, vector: Any, kind: int) -> list[Any]:
-        """A vector of states (kind 0), inputs (1) or outputs (2), ndarray or Matrix, as (N, size), one per stack."""
+        """A vector of states (kind 0), inputs (1) or outputs (2), ndarray or Matrix, as (N, size), one per stack.
+
+        Of inputs, those of the halo are left out.
+        """
+        if kind == 1 and self.halo is not None:
+            vector = vector[: self.totals[1]]
         if self.is_ordered and isinstance(vector, np.ndarray):
             return [vector.reshape(self.n_nodes, -1)]
         if self.is_ordered and vector.is_double:

@@ -29,11 +29,11 @@ from .nodes import NodeStack
 def own_links(model: NetworkModel) -> tuple[Index, tuple[Index, Index, Matrix], tuple[Index, Index, Matrix]]:
     """The nodes that have links to themselves, the entries of W in these links, and those in the others."""
     rows, columns, values = entries_of(model.coupling)
-    own = model.owners(1)[rows] == model.owners(2)[columns]
+    own = model.receivers.owners[rows] == model.owners(2)[columns]
     if values.is_double:
         own &= values.values != 0
     parts = [(rows[chosen], columns[chosen], values[chosen]) for chosen in (own, ~own)]
-    return np.unique(model.owners(1)[rows[own]]), parts[0], parts[1]
+    return np.unique(model.receivers.owners[rows[own]]), parts[0], parts[1]
 
 
 def has_own_links(model: NetworkModel) -> bool:
@@ -43,7 +43,7 @@ def has_own_links(model: NetworkModel) -> bool:
     W = model.W
     if model.is_ordered and model.stacks[0].sizes[1:] == (1, 1):
         return bool(W.diagonal().any())
-    own = np.repeat(model.owners(1), np.diff(W.indptr)) == model.owners(2)[W.indices]
+    own = np.repeat(model.receivers.owners, np.diff(W.indptr)) == model.owners(2)[W.indices]
     return bool(W.data[own].any())
 
 
@@ -74,9 +74,9 @@ def _closed(model: NetworkModel) -> NetworkModel | None:
         if closed is None:
             return None
         stacks.append(closed)
-    rest = from_entries([rows], [columns], [values], model.totals[1:])
+    rest = from_entries([rows], [columns], [values], model.coupling.shape)
     W = Matrix(sp.csr_array(rest.values)) if rest.is_double else rest
-    return NetworkModel(tuple(stacks), model.members, W, model.dt, model)
+    return NetworkModel(tuple(stacks), model.members, W, model.dt, model, model.halo)
 
 
 def same_network(a: NetworkModel, b: NetworkModel) -> bool:

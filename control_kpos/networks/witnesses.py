@@ -326,8 +326,10 @@ def _pair(model: NetworkModel, target: int, source: int, facet: int, ray: int) -
 
 def _parts(model: NetworkModel, target: int, source: int, ray: int) -> tuple[Matrix, Matrix, Matrix]:
     """A generator of Y_k, W_jk and the facets of U_j."""
-    (gj, _), (gk, _) = model.locate(target), model.locate(source)
-    rows = np.arange(model.offsets[1][target], model.offsets[1][target + 1])[None]
+    to, (gk, _) = model.receivers, model.locate(source)
+    if not 0 <= target < len(to.kinds):
+        model.locate(target)  # which says that there is no such node
+    rows = np.arange(to.starts[target], to.starts[target + 1])[None]
     columns = np.arange(model.offsets[2][source], model.offsets[2][source + 1])[None]
     block = take_blocks(model.coupling, rows, columns)[0]
-    return row_of(model.stacks[gk].rays[2], ray), block, on.facets(model.stacks[gj].U)
+    return row_of(model.stacks[gk].rays[2], ray), block, on.facets(to.cones[to.kinds[target]])

@@ -15,11 +15,12 @@ import os
 import secrets
 import stat
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import fields
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
@@ -83,7 +84,12 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     path = file_path(path)
     compact = path.suffix.lower() == ".npz"
     content = _describe(certificate, compact=compact)
-    text = "" if compact else _file_text(content)
+    text = b"" if compact else _file_text(content).encode()
+    write_whole(path, lambda stream: write_archive(stream, content) if compact else stream.write(text))
+
+
+def write_whole(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
+    """Write a file through `write`; an interrupted write leaves the old file, or none."""
     target = Path(os.path.realpath(path))  # what a link points to is written, and the link stays
     mode = target.stat().st_mode if target.exists() else None
     if mode is not None and not stat.S_ISREG(mode):
@@ -92,10 +98,7 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     temporary = target.with_name(f".{target.name}.{secrets.token_hex(8)}.part")
     try:
         with open(temporary, "xb") as stream:
-            if compact:
-                write_archive(stream, content)
-            else:
-                stream.write(text.encode())
+            write(stream)
             stream.flush()
             os.fsync(stream.fileno())
         if mode is not None:
@@ -185,10 +188,10 @@ def read_content(path: str | PathLike[str]) -> dict[str, Any]:
         raise CertificateFileError(f"{path} is larger than {MAX_FILE_BYTES} bytes.")
     archive = is_archive(path)
     if archive:
-        content = read_archive(path, _parse)
+        content = read_archive(path, parse)
     else:
         try:
-            content = _parse(Path(path).read_text(encoding="utf-8"))
+            content = parse(Path(path).read_text(encoding="utf-8"))
         except (UnicodeDecodeError, CertificateFileError) as error:
             raise CertificateFileError(f"{path} is not a certificate file: {error}") from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:
@@ -206,7 +209,8 @@ def require_regular(path: str | PathLike[str]) -> None:
         raise CertificateFileError(f"{path} is not a regular file.")
 
 
-def _parse(text: str) -> Any:
+def parse(text: str) -> Any:
+    """JSON data without numbers that a reader could round, and without a key twice."""
     try:
         content = json.loads(
             text, parse_float=_refuse, parse_constant=_refuse, parse_int=_short_integer, object_pairs_hook=_unique

@@ -75,7 +75,7 @@ class Loop:
             return b.copy()
         with np.errstate(all="ignore"):
             if not near:
-                r, converged, grows = _sweep(T, b, tolerance)
+                r, converged, grows = sweep(T, b, tolerance)
                 if converged:
                     return r
                 if self.sweeps_only:
@@ -84,7 +84,10 @@ class Loop:
                     self.iteration_limit = min(self.iteration_limit, _ITERATIONS // 8)
             if self.factors is not None:
                 return self._direct(T, b, transposed)
-            return self._krylov(T, b, b if guess is None else guess, tolerance)
+            start = b if guess is None else guess
+            r, count = krylov(T, b, start, tolerance, self.iteration_limit - self.iterations)
+            self.iterations += count
+            return r
 
     @cached_property
     def factors(self) -> Any:
@@ -114,22 +117,6 @@ class Loop:
         correction[order] = lu.solve((b - (r - T @ r))[order], "T" if transposed else "N")
         better = r + correction
         return better if np.isfinite(better).all() else r
-
-    def _krylov(self, T: sp.csr_array, b: Floats, start: Floats, tolerance: float) -> Floats:
-        """BiCGSTAB, restarted from its best iterate when rounding has spoilt the recursion."""
-        size = norm(b)
-        goal = tolerance * size
-        best, error = start, norm(b - (start - T @ start))
-        if not error <= size:
-            best, error = np.zeros_like(b), size
-        while error > goal and self.iterations < self.iteration_limit:
-            trial, count = bicgstab(T, b, best, goal, self.iteration_limit - self.iterations)
-            self.iterations += count
-            now = norm(b - (trial - T @ trial))
-            if not now < 0.5 * error:
-                return trial if now <= _SINGULAR * norm(trial) else best
-            best, error = trial, now
-        return best
 
 
 class PortSystem:
@@ -224,8 +211,31 @@ def _find_banded_order(model: NetworkModel) -> Index | None:
     return order if entries <= max(_ENVELOPE_PER_UNKNOWN * size, _ENVELOPE_TOTAL) else None
 
 
-def _sweep(T: sp.csr_array, b: Floats, tolerance: float) -> tuple[Floats, bool, bool]:
-    """r <- T r + b from r = b while it contracts well: the sum of T^k b, whether it converged, whether it grows."""
+def krylov(T: Any, b: Floats, start: Floats, tolerance: float, limit: int) -> tuple[Floats, int]:
+    """BiCGSTAB, restarted from its best iterate when rounding has spoilt the recursion; T is used in products only.
+
+    The second answer is the number of steps.
+    """
+    size, steps = norm(b), 0
+    goal = tolerance * size
+    best, error = start, norm(b - (start - T @ start))
+    if not error <= size:
+        best, error = np.zeros_like(b), size
+    while error > goal and steps < limit:
+        trial, count = bicgstab(T, b, best, goal, limit - steps)
+        steps += count
+        now = norm(b - (trial - T @ trial))
+        if not now < 0.5 * error:
+            return (trial if now <= _SINGULAR * norm(trial) else best), steps
+        best, error = trial, now
+    return best, steps
+
+
+def sweep(T: Any, b: Floats, tolerance: float) -> tuple[Floats, bool, bool]:
+    """r <- T r + b from r = b while it contracts well: the sum of T^k b, whether it converged, whether it grows.
+
+    T is used in products only.
+    """
     r, term = b.copy(), b
     size = before = float(np.abs(b).max())
     for k in range(_SWEEPS):

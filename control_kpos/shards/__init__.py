@@ -1,0 +1,7 @@
+"""Networks in shards on files, larger than memory: written, certified and checked one shard at a time."""
+
+from .certificate import ShardedCertificate, check
+from .certifying import certify
+from .writing import write
+
+__all__ = ["ShardedCertificate", "certify", "check", "write"]

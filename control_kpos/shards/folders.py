@@ -1,0 +1,147 @@
+"""Folders of arrays with a manifest that states their sizes, types and digests.
+
+Every file is written under another name first and then renamed, the manifest last: a folder without one is unfinished
+and is never read.  Arrays are mapped, not read; before its numbers are used a file is compared with its digest.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import mmap
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from ..errors import CertificateFileError
+from ..proof.files import digest, parse, require_regular, write_whole
+
+MANIFEST = "manifest.json"
+# Types of the numbers in files.
+_KINDS = ("<f8", "<i8", "<i4")
+_BLOCK = 2**22
+_ENTRY = {"dtype", "shape", "sha256"}
+
+
+class _Hashed:
+    """A stream that keeps the digest of what is written to it."""
+
+    def __init__(self, stream: IO[bytes]) -> None:
+        self.stream, self.hash = stream, hashlib.sha256()
+
+    def write(self, data: Any) -> int:
+        self.hash.update(data)
+        return self.stream.write(data)
+
+
+def write_array(path: Path, array: NDArray[Any]) -> dict[str, Any]:
+    """Write an array as .npy; its entry in the manifest."""
+    array = np.asarray(array)
+    kind = "<f8" if array.dtype.kind == "f" else "<i4" if array.dtype.itemsize == 4 else "<i8"
+    array = np.ascontiguousarray(array, dtype=kind)
+    digests = []
+
+    def write(stream: IO[bytes]) -> None:
+        out = _Hashed(stream)
+        npy.write_array(out, array, version=(1, 0), allow_pickle=False)  # type: ignore[arg-type]
+        digests.append(out.hash.hexdigest())
+
+    write_whole(path, write)
+    return {"dtype": kind, "shape": list(array.shape), "sha256": digests[-1]}
+
+
+def write_manifest(folder: Path, form: str, data: dict[str, Any]) -> None:
+    """Write the manifest, which makes a folder readable."""
+    text = json.dumps({"format": form, "digest": digest(data), "data": data}, indent=1)
+    write_whole(folder / MANIFEST, lambda stream: stream.write(text.encode()))
+
+
+def read_manifest(folder: Path, form: str) -> dict[str, Any]:
+    """The data of a manifest.
+
+    Raises
+    ------
+    CertificateFileError
+        There is none, or it is damaged or of another format.
+    """
+    path = folder / MANIFEST
+    if not path.exists():
+        raise CertificateFileError(f"{folder} has no {MANIFEST}: nothing was written there, or not to the end.")
+    try:
+        require_regular(path)
+        content = parse(path.read_text(encoding="utf-8"))
+        if not isinstance(content, dict) or content.get("format") != form:
+            raise CertificateFileError(f"it is not in the format {form!r}.")
+        if set(content) != {"format", "digest", "data"} or content["digest"] != digest(content["data"]):
+            raise CertificateFileError("its data do not have the digest that it states.")
+    except (CertificateFileError, UnicodeDecodeError) as error:
+        raise CertificateFileError(f"{path} is damaged: {error}") from None
+    return content["data"]
+
+
+def read_array(path: Path, entry: Any, *, verify: bool) -> NDArray[Any]:
+    """The numbers of a file, mapped; with `verify` they are compared with the digest first.
+
+    Raises
+    ------
+    CertificateFileError
+        The file is missing, or is not the one that the manifest is about.
+    """
+    try:
+        if set(entry) != _ENTRY or entry["dtype"] not in _KINDS:
+            raise CertificateFileError("the manifest says nothing of it that can be understood.")
+        require_regular(path)
+        with open(path, "rb") as stream:
+            if verify and _digest_of(stream) != entry["sha256"]:
+                raise CertificateFileError("it is not the file that the manifest is about; its digest differs.")
+            array = _mapped(stream)
+    except FileNotFoundError:
+        raise CertificateFileError(f"{path} is missing.") from None
+    except (CertificateFileError, ValueError, TypeError, EOFError, SyntaxError) as error:
+        raise CertificateFileError(f"{path} is damaged: {error}") from None
+    if array.dtype.str != entry["dtype"] or list(array.shape) != entry["shape"]:
+        raise CertificateFileError(
+            f"{path} is damaged: it holds {array.dtype.str} of shape {array.shape}, but the manifest states "
+            f"{entry['dtype']} of shape {tuple(entry['shape'])}."
+        )
+    return array
+
+
+def _digest_of(stream: IO[bytes]) -> str:
+    out = hashlib.sha256()
+    stream.seek(0)
+    while block := stream.read(_BLOCK):
+        out.update(block)
+    return out.hexdigest()
+
+
+def _mapped(stream: IO[bytes]) -> NDArray[Any]:
+    stream.seek(0)
+    if npy.read_magic(stream) != (1, 0):
+        raise CertificateFileError("it is of an unknown version.")
+    shape, fortran, kind = npy.read_array_header_1_0(stream, max_header_size=1000)
+    if kind.str not in _KINDS or fortran:
+        raise CertificateFileError(f"it holds {kind}, which is not expected.")
+    count, begin = int(np.prod(shape, dtype=object)), stream.tell()
+    if stream.seek(0, 2) != begin + count * kind.itemsize:
+        raise CertificateFileError(f"it does not hold {count} numbers.")
+    if not count:
+        return np.zeros(shape, dtype=kind)
+    data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    return np.frombuffer(data, dtype=kind, count=count, offset=begin).reshape(shape)
+
+
+def shard_folder(folder: Path, number: int) -> Path:
+    """Where the files of a shard are."""
+    return folder / f"shard-{number:05d}"
+
+
+def write_arrays(folder: Path, number: int, arrays: Mapping[str, Any]) -> dict[str, Any]:
+    """The arrays of a shard as files; their entries in the manifest by name."""
+    place = shard_folder(folder, number)
+    place.mkdir(parents=True, exist_ok=True)
+    return {name: write_array(place / f"{name}.npy", array) for name, array in arrays.items()}

@@ -1,0 +1,282 @@
+"""A network in shards: what its manifest states, and every shard as a model with its halo.
+
+Shard s holds nodes that follow each other and the columns of W that leave them, as rows of W' over the inputs that
+they feed: its own, then all inputs of the nodes elsewhere that they feed, the halo.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..cones import Cone
+from ..errors import CertificateFileError, KposError
+from ..exact.matrix import Matrix
+from ..networks.blocks import Index
+from ..networks.model import BLOCKS, Halo, NetworkModel
+from ..networks.nodes import NodeStack, Timebase
+from ..proof.portable_cones import decode_cone, encode_cone
+from .folders import read_array, read_manifest, shard_folder
+
+FORMAT = "kpos-shards/1"
+_SIZES = ("states", "inputs", "outputs")
+# Sizes in a manifest that no network has.
+_MOST = 2**48
+_STACK = {"nodes", "X", "U", "Y"}
+_SHARD = {"nodes", "stacks", "files"}
+_DATA = {"dt", "cones", "shards"}
+
+
+class ConeTable:
+    """Distinct cones, by what files have of them."""
+
+    def __init__(self) -> None:
+        self.encoded: list[Any] = []
+        self._places: dict[str, int] = {}
+        self._known: dict[int, tuple[Cone, int]] = {}
+
+    def place(self, cone: Cone) -> int:
+        """The place of a cone in the table."""
+        if id(cone) not in self._known:
+            runs = encode_cone(cone)
+            text = json.dumps(runs)
+            if text not in self._places:
+                self._places[text] = len(self.encoded)
+                self.encoded.append(runs)
+            self._known[id(cone)] = cone, self._places[text]
+        return self._known[id(cone)][1]
+
+
+@dataclass(frozen=True, eq=False)
+class ShardedNetwork:
+    """A network in files, of which one shard at a time is looked at.
+
+    Attributes
+    ----------
+    folder : Path
+    data : dict
+        What the manifest states.
+    cones : tuple of Cone
+    """
+
+    folder: Path
+    data: dict[str, Any]
+    cones: tuple[Cone, ...]
+
+    @classmethod
+    def open(cls, folder: Path) -> ShardedNetwork:
+        """The network in a folder.
+
+        Raises
+        ------
+        CertificateFileError
+            The manifest is missing, damaged, or describes no network.
+        """
+        return cls.of(folder, read_manifest(folder, FORMAT))
+
+    @classmethod
+    def of(cls, folder: Path, data: dict[str, Any]) -> ShardedNetwork:
+        """The network that a manifest describes."""
+        try:
+            out = cls(folder, data, tuple(decode_cone(runs, _MOST) for runs in data["cones"]))
+            out._require_sense()
+        except (KposError, KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise CertificateFileError(f"the manifest of {folder} describes no network: {error}") from None
+        return out
+
+    def _require_sense(self) -> None:
+        if set(self.data) != _DATA or any(set(s) != _SHARD for s in self.data["shards"]):
+            raise CertificateFileError("it has other entries.")
+        stacks = [t for s in self.data["shards"] for t in s["stacks"]]
+        numbers = [n for t in stacks for n in (t[key] for key in _STACK)] + [s["nodes"] for s in self.data["shards"]]
+        if any(set(t) != _STACK for t in stacks) or any(type(n) is not int or not 0 <= n < _MOST for n in numbers):
+            raise CertificateFileError("its stacks are not understood.")
+        if any(t["nodes"] < 1 for t in stacks) or any(
+            sum(t["nodes"] for t in s["stacks"]) != s["nodes"] for s in self.data["shards"]
+        ):
+            raise CertificateFileError("its stacks have not the nodes of their shards.")
+        if not self.n_nodes or any(t[key] >= len(self.cones) for t in stacks for key in "XUY"):
+            raise CertificateFileError("it has no nodes, or cones that are not there.")
+        if self.dt is not None and not 0 <= self.dt < np.inf:
+            raise CertificateFileError("dt is no time base.")
+
+    @cached_property
+    def dt(self) -> Timebase:
+        dt = self.data["dt"]
+        return float.fromhex(dt) if isinstance(dt, str) else dt if dt is None or isinstance(dt, bool) else int(dt)
+
+    @property
+    def discrete(self) -> bool:
+        """True in discrete time."""
+        return bool(self.dt)
+
+    @property
+    def n_shards(self) -> int:
+        """How many shards there are, empty ones included."""
+        return len(self.data["shards"])
+
+    @property
+    def filled(self) -> Iterator[int]:
+        """The numbers of the shards that have nodes."""
+        return (p for p, shard in enumerate(self.data["shards"]) if shard["nodes"])
+
+    @cached_property
+    def starts(self) -> tuple[Index, Index, Index, Index]:
+        """Where the nodes, states, inputs and outputs of every shard begin, and their numbers."""
+        counts = np.zeros((4, self.n_shards + 1), dtype=np.int64)
+        for p, shard in enumerate(self.data["shards"]):
+            counts[0, p + 1] = shard["nodes"]
+            for t in shard["stacks"]:
+                counts[1:, p + 1] += t["nodes"] * np.array([self.cones[t[key]].dim for key in "XUY"])
+        nodes, states, inputs, outputs = np.cumsum(counts, axis=1)
+        return nodes, states, inputs, outputs
+
+    @property
+    def n_nodes(self) -> int:
+        """The nodes of all shards."""
+        return int(self.starts[0][-1])
+
+    def own(self, p: int, kind: int) -> slice:
+        """The nodes (kind 0), states (1), inputs (2) or outputs (3) of a shard among all."""
+        return slice(int(self.starts[kind][p]), int(self.starts[kind][p + 1]))
+
+    def array(self, p: int, name: str, *, verify: bool = False) -> Any:
+        """An array of a shard, mapped."""
+        entry = self.data["shards"][p]["files"].get(name)
+        return read_array(shard_folder(self.folder, p) / f"{name}.npy", entry, verify=verify)
+
+    def members(self, p: int, *, verify: bool = False) -> list[Index]:
+        """The places of the nodes of every stack among those of the shard."""
+        shard = self.data["shards"][p]
+        if len(shard["stacks"]) == 1:
+            return [np.arange(shard["nodes"])]
+        out = [self.array(p, f"members{g}", verify=verify) for g in range(len(shard["stacks"]))]
+        together = np.sort(np.concatenate(out))
+        if any(m.shape != (t["nodes"],) for m, t in zip(out, shard["stacks"], strict=True)) or not np.array_equal(
+            together, np.arange(shard["nodes"])
+        ):
+            raise CertificateFileError(f"the stacks of {shard_folder(self.folder, p)} do not share out its nodes.")
+        return out
+
+    def model(self, p: int, *, verify: bool = False) -> NetworkModel:
+        """A shard as a model; with `verify` its files are compared with their digests."""
+        members = self.members(p, verify=verify)
+        stacks = [self._stack(p, g, verify) for g in range(len(members))]
+        nodes = self.halo(p, verify=verify)
+        kinds, _, sizes = self.receivers(nodes)
+        occurring = np.unique(kinds)
+        halo = Halo(tuple(self.cones[i] for i in occurring), np.searchsorted(occurring, kinds))
+        width = sum(index.size * s.sizes[1] for index, s in zip(members, stacks, strict=True)) + int(sizes.sum())
+        WT = self._links(p, width, verify)
+        out = NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array(WT.T)), self.dt, None, halo)
+        vars(out)["WT"] = WT
+        return out
+
+    def _stack(self, p: int, g: int, verify: bool) -> NodeStack:
+        stated = self.data["shards"][p]["stacks"][g]
+        cones = [self.cones[stated[key]] for key in "XUY"]
+        parts = {}
+        for name, (i, j) in BLOCKS.items():
+            shape = stated["nodes"], cones[i].dim, cones[j].dim
+            if f"{name}{g}" not in self.data["shards"][p]["files"]:  # zeros
+                parts[name] = Matrix(np.broadcast_to(np.zeros((1, *shape[1:])), shape))
+                continue
+            values = self.array(p, f"{name}{g}", verify=verify)
+            if values.shape not in (shape, (1, *shape[1:])) or values.dtype != float:
+                raise CertificateFileError(
+                    f"{name}{g} of {shard_folder(self.folder, p)} has not the size of its nodes."
+                )
+            if verify and not np.isfinite(values).all():
+                raise CertificateFileError(f"{name}{g} of {shard_folder(self.folder, p)} holds numbers not finite.")
+            parts[name] = Matrix(np.broadcast_to(values, shape))
+        return NodeStack(**parts, X=cones[0], U=cones[1], Y=cones[2], dt=self.dt)
+
+    def _links(self, p: int, width: int, verify: bool) -> sp.csr_array:
+        """W' of a shard, outputs by own inputs and inputs of the halo."""
+        data, indices, indptr = (self.array(p, name, verify=verify) for name in ("weights", "targets", "indptr"))
+        outputs = self.own(p, 3)
+        try:
+            out = sp.csr_array((data, indices, indptr), shape=(outputs.stop - outputs.start, width), copy=False)
+            if verify:
+                out.check_format(full_check=True)
+        except ValueError as error:
+            raise CertificateFileError(f"the links of {shard_folder(self.folder, p)} are damaged: {error}") from None
+        if verify and not (out.has_canonical_format and np.isfinite(data).all()):
+            raise CertificateFileError(f"the links of {shard_folder(self.folder, p)} are damaged.")
+        return out
+
+    # -- the halo
+
+    def halo(self, p: int, *, verify: bool = False) -> Index:
+        """The nodes elsewhere that a shard feeds, in their order."""
+        nodes, own = self.array(p, "halo", verify=verify), self.own(p, 0)
+        elsewhere = (nodes < own.start) | (nodes >= own.stop)
+        if nodes.ndim != 1 or not (
+            elsewhere.all() and (np.diff(nodes) > 0).all() and ((nodes >= 0) & (nodes < self.n_nodes)).all()
+        ):
+            raise CertificateFileError(f"the halo of {shard_folder(self.folder, p)} is damaged.")
+        return nodes
+
+    def fed(self, p: int) -> Index:
+        """The inputs that the columns of the links of a shard stand for, among those of all nodes."""
+        own = self.own(p, 2)
+        _, first, sizes = self.receivers(self.halo(p))
+        return np.concatenate([np.arange(own.start, own.stop), _ranges(first, sizes)])
+
+    @cached_property
+    def _uniform(self) -> int | None:
+        """The input cone of all nodes, if they have the same."""
+        kinds = {t["U"] for shard in self.data["shards"] for t in shard["stacks"]}
+        return kinds.pop() if len(kinds) == 1 else None
+
+    def _inputs_in(self, p: int) -> tuple[Index, Index]:
+        """For the nodes of a shard: the place of the input cone, and where the inputs begin among all; and the end."""
+        shard = self.data["shards"][p]
+        kinds = np.zeros(shard["nodes"], dtype=np.int64)
+        for t, index in zip(shard["stacks"], self.members(p), strict=True):
+            kinds[index] = t["U"]
+        sizes = self._dims[kinds]
+        return kinds, self.own(p, 2).start + np.concatenate([[0], np.cumsum(sizes)])
+
+    @cached_property
+    def _dims(self) -> Index:
+        return np.array([cone.dim for cone in self.cones], dtype=np.int64)
+
+    def receivers(self, nodes: Index) -> tuple[Index, Index, Index]:
+        """For nodes in their order: the places of their input cones, where their inputs begin, and how many."""
+        kinds, first = np.zeros(len(nodes), dtype=np.int64), np.zeros(len(nodes), dtype=np.int64)
+        if self._uniform is not None:
+            kinds += self._uniform
+            first[:] = nodes * self._dims[self._uniform]
+            return kinds, first, self._dims[kinds]
+        cuts = np.searchsorted(nodes, self.starts[0])
+        for p in np.flatnonzero(np.diff(cuts)).tolist():
+            part = slice(cuts[p], cuts[p + 1])
+            inside, begin = self._inputs_in(p)
+            at = nodes[part] - self.own(p, 0).start
+            kinds[part], first[part] = inside[at], begin[at]
+        return kinds, first, self._dims[kinds]
+
+    def nodes_of(self, inputs: Index) -> Index:
+        """The nodes that have these inputs, in their order."""
+        if self._uniform is not None:
+            return inputs // self._dims[self._uniform]
+        out, cuts = np.zeros(len(inputs), dtype=np.int64), np.searchsorted(inputs, self.starts[2])
+        for p in np.flatnonzero(np.diff(cuts)).tolist():
+            part = slice(cuts[p], cuts[p + 1])
+            _, begin = self._inputs_in(p)
+            out[part] = self.own(p, 0).start + np.searchsorted(begin, inputs[part], side="right") - 1
+        return out
+
+
+def _ranges(first: Index, sizes: Index) -> Index:
+    """first, first + 1, ... of each, behind each other."""
+    ends = np.cumsum(sizes)
+    return np.repeat(first - (ends - sizes), sizes) + np.arange(int(sizes.sum()))
