@@ -20,8 +20,8 @@ from ..networks.model import NetworkModel
 from ..networks.own_links import own_links_closed
 from ..networks.spectrum.descent import interior, is_inside, mix
 from ..networks.spectrum.port_solves import Loop, PortSystem
-from ..proof.certificate import Status
 from ..progress import Reporter, Target
+from ..proof.certificate import Status
 from .certificate import VECTORS, WEIGHTS, ShardedCertificate, is_proven, positive_form, state
 from .folders import MANIFEST, write_arrays
 from .network import ShardedNetwork
@@ -105,7 +105,7 @@ class _Run:
         self.b, self.direct, self.p, self.t = np.zeros(inputs), np.zeros(inputs), np.zeros(outputs), np.zeros(inputs)
         self.ports = SolvePorts(self.network, self.aside, "ports")
         self.direct_loop = SolvePorts(self.network, self.aside, "direct")
-        self.feedthrough, self.finite = False, True
+        self.feedthrough, self.finite, self.peak = False, True, 0.0
         self.least = float(self.network.discrete)
 
     def certificate(self) -> ShardedCertificate:
@@ -121,19 +121,16 @@ class _Run:
         if self.unproven:
             return self._undecided(f"shard {self.unproven[0]} is not proven positive on its cones")
         if not self.finite:
-            return self._undecided(
-                "a node has an eigenvalue on the margin of stability, or one so large as to overflow"
-            )
+            return self._undecided("a node alone has an eigenvalue on the margin of stability, or overflows")
         if self.feedthrough and not self._loop_weights():
             return self._undecided("the algebraic loops of the feedthrough terms are not proven to contract")
-        for count, tolerance in enumerate(_TOLERANCES):
-            state = self._candidate(tolerance, count)
-            if state is None:
+        for tolerance in _TOLERANCES:
+            may_prove = self._candidate(tolerance)
+            if may_prove is None:
                 break
-            if state:
-                rates = self._proof()
-                if rates is not None:
-                    return self._settled(Status.PROVED, rates=rates)
+            rates = self._proof() if may_prove else None
+            if rates is not None:
+                return self._settled(Status.PROVED, rates=rates)
         return self._undecided("no v, r and q were found; the network is unstable, or close to the margin of stability")
 
     # -- what a shard has
@@ -175,18 +172,21 @@ class _Run:
     def _aside(self, name: str, p: int) -> Path:
         return self.aside / f"{name}-{p}.npy"
 
-    def _candidate(self, tolerance: float, count: int) -> bool | None:
+    def _candidate(self, tolerance: float) -> bool | None:
         """v of every shard aside, and r; False if they prove nothing, None if more accuracy will not help."""
+        again = self.peak > 0
+        if again:
+            self._next_right_side()
         self.report(f"solving, accuracy {tolerance:g}")
         r = self.ports.solve(self.b, tolerance)
         missed = r - (self.ports @ r + self.b)
         inside = reached = True
-        peak, self.r = 0.0, r.copy()
+        self.r = r.copy()
         for p in self.network.filled:
             self.report(f"storage of shard {p + 1} of {self.network.n_shards}")
             model, fed, own = self._model(p), self.network.fed(p), self.network.own(p, 2)
             system = PortSystem(model, self.least)
-            c = np.load(self._aside("c", p)) if count else interior(model, dual=True)
+            c = np.load(self._aside("c", p)) if again else interior(model, dual=True)
             heard = model.apply(system.CK, model.WT @ r[fed], 2, 0, transposed=True)
             v = model.apply(system.K, c, 0, 0, transposed=True) + heard
             back = c + model.times("C", model.WT @ missed[fed], transposed=True)
@@ -194,23 +194,23 @@ class _Run:
             reached &= is_inside(model, back, dual=True)
             if not inside:
                 return None
-            peak = max(peak, float(np.abs(v).max()))
+            self.peak = max(self.peak, float(np.abs(v).max()))
             np.save(self._aside("v", p), v)
             self.r[own] = moved(model, "U", [("B", v)], dual=True)
         if reached and self.feedthrough:
             self.r = r
             self._settle_direct()
-        self._next_right_side(peak)
         return reached
 
-    def _next_right_side(self, peak: float) -> None:
+    def _next_right_side(self) -> None:
         """c close to v itself, which evens out relative margins where v spans many orders of magnitude."""
         for p in self.network.filled:
             model, v = self._model(p), np.load(self._aside("v", p))
-            c = mix(model, v, 0.0, dual=True) * (float(np.abs(v).max()) / peak)
+            c = mix(model, v, 0.0, dual=True) * (float(np.abs(v).max()) / self.peak)
             np.save(self._aside("c", p), c)
             system = PortSystem(model, self.least)
             self.b[self.network.own(p, 2)] = model.apply(system.KB, c, 0, 1, transposed=True)
+        self.peak = 0.0
 
     def _settle_direct(self) -> None:
         """r >= B'v - D'q and q <= -W'r in the orders of U* and Y*, round by round."""
@@ -237,7 +237,7 @@ class _Run:
             loop = (self.p[outputs], self.t[fed]) if self.feedthrough else None
             if not is_proven(model, (v, self.r[fed], q), rate, loop):
                 return None
-            arrays = dict(zip(VECTORS, (v, self.r[own], q), strict=True))
+            arrays: dict[str, Any] = dict(zip(VECTORS, (v, self.r[own], q), strict=True))
             if loop is not None:
                 arrays |= dict(zip(WEIGHTS, (loop[0], self.t[own]), strict=True))
             shards[p] = {"rate": rate.hex(), "files": write_arrays(self.out, p, arrays)}

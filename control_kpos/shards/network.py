@@ -92,7 +92,9 @@ class ShardedNetwork:
         return out
 
     def _require_sense(self) -> None:
-        if set(self.data) != _DATA or any(set(s) != _SHARD for s in self.data["shards"]):
+        if set(self.data) != _DATA or any(
+            set(s) != _SHARD or not isinstance(s["files"], dict) for s in self.data["shards"]
+        ):
             raise CertificateFileError("it has other entries.")
         stacks = [t for s in self.data["shards"] for t in s["stacks"]]
         numbers = [n for t in stacks for n in (t[key] for key in _STACK)] + [s["nodes"] for s in self.data["shards"]]
@@ -158,10 +160,9 @@ class ShardedNetwork:
         if len(shard["stacks"]) == 1:
             return [np.arange(shard["nodes"])]
         out = [self.array(p, f"members{g}", verify=verify) for g in range(len(shard["stacks"]))]
-        together = np.sort(np.concatenate(out))
-        if any(m.shape != (t["nodes"],) for m, t in zip(out, shard["stacks"], strict=True)) or not np.array_equal(
-            together, np.arange(shard["nodes"])
-        ):
+        sizes = [t["nodes"] for t in shard["stacks"]]
+        whole = [m.shape for m in out] == [(n,) for n in sizes] and all(m.dtype.kind == "i" for m in out)
+        if not whole or not np.array_equal(np.sort(np.concatenate(out)), np.arange(shard["nodes"])):
             raise CertificateFileError(f"the stacks of {shard_folder(self.folder, p)} do not share out its nodes.")
         return out
 
@@ -202,6 +203,8 @@ class ShardedNetwork:
         """W' of a shard, outputs by own inputs and inputs of the halo."""
         data, indices, indptr = (self.array(p, name, verify=verify) for name in ("weights", "targets", "indptr"))
         outputs = self.own(p, 3)
+        if data.dtype != float or any(part.dtype.kind != "i" for part in (indices, indptr)):
+            raise CertificateFileError(f"the links of {shard_folder(self.folder, p)} are of other types.")
         try:
             out = sp.csr_array((data, indices, indptr), shape=(outputs.stop - outputs.start, width), copy=False)
             if verify:
@@ -219,7 +222,10 @@ class ShardedNetwork:
         nodes, own = self.array(p, "halo", verify=verify), self.own(p, 0)
         elsewhere = (nodes < own.start) | (nodes >= own.stop)
         if nodes.ndim != 1 or not (
-            elsewhere.all() and (np.diff(nodes) > 0).all() and ((nodes >= 0) & (nodes < self.n_nodes)).all()
+            nodes.dtype.kind == "i"
+            and elsewhere.all()
+            and (np.diff(nodes) > 0).all()
+            and ((nodes >= 0) & (nodes < self.n_nodes)).all()
         ):
             raise CertificateFileError(f"the halo of {shard_folder(self.folder, p)} is damaged.")
         return nodes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from os import PathLike
 from pathlib import Path
 from typing import Any, Protocol
@@ -155,7 +156,7 @@ def write(
     cuts = np.linspace(0, whole.n_nodes, count + 1).astype(np.int64).tolist()
     cones, shards, dt = ConeTable(), [], whole.nodes(0, 1)[2]
     with Reporter(progress) as report:
-        for p, (first, last) in enumerate(zip(cuts, cuts[1:], strict=False)):
+        for p, (first, last) in enumerate(pairwise(cuts)):
             report(f"nodes of shard {p + 1} of {count}")
             stacks, members, own = whole.nodes(first, last) if last > first else ((), (), dt)
             if not same_timebase(dt, own):
@@ -164,7 +165,7 @@ def write(
             shards.append(_write_nodes(path, p, stacks, members, cones))
         data = {"dt": _stated(0 if dt is None else dt), "cones": cones.encoded, "shards": shards}
         network = ShardedNetwork.of(path, data)
-        for p, (first, last) in enumerate(zip(cuts, cuts[1:], strict=False)):
+        for p, (first, last) in enumerate(pairwise(cuts)):
             report(f"links of shard {p + 1} of {count}")
             if last > first:
                 shards[p]["files"] |= _write_links(network, p, whole.links(first, last))
