@@ -1,0 +1,613 @@
+"""Networks in shards on files: the same verdicts as in one piece, from one shard at a time, and nothing forged."""
+
+import errno
+import json
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import random_networks
+import scipy.sparse as sp
+from network_examples import cycle, lag, random_masses
+
+import control_kpos as kp
+from control_kpos.exact.condition import all_hold
+from control_kpos.exact.matrix import Matrix
+from control_kpos.networks.certificate import decreasing
+from control_kpos.networks.certify import lower_outputs, settle
+from control_kpos.networks.witnesses import positive_parts
+from control_kpos.proof.files import digest
+from control_kpos.shards import folders
+from control_kpos.shards.certificate import SavedCertificate
+from control_kpos.shards.network import ShardedNetwork
+
+
+def written(place, nodes, coupling, parts, name="network"):
+    return kp.shards.write((nodes, coupling), place / name, parts, progress=False)
+
+
+def certified(place, nodes, coupling, parts, name="network"):
+    folder = written(place, nodes, coupling, parts, name)
+    return kp.shards.certify(folder, folder / "proof", progress=False)
+
+
+def masses(seed=1, n=24):
+    return random_masses(np.random.default_rng(seed), n), kp.examples.random_regular(n, 3, seed=seed)
+
+
+def vectors(certificate):
+    """v, r and q of all shards behind each other."""
+    saved = SavedCertificate.open(certificate.path)
+    return [np.concatenate([saved.vector(p, name) for p in saved.network.filled]) for name in "vrq"]
+
+
+# -- verdicts and rates
+
+
+@pytest.mark.parametrize("parts", [1, 2, 5, 24, 40])
+def test_rates_do_not_depend_on_the_number_of_shards(tmp_path, parts):
+    nodes, W = masses()
+    whole = kp.feedback_interconnect(nodes, W).certificate
+    found = certified(tmp_path, nodes, W, parts)
+    assert found.status == "PROVED"
+    assert found.n_shards == parts
+    assert found.decay_rate == found.rates.min() == whole.decay_rate
+    assert found.check()
+    assert "Proved" in found.explain()
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_verdicts_are_those_of_the_network_in_one_piece(tmp_path, seed):
+    """Nodes of all sizes and cones, with feedthrough, in discrete time; also on the margin and a digit beside it."""
+    rng = np.random.default_rng(seed)
+    proved = 0
+    for trial in range(20):
+        if trial % 2:
+            nodes, blocks, _ = random_networks.random_network(rng)
+            W = random_networks.dense_coupling(nodes, blocks)
+        else:
+            nodes, W, _ = random_networks.marginal_network(rng) or ([lag(2.0)] * 3, cycle(3), False)
+        whole = kp.feedback_interconnect(nodes, W)
+        found = certified(tmp_path, nodes, W, int(rng.integers(1, len(nodes) + 3)), f"{trial}")
+        assert found.status.name in (whole.certificate.status.name, "UNDECIDED"), found.explain()
+        again = kp.shards.check(found.path)
+        assert (again.status, again.decay_rate) == (found.status, found.decay_rate)
+        if found:
+            proved += 1
+            alone = settle(whole.certificate.model, tuple(vectors(found)), whole.certificate.loop)
+            assert alone.status == "PROVED"
+            assert alone.decay_rate == found.decay_rate  # from the same r to the last bit
+        elif whole.certificate:  # so close to the margin that only integers decide
+            assert whole.certificate.exact is not None
+    assert proved > 3
+
+
+@pytest.mark.parametrize("digits", [2, 5, 8])
+@pytest.mark.parametrize("side", [-1, 1])
+def test_near_the_margin(tmp_path, digits, side):
+    nodes, W = masses(seed=digits, n=30)
+    model = kp.feedback_interconnect(nodes, W).model
+    gains = [C @ np.linalg.inv(-A) @ B for A, B, C in zip(*(model.stacks[0].__dict__[k].values for k in "ABC"))]
+    radius = np.abs(np.linalg.eigvals((W @ sp.diags_array(np.ravel(gains))).toarray())).max()
+    found = certified(tmp_path, nodes, W / radius * (1 + side * 10.0**-digits), 4)
+    assert found.status == ("UNDECIDED" if side > 0 else "PROVED")
+    if side > 0:
+        assert "unstable, or close to the margin" in found.explain()
+        assert not found.check() or found.decay_rate == 0
+    else:
+        assert found.decay_rate > 0
+
+
+# -- a shard as a model
+
+
+def test_no_inequality_of_theorem_4_is_lost_or_divided(tmp_path):
+    """The conditions of the shards are those of the network in one piece, with a factor for every output once."""
+    nodes = [
+        lag(3.0),
+        random_networks.random_node(np.random.default_rng(3), discrete=False, feedthrough=True, damping=0.8),
+    ]
+    nodes = [nodes[j % 2] for j in range(6)]
+    blocks = [[0.1 * random_networks.positive_map(np.random.default_rng(1), b.Y, a.U, 1) for b in nodes] for a in nodes]
+    net = kp.feedback_interconnect(nodes, random_networks.dense_coupling(nodes, blocks))
+    assert net.certificate
+    network = ShardedNetwork.open(written(tmp_path, nodes, net.model.coupling, 3))
+    v, r, q = (net.certificate.__dict__[name].values for name in "vrq")
+    p, t = (part.values for part in net.certificate.loop)
+    total = {"shards": 0, "whole": 0}
+    whole = [*positive_parts(net.model), *decreasing(net.model, *map(Matrix, (v, r, q)), 0.0, (Matrix(p), Matrix(t)))]
+    total["whole"] = sum(condition.residual.size for condition in whole)
+    for s in network.filled:
+        model, fed = network.model(s), network.fed(s)
+        own = [Matrix(v[network.own(s, 1)]), Matrix(r[fed]), Matrix(q[network.own(s, 3)])]
+        weights = Matrix(p[network.own(s, 3)]), Matrix(t[fed])
+        conditions = [*positive_parts(model), *decreasing(model, *own, 0.0, weights)]
+        assert all_hold(conditions)
+        total["shards"] += sum(condition.residual.size for condition in conditions)
+    assert total["shards"] == total["whole"]
+
+
+@pytest.mark.parametrize("place", range(6))
+def test_r_of_any_input_matters(tmp_path, place):
+    """(III') of a shard reads r of its halo: a larger one breaks the shards that feed it, a smaller one its own."""
+    nodes, W = kp.stack([[[-2.0]]] * 6, [[1.0]], [[1.0]]), cycle(6)
+    network = ShardedNetwork.open(written(tmp_path, nodes, W, 3))
+    r = np.ones(6)
+    r[place] *= 1 + 1e-9
+    holds = []
+    for s in network.filled:
+        model, own = network.model(s), network.own(s, 1)
+        q = Matrix(np.full(2, -1.0))
+        holds.append(all_hold(decreasing(model, Matrix(np.ones(2)), Matrix(r[network.fed(s)]), q, 0.5, None)))
+        assert own.stop - own.start == 2
+    feeding = (place + 1) % 6 // 2
+    assert [s for s, fine in enumerate(holds) if not fine] == [feeding]
+
+
+def test_the_halo_knows_the_cones_of_its_nodes(tmp_path):
+    """A link into a cone elsewhere that it leaves is seen from its source, under the numbers of the whole network."""
+    other = kp.PolyhedralCone([[1.0, 1.0], [1.0, -1.0]])
+    plain = kp.ConeStateSpace(-3 * np.eye(2), np.eye(2), np.eye(2), 0)
+    turned = kp.ConeStateSpace(-3 * np.eye(2), np.eye(2), np.eye(2), 0, X=other, U=other, Y=other)
+    nodes = [plain, plain, plain, turned]
+    blocks = [[None] * 4 for _ in range(4)]
+    blocks[3][0] = np.array([[1.0, 1.0], [0.0, 0.0]])
+    assert certified(tmp_path, nodes, blocks, 2, "good").status == "PROVED"
+    blocks[3][0] = np.array([[1.0, 1.0], [0.0, 2.0]])  # e2 goes to (1, 2), which is not in the cone
+    found, whole = certified(tmp_path, nodes, blocks, 2, "bad"), kp.feedback_interconnect(nodes, blocks).certificate
+    assert found.status == whole.status == "REFUTED"
+    assert vars(found.witness) == vars(whole.witness)
+    assert (found.refuted, found.witness.target, found.witness.source) == (0, 3, 0)
+
+
+def test_a_node_that_is_not_positive_is_named(tmp_path):
+    nodes = [lag(2.0)] * 4 + [kp.ConeStateSpace([[-2.0]], [[-1.0]], [[1.0]], 0)] + [lag(2.0)]
+    found = certified(tmp_path, nodes, cycle(6), 3)
+    whole = kp.feedback_interconnect(nodes, cycle(6)).certificate
+    assert found.status == whole.status == "REFUTED"
+    assert (found.witness.node, found.refuted) == (whole.witness.node, 2) == (4, 2)
+    assert found.check()
+    assert "node 4 is not positive" in found.explain()
+
+
+def test_links_of_nodes_to_themselves_become_parts_of_them(tmp_path):
+    W = 0.5 * cycle(6) - 0.25 * np.eye(6)
+    found = certified(tmp_path, [lag(1.0)] * 6, W, 3)
+    assert found.status == "PROVED"
+    assert found.decay_rate == pytest.approx(0.75, abs=1e-9)
+    assert found.check()
+
+
+def test_a_node_on_the_margin(tmp_path):
+    found = certified(tmp_path, [lag(1.0), lag(0.0)], np.zeros((2, 2)), 2)
+    assert found.status == "UNDECIDED"
+    assert "eigenvalue on the margin" in found.explain()
+
+
+def test_algebraic_loops_that_do_not_contract(tmp_path):
+    found = certified(tmp_path, [lag(1.0, D=1.0)] * 4, cycle(4), 2)
+    assert found.status == "UNDECIDED"
+    assert "algebraic loops" in found.explain()
+
+
+# -- sources
+
+
+class Made:
+    """A network that exists only as two functions."""
+
+    def __init__(self, n):
+        self.n_nodes, self.asked = n, []
+
+    def nodes(self, first, last):
+        self.asked.append((first, last))
+        return kp.stack(-3.0 - np.arange(first, last)[:, None, None] % 5, [[1.0]], [[1.0]])
+
+    def links(self, first, last):
+        rows = (np.arange(first, last) + 7) % self.n_nodes
+        return sp.csc_array((np.ones(len(rows)), rows, np.arange(len(rows) + 1)), shape=(self.n_nodes, last - first))
+
+
+def test_a_source_of_functions_gives_the_same_files(tmp_path):
+    source = Made(50)
+    asked = kp.shards.write(source, tmp_path / "asked", 4)
+    assert source.asked[1:] == [(0, 12), (12, 25), (25, 37), (37, 50)]
+    source.asked.clear()
+    given = written(tmp_path, source.nodes(0, 50), source.links(0, 50), 4, "given")
+    texts = [(folder / "manifest.json").read_text() for folder in (asked, given)]
+    assert texts[0] == texts[1]
+    assert kp.shards.certify(asked, tmp_path / "proof").status == "PROVED"
+
+
+def test_ragged_shards_of_mixed_nodes(tmp_path):
+    rng = np.random.default_rng(4)
+    kinds = [random_networks.random_node(rng, discrete=True, feedthrough=False, damping=0.5) for _ in range(3)]
+    nodes = [kinds[int(k)] for k in rng.integers(0, 3, 17)]
+    blocks = [
+        [0.01 * random_networks.positive_map(rng, b.Y, a.U, 1) if rng.random() < 0.3 else None for b in nodes]
+        for a in nodes
+    ]
+    whole = kp.feedback_interconnect(nodes, blocks).certificate
+    for parts in (1, 3, 5, 30):
+        found = certified(tmp_path, nodes, blocks, parts, f"{parts}")
+        assert found.status == "PROVED"
+        assert found.decay_rate == pytest.approx(whole.decay_rate, rel=1e-9)
+        assert found.check()
+
+
+def test_equal_matrices_are_written_once(tmp_path):
+    folder = written(tmp_path, kp.stack(-np.ones((9, 1, 1)), [[1.0]], [[1.0]]), 0.5 * cycle(9), 2)
+    files = json.loads((folder / "manifest.json").read_text())["data"]["shards"][0]["files"]
+    assert files["A0"]["shape"] == [1, 1, 1]
+    assert "D0" not in files
+
+
+def test_one_shard_at_a_time(tmp_path, monkeypatch):
+    """While one shard is read, no array of another one is held."""
+    import weakref
+
+    alive, most = [], []
+    original = ShardedNetwork.model
+
+    def model(self, p, *, verify=False):
+        out = original(self, p, verify=verify)
+        alive.append(weakref.ref(out))
+        most.append(sum(ref() is not None for ref in alive))
+        return out
+
+    folder = written(tmp_path, *masses(), 6)
+    monkeypatch.setattr(ShardedNetwork, "model", model)
+    kp.shards.check(kp.shards.certify(folder, folder / "proof").path)
+    assert len(most) >= 24
+    assert max(most) <= 2
+
+
+# -- what was changed is found
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    """A network with feedthrough in three shards, two stacks each, and its certificate inside."""
+    place = tmp_path_factory.mktemp("proven")
+    nodes = [lag(4.0, D=0.25), random_masses(np.random.default_rng(0), 1).take(0)] * 3
+    folder = written(place, nodes, 0.5 * cycle(6), 3)
+    assert kp.shards.certify(folder, folder / "proof")
+    return folder
+
+
+def copied(folder, place):
+    return shutil.copytree(folder, place / "copy")
+
+
+def files_in(folder):
+    return sorted(path.relative_to(folder) for path in folder.rglob("*.npy"))
+
+
+NAMES = ["indptr", "targets", "weights", "halo", "members0", "members1", "A0", "B0", "C0", "D0", "A1", "B1", "C1"]
+NAMES += [f"proof/{name}" for name in "vrqpt"]
+
+
+def at(folder, name, p=1):
+    *inside, stem = name.split("/")
+    return folder.joinpath(*inside, f"shard-{p:05d}", f"{stem}.npy")
+
+
+def test_the_files_are_those_tried_below(proven):
+    assert {path.stem for path in files_in(proven)} == {name.rpartition("/")[2] for name in NAMES}
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("damage", ["changed", "missing", "shortened", "swapped", "empty"])
+def test_damaged_files_are_named(proven, tmp_path, name, damage):
+    folder = copied(proven, tmp_path)
+    path = at(folder, name)
+    data = path.read_bytes()
+    if damage == "missing":
+        path.unlink()
+    elif damage == "swapped":
+        path.write_bytes(at(folder, {"halo": "A0", "members0": "halo"}.get(name, "halo"), 2).read_bytes())
+    else:
+        path.write_bytes({"changed": data[:-1] + bytes([data[-1] ^ 1]), "shortened": data[:-8], "empty": b""}[damage])
+    with pytest.raises(kp.CertificateFileError, match=path.name.replace(".", r"\.")) as caught:
+        kp.shards.check(folder / "proof")
+    assert not isinstance(caught.value, kp.FalseClaimError)
+    assert str(path.parent.name) in str(caught.value)
+    if "/" not in name:
+        with pytest.raises(kp.CertificateFileError, match=str(path.parent.name)):
+            kp.shards.certify(folder, tmp_path / "again")
+        assert not (tmp_path / "again" / "manifest.json").exists()
+
+
+def forged(folder, change, *, inside="proof"):
+    """The data of a manifest after a change, with a digest that fits."""
+    path = folder / inside / "manifest.json"
+    content = json.loads(path.read_text())
+    change(content["data"])
+    content["digest"] = digest(content["data"])
+    path.write_text(json.dumps(content))
+
+
+def forge_array(folder, name, change, p=1):
+    """Another array with a digest that fits, in both manifests where it is about the data of the network."""
+    path = at(folder, name, p)
+    entry = folders.write_array(path, change(np.load(path)))
+    inside, _, stem = name.rpartition("/")
+    forged(folder, lambda data: data["shards"][p]["files"].update({stem: entry}), inside=inside)
+    if not inside:
+        now = json.loads((folder / "manifest.json").read_text())["data"]
+        forged(folder, lambda data: data["network"].update(digest=digest(now)))
+
+
+@pytest.mark.parametrize("factor", [1 + 1e-9, 1 - 1e-9, -1.0, np.nan, np.inf])
+@pytest.mark.parametrize("name", list("vrqpt"))
+def test_forged_vectors_prove_nothing(proven, tmp_path, name, factor):
+    folder = copied(proven, tmp_path)
+
+    def change(array):
+        out = array.copy()
+        out[-1] *= factor
+        return out
+
+    forge_array(folder, f"proof/{name}", change)
+    slack = {"v", "p"} if factor > 1 else set()  # may be larger by a little, as far as the others allow
+    try:
+        assert kp.shards.check(folder / "proof").status == "PROVED"
+    except kp.FalseClaimError:
+        return
+    assert name in slack | {"t", "r", "q"}
+    assert np.isfinite(factor)
+    assert factor > 0
+
+
+def test_forged_data_are_proven_or_refused(proven, tmp_path):
+    folder = copied(proven, tmp_path)
+    forge_array(folder, "weights", lambda w: w * 3)
+    with pytest.raises(kp.FalseClaimError, match="shard 1"):
+        kp.shards.check(folder / "proof")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data["shards"][1].update(rate=(100.0).hex()),
+        lambda data: data.update(status="REFUTED", refuted=1),
+    ],
+)
+def test_false_claims_are_told(proven, tmp_path, change):
+    folder = copied(proven, tmp_path)
+    forged(folder, change)
+    with pytest.raises(kp.FalseClaimError, match=r"shard 1"):
+        kp.shards.check(folder / "proof")
+
+
+def nothing(data):
+    data.clear()
+
+
+BAD_CERTIFICATES = [
+    nothing,
+    lambda data: data["shards"].pop(),
+    lambda data: data["shards"].append({}),
+    lambda data: data["shards"].reverse(),
+    lambda data: data.update(shards={}),
+    lambda data: data.update(status="CERTAIN"),
+    lambda data: data.update(status="REFUTED", refuted=9),
+    lambda data: data.update(reason=1),
+    lambda data: data["shards"][0].update(rate="-0x1p-1"),
+    lambda data: data["shards"][0].update(rate="nan"),
+    lambda data: data["shards"][0].update(rate=None),
+    lambda data: data["shards"][0].update(files=None),
+    lambda data: data["shards"][0]["files"].pop("v"),
+    lambda data: data["shards"][0]["files"].pop("t"),
+    lambda data: data["shards"][0]["files"]["v"].update(dtype="|O"),
+    lambda data: data["shards"][0]["files"]["v"].update(shape=[1]),
+    lambda data: data["shards"][0]["files"]["v"].pop("sha256"),
+    lambda data: data["network"].update(folder="elsewhere"),
+    lambda data: data["network"].update(folder=1),
+    lambda data: data["network"].update(digest="sha256:0"),
+]
+
+
+@pytest.mark.parametrize("change", BAD_CERTIFICATES)
+def test_certificates_that_make_no_sense(proven, tmp_path, change):
+    folder = copied(proven, tmp_path)
+    forged(folder, change)
+    with pytest.raises(kp.CertificateFileError):
+        kp.shards.check(folder / "proof")
+
+
+BAD_NETWORKS = [
+    nothing,
+    lambda data: data["shards"].clear(),
+    lambda data: data["shards"].reverse(),
+    lambda data: data["shards"].pop(),
+    lambda data: data.update(dt="-0x1p0"),
+    lambda data: data.update(dt="soon"),
+    lambda data: data["cones"].clear(),
+    lambda data: data["cones"].append([[1, {"rays": [[0]]}]]),
+    lambda data: data["shards"][0].update(nodes=3),
+    lambda data: data["shards"][0].update(nodes=-2),
+    lambda data: data["shards"][0].update(files=[]),
+    lambda data: data["shards"][0]["stacks"][0].update(nodes=0),
+    lambda data: data["shards"][0]["stacks"][0].update(X=10**6),
+    lambda data: data["shards"][0]["stacks"][0].update(X=1),
+    lambda data: data["shards"][0]["stacks"][0].pop("X"),
+    lambda data: data["shards"][0]["stacks"].pop(),
+    lambda data: data["shards"][0]["files"].pop("A0"),
+    lambda data: data["shards"][0]["files"].pop("halo"),
+    lambda data: data["shards"][0]["files"].update(halo=data["shards"][0]["files"]["weights"]),
+]
+
+
+@pytest.mark.parametrize("change", BAD_NETWORKS)
+def test_networks_that_make_no_sense(proven, tmp_path, change):
+    folder = copied(proven, tmp_path)
+    forged(folder, change, inside="")
+    with pytest.raises(kp.CertificateFileError):
+        kp.shards.check(folder / "proof")
+    try:
+        found = kp.shards.certify(folder, tmp_path / "again")
+    except kp.CertificateFileError:
+        return
+    assert found.status != "PROVED"  # A of 0 where the file was left out
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("halo", lambda a: a[::-1] - 100),
+        ("halo", lambda a: a + 10**6),
+        ("halo", lambda a: a * 0 + 2),
+        ("targets", lambda a: a + 10),
+        ("targets", lambda a: a - 10),
+        ("indptr", lambda a: a[::-1].copy()),
+        ("weights", lambda a: a * np.nan),
+        ("members0", lambda a: a + 1),
+        ("A0", lambda a: a * np.inf),
+        ("A0", lambda a: a[0]),
+    ],
+)
+def test_arrays_that_make_no_sense(proven, tmp_path, name, change):
+    folder = copied(proven, tmp_path)
+    forge_array(folder, name, change)
+    with pytest.raises(kp.CertificateFileError) as caught:
+        kp.shards.check(folder / "proof")
+    assert not isinstance(caught.value, kp.FalseClaimError)
+
+
+def test_a_certificate_is_about_one_network(proven, tmp_path):
+    folder = copied(proven, tmp_path)
+    other = written(tmp_path, [lag(3.0)] * 6, cycle(6), 3, "other")
+    shutil.copytree(folder / "proof", other / "proof")
+    with pytest.raises(kp.CertificateFileError, match="is not the network"):
+        kp.shards.check(other / "proof")
+
+
+# -- files that are not finished
+
+
+def test_what_was_not_finished_is_not_read(tmp_path, monkeypatch):
+    nodes, W = masses()
+    original, count = folders.write_whole, iter(range(100))
+
+    def full(path, write):
+        if next(count) == 9:
+            raise OSError(errno.ENOSPC, "No space left on device", str(path))
+        original(path, write)
+
+    monkeypatch.setattr(folders, "write_whole", full)
+    with pytest.raises(OSError, match=r"shard-0000\d"):
+        written(tmp_path, nodes, W, 4)
+    with pytest.raises(kp.CertificateFileError, match=r"no manifest\.json"):
+        kp.shards.certify(tmp_path / "network", tmp_path / "proof")
+    monkeypatch.undo()
+    assert certified(tmp_path, nodes, W, 4).status == "PROVED"  # what is left of it does not matter
+
+
+def test_nothing_is_left_beside_the_files(tmp_path):
+    found = certified(tmp_path, *masses(), 2)
+    names = {path.name for path in found.path.iterdir()}
+    assert names == {"manifest.json", "shard-00000", "shard-00001"}
+    assert {path.name for path in (found.path / "shard-00000").iterdir()} == {"v.npy", "r.npy", "q.npy"}
+
+
+def test_an_old_certificate_is_replaced(tmp_path):
+    nodes, W = masses()
+    first = certified(tmp_path, nodes, W, 2)
+    second = kp.shards.certify(tmp_path / "network", first.path)
+    assert (second.status, second.decay_rate) == (first.status, first.decay_rate)
+
+
+# -- arguments
+
+
+def test_any_executor(proven):
+    with ThreadPoolExecutor(2) as executor:
+        assert kp.shards.check(proven / "proof", executor).status == "PROVED"
+
+
+def test_progress(tmp_path):
+    lines = []
+    folder = kp.shards.write(masses(), tmp_path / "network", 2, progress=lines.append)
+    kp.shards.certify(folder, folder / "proof", progress=lines.append)
+    kp.shards.check(folder / "proof", progress=lines.append)
+    assert lines[0] == "nodes of shard 1 of 2"
+    assert "proof of shard 2 of 2" in lines
+    assert lines[-1] == "proven: 2 of 2 shards"
+
+
+class Wrong(Made):
+    def __init__(self, n, nodes=None, links=None):
+        super().__init__(n)
+        self.wrong_nodes, self.wrong_links = nodes, links
+
+    def nodes(self, first, last):
+        return super().nodes(first, last) if self.wrong_nodes is None else self.wrong_nodes
+
+    def links(self, first, last):
+        return super().links(first, last) if self.wrong_links is None else self.wrong_links
+
+
+ONE = kp.stack([[[-1.0]]], [[1.0]], [[1.0]])
+REFUSED = [
+    ((ONE,), kp.DataError, "source has 1 items"),
+    (7, kp.DataError, "source is 7"),
+    ((ONE, [[1, 2]]), kp.ConeMismatchError, "coupling is 1 x 2"),
+    ((kp.stack([[["-1/3"]]], [[1]], [[1]]), [[0]]), kp.DataError, "A of nodes in shard 0 holds a number"),
+    ((ONE, [["1/3"]]), kp.DataError, r"source\[1\] holds a number"),
+    ((kp.stack([[[[-1.0]]], [[[-2.0]]]], [[1.0]], [[1.0]]), [[0]]), kp.DataError, "vertices"),
+    (Wrong(2.5), kp.DataError, r"source\.n_nodes"),
+    (Wrong(0), kp.DataError, r"source\.n_nodes"),
+    (Wrong(8, nodes=[]), kp.ShapeError, r"source\.nodes\(0, 1\)"),
+    (Wrong(8, nodes=ONE), kp.ConeMismatchError, r"source\.nodes\(0, 4\) gives 1 nodes"),
+    (Wrong(8, links=np.zeros((8, 3))), kp.ConeMismatchError, "nodes 0 to 3 are 8 x 3"),
+    (Wrong(8, links=[["1/3"] * 4] * 8), kp.DataError, r"source\.links\(0, 4\)"),
+    (Wrong(8, links=sp.csc_array(np.full((8, 4), np.nan))), kp.DataError, r"source\.links\(0, 4\)"),
+]
+
+
+@pytest.mark.parametrize(("source", "error", "says"), REFUSED)
+def test_sources_that_are_refused(tmp_path, source, error, says):
+    with pytest.raises(error, match=says):
+        kp.shards.write(source, tmp_path / "network", 2)
+    assert not (tmp_path / "network" / "manifest.json").exists()
+
+
+def test_nodes_of_different_timebases(tmp_path):
+    class Mixed(Made):
+        def nodes(self, first, last):
+            return kp.stack(np.full((last - first, 1, 1), 0.5), [[1.0]], [[0.1]], dt=0.1 if first < 4 else 0.2)
+
+    with pytest.raises(kp.TimebaseError, match="nodes 4 to 7 have dt = 0.2"):
+        kp.shards.write(Mixed(8), tmp_path, 2)
+
+
+def test_other_arguments_that_are_refused(tmp_path):
+    nodes, W = masses()
+    with pytest.raises(kp.DataError, match="parts is 0"):
+        kp.shards.write((nodes, W), tmp_path, 0)
+    with pytest.raises(kp.DataError, match="folder is 3"):
+        kp.shards.write((nodes, W), 3)
+    folder = written(tmp_path, nodes, W, 2)
+    with pytest.raises(kp.DataError, match="holds a network already"):
+        kp.shards.write((nodes, W), folder)
+    with pytest.raises(kp.DataError, match="out is .*the folder of the network"):
+        kp.shards.certify(folder, folder)
+    with pytest.raises(kp.DataError, match="folder is None"):
+        kp.shards.certify(None, folder)
+    with pytest.raises(kp.DataError, match="executor is 3"):
+        kp.shards.check(folder / "proof", 3)
+    with pytest.raises(kp.CertificateFileError, match=r"no manifest\.json"):
+        kp.shards.check(tmp_path / "nowhere")
+
+
+def test_lowered_outputs_read_the_halo(tmp_path):
+    """q <= -W'r of a shard with r of the inputs that it feeds."""
+    nodes, W = masses()
+    network = ShardedNetwork.open(written(tmp_path, nodes, W, 3))
+    r = np.arange(1.0, 25.0)
+    q = np.concatenate([lower_outputs(network.model(p), r[network.fed(p)]) for p in network.filled])
+    exact = -(W.T @ r)
+    assert (q <= exact).all()
+    np.testing.assert_allclose(q, exact, rtol=1e-12)
