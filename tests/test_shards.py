@@ -1,15 +1,15 @@
 """Networks in shards on files: the same verdicts as in one piece, from one shard at a time, and nothing forged."""
 
-import errno
 import json
-import shutil
+import weakref
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import random_networks
 import scipy.sparse as sp
-from network_examples import cycle, lag, random_masses
+from network_examples import cycle, lag
+from sharded_networks import certified, masses, written
 
 import control_kpos as kp
 from control_kpos.exact.condition import all_hold
@@ -17,23 +17,8 @@ from control_kpos.exact.matrix import Matrix
 from control_kpos.networks.certificate import decreasing
 from control_kpos.networks.certify import lower_outputs, settle
 from control_kpos.networks.witnesses import positive_parts
-from control_kpos.proof.files import digest
-from control_kpos.shards import folders
 from control_kpos.shards.certificate import SavedCertificate
 from control_kpos.shards.network import ShardedNetwork
-
-
-def written(place, nodes, coupling, parts, name="network"):
-    return kp.shards.write((nodes, coupling), place / name, parts, progress=False)
-
-
-def certified(place, nodes, coupling, parts, name="network"):
-    folder = written(place, nodes, coupling, parts, name)
-    return kp.shards.certify(folder, folder / "proof", progress=False)
-
-
-def masses(seed=1, n=24):
-    return random_masses(np.random.default_rng(seed), n), kp.examples.random_regular(n, 3, seed=seed)
 
 
 def vectors(certificate):
@@ -77,7 +62,8 @@ def test_verdicts_are_those_of_the_network_in_one_piece(tmp_path, seed):
             proved += 1
             alone = settle(whole.certificate.model, tuple(vectors(found)), whole.certificate.loop)
             assert alone.status == "PROVED"
-            assert alone.decay_rate == found.decay_rate  # from the same r to the last bit
+            # the same r: products of stacks of other lengths may differ in the last bit
+            assert alone.decay_rate == pytest.approx(found.decay_rate, rel=1e-14, abs=0)
         elif whole.certificate:  # so close to the margin that only integers decide
             assert whole.certificate.exact is not None
     assert proved > 3
@@ -88,13 +74,13 @@ def test_verdicts_are_those_of_the_network_in_one_piece(tmp_path, seed):
 def test_near_the_margin(tmp_path, digits, side):
     nodes, W = masses(seed=digits, n=30)
     model = kp.feedback_interconnect(nodes, W).model
-    gains = [C @ np.linalg.inv(-A) @ B for A, B, C in zip(*(model.stacks[0].__dict__[k].values for k in "ABC"))]
+    gains = model.stacks[0].C.values @ np.linalg.inv(-model.stacks[0].A.values) @ model.stacks[0].B.values
     radius = np.abs(np.linalg.eigvals((W @ sp.diags_array(np.ravel(gains))).toarray())).max()
     found = certified(tmp_path, nodes, W / radius * (1 + side * 10.0**-digits), 4)
     assert found.status == ("UNDECIDED" if side > 0 else "PROVED")
     if side > 0:
-        assert "unstable, or close to the margin" in found.explain()
-        assert not found.check() or found.decay_rate == 0
+        assert "beyond the margin or close to it" in found.explain()
+        assert found.check()
     else:
         assert found.decay_rate > 0
 
@@ -245,8 +231,6 @@ def test_equal_matrices_are_written_once(tmp_path):
 
 def test_one_shard_at_a_time(tmp_path, monkeypatch):
     """While one shard is read, no array of another one is held."""
-    import weakref
-
     alive, most = [], []
     original = ShardedNetwork.model
 
@@ -260,271 +244,17 @@ def test_one_shard_at_a_time(tmp_path, monkeypatch):
     monkeypatch.setattr(ShardedNetwork, "model", model)
     kp.shards.check(kp.shards.certify(folder, folder / "proof").path)
     assert len(most) >= 24
-    assert max(most) <= 2
-
-
-# -- what was changed is found
-
-
-@pytest.fixture(scope="module")
-def proven(tmp_path_factory):
-    """A network with feedthrough in three shards, two stacks each, and its certificate inside."""
-    place = tmp_path_factory.mktemp("proven")
-    nodes = [lag(4.0, D=0.25), random_masses(np.random.default_rng(0), 1).take(0)] * 3
-    folder = written(place, nodes, 0.5 * cycle(6), 3)
-    assert kp.shards.certify(folder, folder / "proof")
-    return folder
-
-
-def copied(folder, place):
-    return shutil.copytree(folder, place / "copy")
-
-
-def files_in(folder):
-    return sorted(path.relative_to(folder) for path in folder.rglob("*.npy"))
-
-
-NAMES = ["indptr", "targets", "weights", "halo", "members0", "members1", "A0", "B0", "C0", "D0", "A1", "B1", "C1"]
-NAMES += [f"proof/{name}" for name in "vrqpt"]
-
-
-def at(folder, name, p=1):
-    *inside, stem = name.split("/")
-    return folder.joinpath(*inside, f"shard-{p:05d}", f"{stem}.npy")
-
-
-def test_the_files_are_those_tried_below(proven):
-    assert {path.stem for path in files_in(proven)} == {name.rpartition("/")[2] for name in NAMES}
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("damage", ["changed", "missing", "shortened", "swapped", "empty"])
-def test_damaged_files_are_named(proven, tmp_path, name, damage):
-    folder = copied(proven, tmp_path)
-    path = at(folder, name)
-    data = path.read_bytes()
-    if damage == "missing":
-        path.unlink()
-    elif damage == "swapped":
-        path.write_bytes(at(folder, {"halo": "A0", "members0": "halo"}.get(name, "halo"), 2).read_bytes())
-    else:
-        path.write_bytes({"changed": data[:-1] + bytes([data[-1] ^ 1]), "shortened": data[:-8], "empty": b""}[damage])
-    with pytest.raises(kp.CertificateFileError, match=path.name.replace(".", r"\.")) as caught:
-        kp.shards.check(folder / "proof")
-    assert not isinstance(caught.value, kp.FalseClaimError)
-    assert str(path.parent.name) in str(caught.value)
-    if "/" not in name:
-        with pytest.raises(kp.CertificateFileError, match=str(path.parent.name)):
-            kp.shards.certify(folder, tmp_path / "again")
-        assert not (tmp_path / "again" / "manifest.json").exists()
-
-
-def forged(folder, change, *, inside="proof"):
-    """The data of a manifest after a change, with a digest that fits."""
-    path = folder / inside / "manifest.json"
-    content = json.loads(path.read_text())
-    change(content["data"])
-    content["digest"] = digest(content["data"])
-    path.write_text(json.dumps(content))
-
-
-def forge_array(folder, name, change, p=1):
-    """Another array with a digest that fits, in both manifests where it is about the data of the network."""
-    path = at(folder, name, p)
-    entry = folders.write_array(path, change(np.load(path)))
-    inside, _, stem = name.rpartition("/")
-    forged(folder, lambda data: data["shards"][p]["files"].update({stem: entry}), inside=inside)
-    if not inside:
-        now = json.loads((folder / "manifest.json").read_text())["data"]
-        forged(folder, lambda data: data["network"].update(digest=digest(now)))
-
-
-@pytest.mark.parametrize("factor", [1 + 1e-9, 1 - 1e-9, -1.0, np.nan, np.inf])
-@pytest.mark.parametrize("name", list("vrqpt"))
-def test_forged_vectors_prove_nothing(proven, tmp_path, name, factor):
-    folder = copied(proven, tmp_path)
-
-    def change(array):
-        out = array.copy()
-        out[-1] *= factor
-        return out
-
-    forge_array(folder, f"proof/{name}", change)
-    slack = {"v", "p"} if factor > 1 else set()  # may be larger by a little, as far as the others allow
-    try:
-        assert kp.shards.check(folder / "proof").status == "PROVED"
-    except kp.FalseClaimError:
-        return
-    assert name in slack | {"t", "r", "q"}
-    assert np.isfinite(factor)
-    assert factor > 0
-
-
-def test_forged_data_are_proven_or_refused(proven, tmp_path):
-    folder = copied(proven, tmp_path)
-    forge_array(folder, "weights", lambda w: w * 3)
-    with pytest.raises(kp.FalseClaimError, match="shard 1"):
-        kp.shards.check(folder / "proof")
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda data: data["shards"][1].update(rate=(100.0).hex()),
-        lambda data: data.update(status="REFUTED", refuted=1),
-    ],
-)
-def test_false_claims_are_told(proven, tmp_path, change):
-    folder = copied(proven, tmp_path)
-    forged(folder, change)
-    with pytest.raises(kp.FalseClaimError, match=r"shard 1"):
-        kp.shards.check(folder / "proof")
-
-
-def nothing(data):
-    data.clear()
-
-
-BAD_CERTIFICATES = [
-    nothing,
-    lambda data: data["shards"].pop(),
-    lambda data: data["shards"].append({}),
-    lambda data: data["shards"].reverse(),
-    lambda data: data.update(shards={}),
-    lambda data: data.update(status="CERTAIN"),
-    lambda data: data.update(status="REFUTED", refuted=9),
-    lambda data: data.update(reason=1),
-    lambda data: data["shards"][0].update(rate="-0x1p-1"),
-    lambda data: data["shards"][0].update(rate="nan"),
-    lambda data: data["shards"][0].update(rate=None),
-    lambda data: data["shards"][0].update(files=None),
-    lambda data: data["shards"][0]["files"].pop("v"),
-    lambda data: data["shards"][0]["files"].pop("t"),
-    lambda data: data["shards"][0]["files"]["v"].update(dtype="|O"),
-    lambda data: data["shards"][0]["files"]["v"].update(shape=[1]),
-    lambda data: data["shards"][0]["files"]["v"].pop("sha256"),
-    lambda data: data["network"].update(folder="elsewhere"),
-    lambda data: data["network"].update(folder=1),
-    lambda data: data["network"].update(digest="sha256:0"),
-]
-
-
-@pytest.mark.parametrize("change", BAD_CERTIFICATES)
-def test_certificates_that_make_no_sense(proven, tmp_path, change):
-    folder = copied(proven, tmp_path)
-    forged(folder, change)
-    with pytest.raises(kp.CertificateFileError):
-        kp.shards.check(folder / "proof")
-
-
-BAD_NETWORKS = [
-    nothing,
-    lambda data: data["shards"].clear(),
-    lambda data: data["shards"].reverse(),
-    lambda data: data["shards"].pop(),
-    lambda data: data.update(dt="-0x1p0"),
-    lambda data: data.update(dt="soon"),
-    lambda data: data["cones"].clear(),
-    lambda data: data["cones"].append([[1, {"rays": [[0]]}]]),
-    lambda data: data["shards"][0].update(nodes=3),
-    lambda data: data["shards"][0].update(nodes=-2),
-    lambda data: data["shards"][0].update(files=[]),
-    lambda data: data["shards"][0]["stacks"][0].update(nodes=0),
-    lambda data: data["shards"][0]["stacks"][0].update(X=10**6),
-    lambda data: data["shards"][0]["stacks"][0].update(X=1),
-    lambda data: data["shards"][0]["stacks"][0].pop("X"),
-    lambda data: data["shards"][0]["stacks"].pop(),
-    lambda data: data["shards"][0]["files"].pop("A0"),
-    lambda data: data["shards"][0]["files"].pop("halo"),
-    lambda data: data["shards"][0]["files"].update(halo=data["shards"][0]["files"]["weights"]),
-]
-
-
-@pytest.mark.parametrize("change", BAD_NETWORKS)
-def test_networks_that_make_no_sense(proven, tmp_path, change):
-    folder = copied(proven, tmp_path)
-    forged(folder, change, inside="")
-    with pytest.raises(kp.CertificateFileError):
-        kp.shards.check(folder / "proof")
-    try:
-        found = kp.shards.certify(folder, tmp_path / "again")
-    except kp.CertificateFileError:
-        return
-    assert found.status != "PROVED"  # A of 0 where the file was left out
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("halo", lambda a: a[::-1] - 100),
-        ("halo", lambda a: a + 10**6),
-        ("halo", lambda a: a * 0 + 2),
-        ("targets", lambda a: a + 10),
-        ("targets", lambda a: a - 10),
-        ("indptr", lambda a: a[::-1].copy()),
-        ("weights", lambda a: a * np.nan),
-        ("members0", lambda a: a + 1),
-        ("A0", lambda a: a * np.inf),
-        ("A0", lambda a: a[0]),
-    ],
-)
-def test_arrays_that_make_no_sense(proven, tmp_path, name, change):
-    folder = copied(proven, tmp_path)
-    forge_array(folder, name, change)
-    with pytest.raises(kp.CertificateFileError) as caught:
-        kp.shards.check(folder / "proof")
-    assert not isinstance(caught.value, kp.FalseClaimError)
-
-
-def test_a_certificate_is_about_one_network(proven, tmp_path):
-    folder = copied(proven, tmp_path)
-    other = written(tmp_path, [lag(3.0)] * 6, cycle(6), 3, "other")
-    shutil.copytree(folder / "proof", other / "proof")
-    with pytest.raises(kp.CertificateFileError, match="is not the network"):
-        kp.shards.check(other / "proof")
-
-
-# -- files that are not finished
-
-
-def test_what_was_not_finished_is_not_read(tmp_path, monkeypatch):
-    nodes, W = masses()
-    original, count = folders.write_whole, iter(range(100))
-
-    def full(path, write):
-        if next(count) == 9:
-            raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        original(path, write)
-
-    monkeypatch.setattr(folders, "write_whole", full)
-    with pytest.raises(OSError, match=r"shard-0000\d"):
-        written(tmp_path, nodes, W, 4)
-    with pytest.raises(kp.CertificateFileError, match=r"no manifest\.json"):
-        kp.shards.certify(tmp_path / "network", tmp_path / "proof")
-    monkeypatch.undo()
-    assert certified(tmp_path, nodes, W, 4).status == "PROVED"  # what is left of it does not matter
-
-
-def test_nothing_is_left_beside_the_files(tmp_path):
-    found = certified(tmp_path, *masses(), 2)
-    names = {path.name for path in found.path.iterdir()}
-    assert names == {"manifest.json", "shard-00000", "shard-00001"}
-    assert {path.name for path in (found.path / "shard-00000").iterdir()} == {"v.npy", "r.npy", "q.npy"}
-
-
-def test_an_old_certificate_is_replaced(tmp_path):
-    nodes, W = masses()
-    first = certified(tmp_path, nodes, W, 2)
-    second = kp.shards.certify(tmp_path / "network", first.path)
-    assert (second.status, second.decay_rate) == (first.status, first.decay_rate)
+    assert max(most) == 1
 
 
 # -- arguments
 
 
-def test_any_executor(proven):
+def test_any_executor(tmp_path):
+    found = certified(tmp_path, *masses(), 5)
     with ThreadPoolExecutor(2) as executor:
-        assert kp.shards.check(proven / "proof", executor).status == "PROVED"
+        again = kp.shards.check(found.path, executor)
+    np.testing.assert_array_equal(again.rates, found.rates)
 
 
 def test_progress(tmp_path):
@@ -554,7 +284,7 @@ REFUSED = [
     ((ONE,), kp.DataError, "source has 1 items"),
     (7, kp.DataError, "source is 7"),
     ((ONE, [[1, 2]]), kp.ConeMismatchError, "coupling is 1 x 2"),
-    ((kp.stack([[["-1/3"]]], [[1]], [[1]]), [[0]]), kp.DataError, "A of nodes in shard 0 holds a number"),
+    ((kp.stack([[["-1/3"]]], [[1]], [[1]]), [[0]]), kp.DataError, "A of nodes in shard 1 holds a number"),
     ((ONE, [["1/3"]]), kp.DataError, r"source\[1\] holds a number"),
     ((kp.stack([[[[-1.0]]], [[[-2.0]]]], [[1.0]], [[1.0]]), [[0]]), kp.DataError, "vertices"),
     (Wrong(2.5), kp.DataError, r"source\.n_nodes"),
@@ -579,7 +309,7 @@ def test_nodes_of_different_timebases(tmp_path):
         def nodes(self, first, last):
             return kp.stack(np.full((last - first, 1, 1), 0.5), [[1.0]], [[0.1]], dt=0.1 if first < 4 else 0.2)
 
-    with pytest.raises(kp.TimebaseError, match="nodes 4 to 7 have dt = 0.2"):
+    with pytest.raises(kp.TimebaseError, match=r"nodes 4 to 7 have dt = 0\.2"):
         kp.shards.write(Mixed(8), tmp_path, 2)
 
 
@@ -592,7 +322,7 @@ def test_other_arguments_that_are_refused(tmp_path):
     folder = written(tmp_path, nodes, W, 2)
     with pytest.raises(kp.DataError, match="holds a network already"):
         kp.shards.write((nodes, W), folder)
-    with pytest.raises(kp.DataError, match="out is .*the folder of the network"):
+    with pytest.raises(kp.DataError, match=r"out is .*the folder of the network"):
         kp.shards.certify(folder, folder)
     with pytest.raises(kp.DataError, match="folder is None"):
         kp.shards.certify(None, folder)

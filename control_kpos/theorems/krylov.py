@@ -24,8 +24,10 @@ def bicgstab(T: Any, b: Floats, x: Floats, goal: float, limit: int) -> tuple[Flo
         alpha = rho / dot(shadow, ahead)
         r -= alpha * ahead
         second = r - T @ r
-        omega = dot(second, r) / dot(second, second)
         x += alpha * p
+        if not np.any(second):  # half a step was enough
+            return x, count
+        omega = dot(second, r) / dot(second, second)
         x += omega * r
         r -= omega * second
         size = norm(r)
