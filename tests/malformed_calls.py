@@ -1,5 +1,8 @@
 """A valid call of every public function and method, argument by argument."""
 
+import tempfile
+from functools import cache
+
 import control as ct
 import malformed_nonlinear
 import numpy as np
@@ -34,6 +37,25 @@ def build(A, B, C, D, dt, **more):
 
 def build_from(sys, **cones):
     return kp.ConeStateSpace(sys, **cones)
+
+
+def in_shards(source, folder, **more):
+    return kp.shards.write(source, tempfile.mkdtemp() if folder == "a new one" else folder, **more)
+
+
+@cache
+def sharded():
+    return in_shards(([SIMPLE] * 3, RING), "a new one", parts=2)
+
+
+def of_shards(folder, out, **more):
+    place = sharded() if folder == "the network" else folder
+    return kp.shards.certify(place, sharded() / "proof" if out == "inside" else out, **more)
+
+
+def shards_again(out, **more):
+    kp.shards.certify(sharded(), sharded() / "proof")
+    return kp.shards.check(sharded() / "proof" if out == "inside" else out, **more)
 
 
 def by_a_chain(**more):
@@ -87,6 +109,9 @@ CALLS |= {  # networks
             "progress": None,
         },
     ),
+    "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": "a new one", "parts": 2, "progress": None}),
+    "shards.certify": (of_shards, {"folder": "the network", "out": "inside", "progress": None}),
+    "shards.check": (shards_again, {"out": "inside", "executor": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (
         kp.largest_uncertainty,

@@ -347,6 +347,7 @@ _SIMULATED = "a simulation in floating point"
 _EFFORT = "effort and tolerance of a search, which prove nothing"
 _DRAWN = "a picture"
 DOUBLES = exact_nonlinear.DOUBLES | {
+    "shards.write": {"source": "doubles, and others are refused: see test_sources_that_are_refused"},
     "induced_gain": dict.fromkeys(["A", "B", "C", "D", "X", "U", "Y", "e", "f"], _GAIN),
     "ConeStateSpace.gain": dict.fromkeys("ef", _GAIN),
     "differential_positivity": dict.fromkeys(
@@ -381,16 +382,17 @@ for _method in ("gain", "linearize", "sample"):  # the same for networks
     DOUBLES[f"ConeNetwork.{_method}"] = DOUBLES[f"ConeStateSpace.{_method}"]
 # Arguments that are no data: what they are.
 NO_DATA = {
-    "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"},
+    "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"}
+    | {"folder", "out"},
     "yes or no": {"discrete", "uniform", "ports", "per_mode", "strict", "inverse", "trusted", "certify", "use_all"}
     | {"dominant_direction", "show_legend", "warn_infinite", "use_prefix_suffix", "states", "difference"},
     "whole numbers": {"n", "nu", "ny", "k", "max_rays", "seed", "restarts", "pieces", "refine", "node", "types"}
-    | {"facets", "n_nodes", "degree", "groups", "horizon"},
+    | {"facets", "n_nodes", "degree", "groups", "horizon", "parts"},
     "seconds, and who hears of them": {"time_limit", "progress"},
     "signals by place or name": {"inputs", "outputs"},
     "a timebase, which python-control keeps in doubles": {"dt"},
     "patterns of zeros": {"structure"},
-    "code of the user": {"constraints", "objective", "solver", "f", "g", "function"},
+    "code of the user": {"constraints", "objective", "solver", "f", "g", "function", "executor"},
     "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax", "nodes", "observer"},
     "passed on": {"args", "kwargs"},
 }

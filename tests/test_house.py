@@ -198,6 +198,7 @@ def public_names() -> dict[str, object]:
     """Public functions and classes by the name a user types, without errors."""
     out = {name: getattr(kp, name) for name in dir(kp) if not name.startswith("_")}
     out.update({f"examples.{name}": thing for name, thing in vars(kp.examples).items() if not name.startswith("_")})
+    out.update({f"shards.{name}": getattr(kp.shards, name) for name in kp.shards.__all__})
     return {
         name: thing
         for name, thing in out.items()

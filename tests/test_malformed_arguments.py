@@ -26,9 +26,11 @@ OTHER_NAMES = {
     "discrete": ("positive",),
     "sys": ("A[", "X has dimension"),
     "jacobians": ("region",),
+    "out": ("the folder",),
 }
 # Errors of the operating system are what they are.
 ALSO = {"load_certificate": OSError, "Certificate.save": OSError}
+ALSO |= dict.fromkeys(["shards.write", "shards.certify", "shards.check"], OSError)
 # Called with lines of text: what a callable makes of them is its own business.
 CALLABLES = {"progress", "solver", "constraints", "objective"}
 
@@ -86,9 +88,11 @@ def test_every_public_argument_is_tried():
 def public_callables():
     """Functions, constructors and methods that a user calls with data of their own, by name."""
     out = {}
-    for prefix, names in (("", vars(kp) | {n: getattr(kp, n) for n in dir(kp)}), ("examples.", vars(kp.examples))):
+    rooms = [("", vars(kp) | {n: getattr(kp, n) for n in dir(kp)})]
+    rooms += [("examples.", vars(kp.examples)), ("shards.", vars(kp.shards))]
+    for prefix, names in rooms:
         for name, thing in names.items():
-            own = getattr(thing, "__module__", "").startswith("control_kpos.examples" if prefix else "control_kpos")
+            own = getattr(thing, "__module__", "").startswith(f"control_kpos.{prefix}".rstrip("."))
             if own and inspect.isfunction(thing) and not name.startswith("_"):
                 out[prefix + name] = thing
     out["PolyhedralCone"] = kp.PolyhedralCone.__init__

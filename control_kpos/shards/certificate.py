@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike, path
@@ -55,6 +56,8 @@ class ShardedCertificate:
     reason : str
         For UNDECIDED: what was tried.
     n_nodes, n_shards : int
+    discrete : bool
+        True in discrete time.
     path : Path
         The folder of the certificate.
     """
@@ -67,6 +70,7 @@ class ShardedCertificate:
     reason: str
     n_nodes: int
     n_shards: int
+    discrete: bool
     path: Path
 
     def __bool__(self) -> bool:
@@ -90,8 +94,8 @@ class ShardedCertificate:
         """A few sentences a person can act on."""
         what = f"the network of {self.n_nodes} nodes in {self.n_shards} shards"
         if self.status is Status.PROVED:
-            rate = floored(self.decay_rate, 4)
-            return f"Proved: {what} is positive and exponentially stable with decay rate at least {rate}."
+            rate, unit = floored(self.decay_rate, 4), "step" if self.discrete else "unit of time"
+            return f"Proved: {what} is positive and exponentially stable with decay rate at least {rate} per {unit}."
         if self.status is Status.REFUTED:
             return f"Not certified: {what} fails in shard {self.refuted}, {self.witness}. {REMEDY[type(self.witness)]}"
         return f"Undecided: for {what} nothing is proven: {self.reason}."
@@ -146,7 +150,7 @@ def state(network: ShardedNetwork, out: Path, **data: Any) -> None:
     write_manifest(out, FORMAT, {"network": about, **empty, **data})
 
 
-def check(out: str | PathLike[str], executor: Any = None, *, progress: Target = None) -> ShardedCertificate:
+def check(out: str | PathLike[str], executor: Executor | None = None, *, progress: Target = None) -> ShardedCertificate:
     """Prove a certificate in shards again, one shard at a time, without any solver.
 
     Parameters
@@ -185,7 +189,7 @@ def check(out: str | PathLike[str], executor: Any = None, *, progress: Target = 
     'PROVED'
     """
     place = file_path(out, "out")
-    if executor is not None and not callable(getattr(executor, "map", None)):
+    if not isinstance(executor, Executor | None):
         raise DataError(f"executor is {found(executor)}; give an executor of concurrent.futures, or None.")
     certificate = SavedCertificate.open(place)
     with Reporter(progress) as report:
@@ -300,8 +304,8 @@ class SavedCertificate:
             if witness is None or not is_shown:
                 raise FalseClaimError(f"{self.out} says REFUTED, but no node or link of shard {refuted} shows it.")
         least = float(rates.min(initial=np.inf)) if status is Status.PROVED else 0.0
-        counts = network.n_nodes, network.n_shards
-        return ShardedCertificate(status, least, rates, witness, refuted, str(self.data["reason"]), *counts, self.out)
+        about = network.n_nodes, network.n_shards, network.discrete, self.out
+        return ShardedCertificate(status, least, rates, witness, refuted, self.data["reason"], *about)
 
 
 def _prove(out: Path, p: int) -> tuple[int, float]:

@@ -292,8 +292,8 @@ class _Run:
         state(self.network, self.out, status=status.name, refuted=refuted, reason=reason, shards=shards)
         proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
         least = float(proven.min()) if shards else 0.0
-        counts = self.network.n_nodes, self.network.n_shards
-        return ShardedCertificate(status, least, proven, witness, refuted, reason, *counts, self.out)
+        about = self.network.n_nodes, self.network.n_shards, self.network.discrete, self.out
+        return ShardedCertificate(status, least, proven, witness, refuted, reason, *about)
 
 
 def _outward(model: NetworkModel) -> Floats:

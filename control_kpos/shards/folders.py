@@ -70,7 +70,9 @@ def read_manifest(folder: Path, form: str) -> dict[str, Any]:
     """
     path = folder / MANIFEST
     if not path.exists():
-        raise CertificateFileError(f"{folder} has no {MANIFEST}: nothing was written there, or not to the end.")
+        raise CertificateFileError(
+            f"the folder {folder} has no {MANIFEST}: nothing was written there, or not to the end."
+        )
     try:
         require_regular(path)
         content = parse(path.read_text(encoding="utf-8"))

@@ -24,6 +24,8 @@ from .network import FORMAT, ConeTable, ShardedNetwork
 
 # Nodes of a shard, where the number of shards is not given.
 _NODES = 250_000
+# The most shards.
+_PARTS = 10**5
 
 Nodes = tuple[tuple[NodeStack, ...], tuple[Index, ...], Timebase]
 
@@ -150,7 +152,7 @@ def write(
     'PROVED'
     """
     path, whole = file_path(folder, "folder"), _read_source(source)
-    count = -(-whole.n_nodes // _NODES) if parts is None else whole_number(parts, "parts", least=1)
+    count = -(-whole.n_nodes // _NODES) if parts is None else whole_number(parts, "parts", least=1, most=_PARTS)
     if (path / MANIFEST).exists():
         raise DataError(f"folder: {path} holds a network already; give another folder, or remove it first.")
     cuts = np.linspace(0, whole.n_nodes, count + 1).astype(np.int64).tolist()
@@ -182,12 +184,19 @@ def _read_source(source: Any) -> _Given | _Asked:
         W = read_coupling(source[1], model)
         _require_doubles(W, "source[1]")
         return _Given(model.with_coupling(Matrix(sp.csr_array(W.values))))
-    if not all(callable(getattr(source, name, None)) for name in ("nodes", "links")) or not hasattr(source, "n_nodes"):
+    if not _is_source(source):
         raise DataError(
             f"source is {found(source)}; give (nodes, coupling), or an object with n_nodes, nodes(first, last) and "
             "links(first, last)."
         )
     return _Asked(source, whole_number(source.n_nodes, "source.n_nodes", least=1))
+
+
+def _is_source(source: Any) -> bool:
+    try:
+        return callable(source.nodes) and callable(source.links) and source.n_nodes is not None
+    except Exception:  # noqa: BLE001  (attributes run code of the object, which may raise anything)
+        return False
 
 
 def _require_doubles(M: Matrix, name: str) -> None:
