@@ -39,23 +39,26 @@ def build_from(sys, **cones):
     return kp.ConeStateSpace(sys, **cones)
 
 
+NEW = object()  # stands for a folder
+
+
 def in_shards(source, folder, **more):
-    return kp.shards.write(source, tempfile.mkdtemp() if folder == "a new one" else folder, **more)
+    return kp.shards.write(source, tempfile.mkdtemp() if folder is NEW else folder, **more)
 
 
 @cache
 def sharded():
-    return in_shards(([SIMPLE] * 3, RING), "a new one", parts=2)
+    return in_shards(([SIMPLE] * 3, RING), NEW, parts=2)
 
 
 def of_shards(folder, out, **more):
-    place = sharded() if folder == "the network" else folder
-    return kp.shards.certify(place, sharded() / "proof" if out == "inside" else out, **more)
+    place = sharded() if folder is NEW else folder
+    return kp.shards.certify(place, sharded() / "proof" if out is NEW else out, **more)
 
 
 def shards_again(out, **more):
     kp.shards.certify(sharded(), sharded() / "proof")
-    return kp.shards.check(sharded() / "proof" if out == "inside" else out, **more)
+    return kp.shards.check(sharded() / "proof" if out is NEW else out, **more)
 
 
 def by_a_chain(**more):
@@ -109,9 +112,9 @@ CALLS |= {  # networks
             "progress": None,
         },
     ),
-    "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": "a new one", "parts": 2, "progress": None}),
-    "shards.certify": (of_shards, {"folder": "the network", "out": "inside", "progress": None}),
-    "shards.check": (shards_again, {"out": "inside", "executor": None, "progress": None}),
+    "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": NEW, "parts": 2, "progress": None}),
+    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "progress": None}),
+    "shards.check": (shards_again, {"out": NEW, "executor": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (
         kp.largest_uncertainty,

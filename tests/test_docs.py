@@ -106,6 +106,7 @@ FOLDERS = (
     "find",
     "nonlinear",
     "observers",
+    "shards",
     "data",
 )
 
