@@ -1,4 +1,4 @@
-"""Command line: the mass-spring examples of the paper, and `check` for saved certificates.
+"""Command line: the mass-spring examples of the paper, `check` for saved certificates, `certify` for shards.
 
 The demo follows Kawano and Forni, section II (no feedback on the orthant), V.A (one node) and V.B
 (a ring of nodes).
@@ -10,16 +10,17 @@ import argparse
 import sys
 import textwrap
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from . import shards
 from .cards import about, floored, raised, shown
 from .cones import orthant
 from .design import state_feedback
-from .errors import CertificateFileError, FalseClaimError
+from .errors import CertificateFileError, FalseClaimError, KposError
 from .examples import (
     mass_spring,
     mass_spring_node,
@@ -52,8 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Of the demo 0 if every verdict is as expected; of `check` 0 for PROVED, 1 for REFUTED,
-        UNDECIDED or wrong, 2 for a file that cannot be read.
+        Of the demo 0 if every verdict is as expected; of `check` and `certify` 0 for PROVED, 1 for
+        REFUTED, UNDECIDED or wrong, 2 for a file that cannot be read.
     """
     parser = argparse.ArgumentParser(
         prog="python -m control_kpos",
@@ -81,9 +82,40 @@ def main(arguments: Sequence[str] | None = None) -> int:
         description="Check a saved certificate again, from its data and without any solver. "
         "Exit status: 0 proved, 1 refuted or wrong, 2 unreadable.",
     )
-    check.add_argument("file", type=Path, metavar="FILE", help="a file written by certificate.save(FILE)")
+    check.add_argument(
+        "file",
+        type=Path,
+        metavar="FILE",
+        help="a file written by certificate.save(FILE), or a folder by control_kpos.shards.certify",
+    )
+    certify = commands.add_parser(
+        "certify",
+        help="certify a network in shards on files",
+        description="Decide whether a network that control_kpos.shards.write has written is positive and exponentially "
+        "stable, and write the certificate. Exit status: 0 proved, 1 refuted or undecided, 2 unreadable.",
+    )
+    certify.add_argument("folder", type=Path, metavar="FOLDER", help="the network")
+    certify.add_argument("--out", type=Path, metavar="CERT", required=True, help="folder for the certificate")
     options = parser.parse_args(arguments)
-    return check_file(options.file) if options.command == "check" else demo(options.output, options.nodes)
+    if options.command == "certify":
+        return of_shards(lambda: shards.certify(options.folder, options.out))
+    if options.command == "check":
+        return of_shards(lambda: shards.check(options.file)) if options.file.is_dir() else check_file(options.file)
+    return demo(options.output, options.nodes)
+
+
+def of_shards(found: Callable[[], shards.ShardedCertificate]) -> int:
+    """Say what is found of a network in shards, and return the exit status."""
+    try:
+        certificate = found()
+    except FalseClaimError as error:
+        _say(f"WRONG {error}")
+        return REFUTED
+    except (KposError, OSError) as error:
+        _say(f"UNREADABLE {error}")
+        return UNREADABLE
+    _say(f"{certificate.status.name} {certificate.explain()}")
+    return PROVED if certificate else REFUTED
 
 
 def check_file(path: Path) -> int:

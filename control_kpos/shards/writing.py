@@ -156,11 +156,11 @@ def write(
     if (path / MANIFEST).exists():
         raise DataError(f"folder: {path} holds a network already; give another folder, or remove it first.")
     cuts = np.linspace(0, whole.n_nodes, count + 1).astype(np.int64).tolist()
-    cones, shards, dt = ConeTable(), [], whole.nodes(0, 1)[2]
+    cones, shards, dt = ConeTable(), [], None
     with Reporter(progress) as report:
         for p, (first, last) in enumerate(pairwise(cuts)):
             report(f"nodes of shard {p + 1} of {count}")
-            stacks, members, own = whole.nodes(first, last) if last > first else ((), (), dt)
+            stacks, members, own = whole.nodes(first, last) if last > first else ((), (), None)
             if not same_timebase(dt, own):
                 raise TimebaseError(f"nodes {first} to {last - 1} have dt = {own}, but the first has dt = {dt}.")
             dt = own if dt is None or dt is True else dt
