@@ -1,6 +1,8 @@
 """Networks in shards on files: the same verdicts as in one piece, from one shard at a time, and nothing forged."""
 
 import json
+import os
+import resource
 import weakref
 from concurrent.futures import ThreadPoolExecutor
 
@@ -248,6 +250,17 @@ def test_one_shard_at_a_time(tmp_path, monkeypatch):
     kp.shards.check(kp.shards.certify(folder, folder / "proof").path)
     assert len(most) >= 24
     assert max(most) == 1
+
+
+def test_files_are_closed_again(tmp_path):
+    folder = written(tmp_path, *masses(n=60), 60)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) + 12, hard))
+    try:
+        found = kp.shards.certify(folder, folder / "proof")
+        assert kp.shards.check(found.path).status == found.status == "PROVED"
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 # -- arguments

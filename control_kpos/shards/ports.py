@@ -11,9 +11,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from shutil import rmtree
 from tempfile import mkdtemp
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..networks.blocks import Floats
 from ..networks.spectrum.port_solves import krylov, sweep
@@ -22,6 +24,8 @@ from .network import ShardedNetwork
 # Steps of BiCGSTAB where sweeps are slow, and where they grow.
 _ITERATIONS = 400
 _DOOMED = 50
+# Bytes of a file without numbers, which cannot be mapped.
+_HEADER = 128
 
 
 @contextmanager
@@ -49,24 +53,26 @@ class SolvePorts:
 
     def __init__(self, network: ShardedNetwork, folder: Path, name: str) -> None:
         self.network, self.folder, self.name = network, folder, name
-        self._parts: dict[int, sp.csr_array] = {}
+        self._kept: list[int] = []
 
     def keep(self, p: int, rows: sp.csr_array) -> None:
         """Keep the rows of a shard, whose columns are the inputs that it feeds."""
         fed, size = self.network.fed(p), int(self.network.starts[2][-1])
         kind = np.int32 if max(size, rows.nnz) < 2**31 else np.int64
-        arrays = {"data": rows.data, "indices": fed.astype(kind)[rows.indices], "indptr": rows.indptr.astype(kind)}
-        mapped = []
-        for part, array in arrays.items():
-            path = self.folder / f"{self.name}-{p}-{part}.npy"
+        arrays = rows.data, fed.astype(kind)[rows.indices], rows.indptr.astype(kind)
+        for path, array in zip(self._files(p), arrays, strict=True):
             np.save(path, array)
-            mapped.append(np.load(path, mmap_mode="r" if array.size else None))
-        self._parts[p] = sp.csr_array(tuple(mapped), shape=(rows.shape[0], size), copy=False)
+        self._kept.append(p)
+
+    def _files(self, p: int) -> list[Path]:
+        return [self.folder / f"{self.name}-{p}-{part}.npy" for part in ("data", "indices", "indptr")]
 
     def __matmul__(self, r: Floats) -> Floats:
-        out = np.zeros(int(self.network.starts[2][-1]))
-        for p, rows in self._parts.items():
-            out[self.network.own(p, 2)] = rows @ r
+        out = np.zeros(len(r))
+        for p in self._kept:  # mapped anew each time, for the number of open files is limited
+            arrays = tuple(map(_mapped, self._files(p)))
+            own = self.network.own(p, 2)
+            out[own] = sp.csr_array(arrays, shape=(own.stop - own.start, len(r)), copy=False) @ r
         return out
 
     def solve(self, b: Floats, tolerance: float) -> Floats:
@@ -75,3 +81,7 @@ class SolvePorts:
             return b.copy()
         r, converged, grows = sweep(self, b, tolerance)
         return r if converged else krylov(self, b, b, tolerance, _DOOMED if grows else _ITERATIONS)[0]
+
+
+def _mapped(path: Path) -> NDArray[Any]:
+    return np.load(path, mmap_mode="r" if path.stat().st_size > _HEADER else None)
