@@ -243,10 +243,11 @@ def test_what_was_not_finished_is_not_read(tmp_path, monkeypatch):
     nodes, W = masses()
     original, count = folders.write_whole, iter(range(100))
 
-    def full(path, write):
-        if next(count) == 9:
-            raise OSError(errno.ENOSPC, "No space left on device", str(path))
-        original(path, write)
+    def no_space(stream):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    def full(path, write, **more):
+        original(path, no_space if next(count) == 9 else write, **more)
 
     monkeypatch.setattr(folders, "write_whole", full)
     with pytest.raises(OSError, match=r"shard-0000\d"):

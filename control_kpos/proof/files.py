@@ -88,8 +88,11 @@ def save_certificate(certificate: Any, path: str | PathLike[str]) -> None:
     write_whole(path, lambda stream: write_archive(stream, content) if compact else stream.write(text))
 
 
-def write_whole(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file through `write`; an interrupted write leaves the old file, or none."""
+def write_whole(path: Path, write: Callable[[IO[bytes]], Any], *, durable: bool = True) -> None:
+    """Write a file through `write`; an interrupted write leaves the old file, or none.
+
+    `durable`: it has reached the disk when this returns, which may take longer than to write it.
+    """
     target = Path(os.path.realpath(path))  # what a link points to is written, and the link stays
     mode = target.stat().st_mode if target.exists() else None
     if mode is not None and not stat.S_ISREG(mode):
@@ -100,15 +103,17 @@ def write_whole(path: Path, write: Callable[[IO[bytes]], Any]) -> None:
         with open(temporary, "xb") as stream:
             write(stream)
             stream.flush()
-            os.fsync(stream.fileno())
+            if durable:
+                os.fsync(stream.fileno())
         if mode is not None:
             os.chmod(temporary, stat.S_IMODE(mode))
         os.replace(temporary, target)
     except BaseException as error:
         with suppress(OSError):  # what went wrong first is what is reported
             temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError) and error.filename is not None:
-            raise type(error)(error.errno, error.strerror, str(path)) from None  # not the name of the temporary file
+        if isinstance(error, OSError) and error.errno is not None:
+            # not the name of the temporary file; a full disk names none
+            raise type(error)(error.errno, error.strerror, str(path)) from None
         raise
 
 
