@@ -192,7 +192,7 @@ def check(out: str | PathLike[str], executor: Executor | None = None, *, progres
     if not isinstance(executor, Executor | None):
         raise DataError(f"executor is {found(executor)}; give an executor of concurrent.futures, or None.")
     certificate = SavedCertificate.open(place)
-    with Reporter(progress) as report:
+    with Reporter(progress) as report, np.errstate(all="ignore"):
         return certificate.proven(executor, report)
 
 
@@ -242,9 +242,9 @@ class SavedCertificate:
         """The decay rate that is stated for a shard."""
         try:
             rate = float.fromhex(self.data["shards"][p]["rate"])
-        except (KeyError, TypeError, ValueError):
+        except (KeyError, TypeError, ValueError, OverflowError):
             rate = np.nan
-        if not rate >= 0:
+        if not 0 <= rate < np.inf:
             raise CertificateFileError(f"the manifest of {self.out} states no rate of shard {p}.")
         return rate
 
@@ -261,7 +261,7 @@ class SavedCertificate:
     @property
     def has_weights(self) -> bool:
         """True if there are p and t for algebraic loops."""
-        return any("p" in (shard.get("files") or {}) for shard in self.data["shards"])
+        return any(isinstance(s.get("files"), dict) and "p" in s["files"] for s in self.data["shards"])
 
     def at_fed(self, p: int, name: str) -> Floats:
         """r or t at the inputs that a shard feeds, those of others out of their files."""
@@ -292,8 +292,8 @@ class SavedCertificate:
                 for name in ("r", *("t" * self.has_weights)):
                     self.vector(p, name, verify=True)
             rates = np.full(network.n_shards, np.inf)
-            prove, run = partial(_prove, self.out), map if executor is None else executor.map
-            for count, (p, rate) in enumerate(run(prove, shards), 1):
+            proofs = map(self.prove, shards) if executor is None else executor.map(partial(_prove, self.out), shards)
+            for count, (p, rate) in enumerate(proofs, 1):
                 report(f"proven: {count} of {len(shards)} shards")
                 rates[p] = rate
         elif status is Status.REFUTED:
@@ -307,19 +307,21 @@ class SavedCertificate:
         about = network.n_nodes, network.n_shards, network.discrete, self.out
         return ShardedCertificate(status, least, rates, witness, refuted, self.data["reason"], *about)
 
-
-def _prove(out: Path, p: int) -> tuple[int, float]:
-    """The number of a shard and the rate that it proves, for any process."""
-    certificate = SavedCertificate.open(out)
-    network = certificate.network
-    with np.errstate(all="ignore"):
-        model, witness, positive = positive_form(network, p, network.model(p, verify=True))
-        loops, rate = certificate.has_weights, certificate.rate(p)
-        vectors = [certificate.vector(p, name, verify=name != "r") for name in VECTORS]
-        vectors[1] = certificate.at_fed(p, "r")
-        loop = [certificate.vector(p, "p", verify=True), certificate.at_fed(p, "t")] if loops else None
+    def prove(self, p: int) -> tuple[int, float]:
+        """The number of a shard and the rate that it proves."""
+        model, witness, positive = positive_form(self.network, p, self.network.model(p, verify=True))
+        loops, rate = self.has_weights, self.rate(p)
+        vectors = [self.vector(p, name, verify=name != "r") for name in VECTORS]
+        vectors[1] = self.at_fed(p, "r")
+        loop = [self.vector(p, "p", verify=True), self.at_fed(p, "t")] if loops else None
         whole = all(np.isfinite(part).all() for part in (*vectors, *(loop or ())))
         whole &= loops or not model.has_feedthrough
         if witness is not None or not (positive and whole and is_proven(model, vectors, rate, loop)):
-            raise FalseClaimError(f"{out} says PROVED, but shard {p} is not proven by its vectors.")
-    return p, rate
+            raise FalseClaimError(f"{self.out} says PROVED, but shard {p} is not proven by its vectors.")
+        return p, rate
+
+
+@np.errstate(all="ignore")
+def _prove(out: Path, p: int) -> tuple[int, float]:
+    """The same from the files, for any process."""
+    return SavedCertificate.open(out).prove(p)

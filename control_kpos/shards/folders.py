@@ -94,7 +94,7 @@ def read_array(path: Path, entry: Any, *, verify: bool) -> NDArray[Any]:
         The file is missing, or is not the one that the manifest is about.
     """
     try:
-        if set(entry) != _ENTRY or entry["dtype"] not in _KINDS:
+        if not isinstance(entry, dict) or set(entry) != _ENTRY or entry["dtype"] not in _KINDS:
             raise CertificateFileError("the manifest says nothing of it that can be understood.")
         require_regular(path)
         with open(path, "rb") as stream:

@@ -87,7 +87,7 @@ class ShardedNetwork:
         try:
             out = cls(folder, data, tuple(decode_cone(runs, _MOST) for runs in data["cones"]))
             out._require_sense()
-        except (KposError, KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        except (KposError, KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise CertificateFileError(f"the manifest of {folder} describes no network: {error}") from None
         return out
 
