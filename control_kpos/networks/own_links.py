@@ -74,7 +74,7 @@ def _closed(model: NetworkModel) -> NetworkModel | None:
         if closed is None:
             return None
         stacks.append(closed)
-    rest = from_entries([rows], [columns], [values], model.coupling.shape)
+    rest = from_entries([rows], [columns], [values], (model.coupling.shape[0], model.totals[2]))
     W = Matrix(sp.csr_array(rest.values)) if rest.is_double else rest
     return NetworkModel(tuple(stacks), model.members, W, model.dt, model, model.halo)
 
