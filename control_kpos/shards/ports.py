@@ -1,16 +1,12 @@
 """The port equations r = T'r + b of a network in shards; untrusted, the proof checks what they give.
 
 A shard has the rows of T' that belong to its own inputs, G'W' with its transfer matrices G.  They are kept in files
-and mapped; in memory are vectors with an entry for every input of the network, and nothing else of all shards.
+and mapped; in memory are vectors with an entry for every input that is seen, and nothing else of all shards.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from shutil import rmtree
-from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
@@ -18,8 +14,8 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..networks.blocks import Floats
-from ..networks.spectrum.port_solves import krylov, sweep
-from .network import ShardedNetwork
+from ..networks.spectrum.port_solves import Keep, krylov, sweep
+from .teams import Shard, Team
 
 # Steps of BiCGSTAB where sweeps are slow, and where they grow.
 _ITERATIONS = 400
@@ -28,60 +24,66 @@ _DOOMED = 50
 _HEADER = 128
 
 
-@contextmanager
-def scratch(out: Path) -> Iterator[Path]:
-    """A folder for what is needed until a certificate is written."""
-    out.mkdir(parents=True, exist_ok=True)
-    place = Path(mkdtemp(prefix=".scratch-", dir=out))
-    try:
-        yield place
-    finally:
-        rmtree(place, ignore_errors=True)
+def keep_rows(shard: Shard, name: str, rows: sp.csr_array) -> None:
+    """Keep the rows of a shard, whose columns are the inputs that it feeds."""
+    places = shard.places
+    kind = np.int32 if max(places.max(initial=0), rows.nnz) < 2**31 else np.int64
+    arrays = rows.data, places.astype(kind)[rows.indices], rows.indptr.astype(kind)
+    for path, array in zip(_files(shard, name), arrays, strict=True):
+        np.save(path, array)
 
 
-class SolvePorts:
-    """A square operator on vectors of all inputs, from the rows that every shard has, kept in files.
+def _files(shard: Shard, name: str) -> list[Path]:
+    return [shard.file(f"{name}-{part}") for part in ("data", "indices", "indptr")]
 
-    Parameters
-    ----------
-    network : ShardedNetwork
-    folder : Path
-        Where the rows are kept.
-    name : str
-        Of the files.
-    """
 
-    def __init__(self, network: ShardedNetwork, folder: Path, name: str) -> None:
-        self.network, self.folder, self.name = network, folder, name
-        self._kept: list[int] = []
-
-    def keep(self, p: int, rows: sp.csr_array) -> None:
-        """Keep the rows of a shard, whose columns are the inputs that it feeds."""
-        fed, size = self.network.fed(p), int(self.network.starts[2][-1])
-        kind = np.int32 if max(size, rows.nnz) < 2**31 else np.int64
-        arrays = rows.data, fed.astype(kind)[rows.indices], rows.indptr.astype(kind)
-        for path, array in zip(self._files(p), arrays, strict=True):
-            np.save(path, array)
-        self._kept.append(p)
-
-    def _files(self, p: int) -> list[Path]:
-        return [self.folder / f"{self.name}-{p}-{part}.npy" for part in ("data", "indices", "indptr")]
-
-    def __matmul__(self, r: Floats) -> Floats:
-        out = np.zeros(len(r))
-        for p in self._kept:  # mapped anew each time, for the number of open files is limited
-            arrays = tuple(map(_mapped, self._files(p)))
-            own = self.network.own(p, 2)
-            out[own] = sp.csr_array(arrays, shape=(own.stop - own.start, len(r)), copy=False) @ r
-        return out
-
-    def solve(self, b: Floats, tolerance: float) -> Floats:
-        """r with r = T'r + b: sweeps over the shards, then BiCGSTAB where these are slow."""
-        if not np.any(b):
-            return b.copy()
-        r, converged, grows = sweep(self, b, tolerance)
-        return r if converged else krylov(self, b, b, tolerance, _DOOMED if grows else _ITERATIONS)[0]
+def product(shard: Shard, r: Floats, name: str) -> Floats:
+    """The rows of a shard times a vector; zeros if none are kept."""
+    files, own = _files(shard, name), shard.inputs
+    if not files[0].exists():
+        return np.zeros(own.stop - own.start)
+    arrays = tuple(map(_mapped, files))  # anew each time, for the number of open files is limited
+    return sp.csr_array(arrays, shape=(own.stop - own.start, len(r)), copy=False) @ r
 
 
 def _mapped(path: Path) -> NDArray[Any]:
     return np.load(path, mmap_mode="r" if path.stat().st_size > _HEADER else None)
+
+
+class SolvePorts:
+    """A square operator on vectors of inputs, from the rows that every shard keeps.
+
+    Parameters
+    ----------
+    team : Team
+    name : str
+        Of the rows.
+    """
+
+    def __init__(self, team: Team, name: str) -> None:
+        self.team, self.name = team, name
+
+    def __matmul__(self, r: Floats) -> Floats:
+        out = np.empty_like(r)
+        for p, part in self.team.each("", product, self.name, sees=[r]):
+            out[self.team.own(p, 2)] = part
+        return out
+
+    def solve(self, b: Floats, tolerance: float, start: Floats | None = None, keep: Keep = None) -> Floats:
+        """r with r = T'r + b: sweeps over the shards, then BiCGSTAB where these are slow.
+
+        Parameters
+        ----------
+        start : ndarray, optional
+            A guess of r.
+        keep : callable, optional
+            Is given r now and then, to be started from again.
+        """
+        team = self.team
+        if not team.size(b) > 0:
+            return b.copy()
+        r, converged, grows = sweep(self, b, tolerance, size=team.size, start=start, keep=keep)
+        if converged:
+            return r
+        limit = _DOOMED if grows else _ITERATIONS
+        return krylov(self, b, b if start is None else r, tolerance, limit, dot=team.dot, keep=keep)[0]

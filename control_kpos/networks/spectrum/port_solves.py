@@ -13,15 +13,16 @@ few isolated eigenvalues next to 1 and are left to BiCGSTAB and GMRES.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
-from ...theorems.krylov import bicgstab, norm
+from ...theorems.krylov import bicgstab, dot
 from ...theorems.refinement import envelope
 from ..blocks import Floats, Index, inverse, multiply
 from ..model import NetworkModel
@@ -33,6 +34,15 @@ _SWEEPS = 60
 _ITERATIONS = 400
 # Part of a solution that its residual may be for it to show that there is none.
 _SINGULAR = 1e-6
+
+
+Keep: TypeAlias = "Callable[[Floats], None] | None"
+Dot: TypeAlias = Callable[[Floats, Floats], np.float64]
+
+
+def largest(a: Floats) -> float:
+    """The largest absolute value of the entries."""
+    return float(np.abs(a).max(initial=0.0))
 
 
 class Loop:
@@ -211,18 +221,24 @@ def _find_banded_order(model: NetworkModel) -> Index | None:
     return order if entries <= max(_ENVELOPE_PER_UNKNOWN * size, _ENVELOPE_TOTAL) else None
 
 
-def krylov(T: Any, b: Floats, start: Floats, tolerance: float, limit: int) -> tuple[Floats, int]:
+def krylov(
+    T: Any, b: Floats, start: Floats, tolerance: float, limit: int, *, dot: Dot = dot, keep: Keep = None
+) -> tuple[Floats, int]:
     """BiCGSTAB, restarted from its best iterate when rounding has spoilt the recursion; T is used in products only.
 
-    The second answer is the number of steps.
+    The second answer is the number of steps.  `keep` is given the iterates that it restarts from.
     """
+
+    def norm(a: Floats) -> float:
+        return float(np.sqrt(dot(a, a)))
+
     size, steps = norm(b), 0
     goal = tolerance * size
     best, error = start, norm(b - (start - T @ start))
     if not error <= size:
         best, error = np.zeros_like(b), size
     while error > goal and steps < limit:
-        trial, count = bicgstab(T, b, best, goal, limit - steps)
+        trial, count = bicgstab(T, b, best, goal, limit - steps, dot=dot, keep=keep)
         steps += count
         now = norm(b - (trial - T @ trial))
         if not now < 0.5 * error:
@@ -231,20 +247,32 @@ def krylov(T: Any, b: Floats, start: Floats, tolerance: float, limit: int) -> tu
     return best, steps
 
 
-def sweep(T: Any, b: Floats, tolerance: float) -> tuple[Floats, bool, bool]:
-    """r <- T r + b from r = b while it contracts well: the sum of T^k b, whether it converged, whether it grows.
+def sweep(
+    T: Any,
+    b: Floats,
+    tolerance: float,
+    *,
+    size: Callable[[Floats], float] = largest,
+    start: Floats | None = None,
+    keep: Keep = None,
+) -> tuple[Floats, bool, bool]:
+    """r <- T r + b from r = b, or from a guess, while it contracts well; whether it converged, whether it grows.
 
-    T is used in products only.
+    T is used in products only; `size` is the largest absolute value of a vector.  `keep` is given every r.
     """
-    r, term = b.copy(), b
-    size = before = float(np.abs(b).max())
+    r, term = (b.copy(), b) if start is None else (start.copy(), b - (start - T @ start))
+    if start is not None:
+        r += term
+    whole, before = size(b), size(term)
     for k in range(_SWEEPS):
         term = T @ term
         r += term
-        now = float(np.abs(term).max())
-        if now <= 0.1 * tolerance * size:
+        now = size(term)
+        if now <= 0.1 * tolerance * whole:
             return r, True, False
         if not np.isfinite(now) or (k >= 5 and now > 0.75 * before):
             return r, False, not now < 1.02 * before
         before = now
+        if keep is not None:
+            keep(r)
     return r, False, False
