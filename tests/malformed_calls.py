@@ -113,7 +113,7 @@ CALLS |= {  # networks
         },
     ),
     "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": NEW, "parts": 2, "progress": None}),
-    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "progress": None}),
+    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "client": None, "progress": None}),
     "shards.check": (shards_again, {"out": NEW, "executor": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (

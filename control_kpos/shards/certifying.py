@@ -16,6 +16,7 @@ from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from . import steps
 from .certificate import ShardedCertificate, state
+from .dask_team import DaskTeam, read_client
 from .folders import MANIFEST
 from .network import ShardedNetwork
 from .ports import SolvePorts
@@ -29,7 +30,9 @@ _ROUNDS = 60
 _ASIDE = ".unfinished"
 
 
-def certify(folder: str | PathLike[str], out: str | PathLike[str], *, progress: Target = None) -> ShardedCertificate:
+def certify(
+    folder: str | PathLike[str], out: str | PathLike[str], *, client: Any = None, progress: Target = None
+) -> ShardedCertificate:
     """Decide Theorem 4 for a network in shards, and write the certificate in shards too.
 
     Parameters
@@ -38,6 +41,9 @@ def certify(folder: str | PathLike[str], out: str | PathLike[str], *, progress: 
         A network that `write` has written.
     out : path-like
         A folder for the certificate: v, r and q of every shard, and a manifest.  An older one in it is replaced.
+    client : distributed.Client, optional
+        Its workers do the steps for the shards.  They and this process see both folders under the same names.  A step
+        that was lost with its worker is done again by another one.
     progress : callable or bool, optional
         As for `feedback_interconnect`.
 
@@ -52,7 +58,9 @@ def certify(folder: str | PathLike[str], out: str | PathLike[str], *, progress: 
     CertificateFileError
         A file is missing, damaged or not the one that the manifest is about; it is named.
     DataError
-        `out` is the folder of the network.
+        `out` is the folder of the network, or `client` no client of Dask.
+    SolverError
+        The Dask cluster lost all of its workers, or several with the same shard.
     OSError
         Files cannot be written; the file is named.
 
@@ -82,7 +90,9 @@ def certify(folder: str | PathLike[str], out: str | PathLike[str], *, progress: 
     aside = place / _ASIDE
     aside.mkdir(exist_ok=True)
     with Reporter(progress) as report, np.errstate(all="ignore"):
-        found = _Run(Team(network, place, aside, report)).certificate()
+        about = network, place, aside, report
+        team = Team(*about) if client is None else DaskTeam(*about, read_client(client))
+        found = _Run(team).certificate()
     rmtree(aside, ignore_errors=True)
     return found
 
