@@ -392,7 +392,7 @@ NO_DATA = {
     "signals by place or name": {"inputs", "outputs"},
     "a timebase, which python-control keeps in doubles": {"dt"},
     "patterns of zeros": {"structure"},
-    "code of the user": {"constraints", "objective", "solver", "f", "g", "function", "executor"},
+    "code of the user": {"constraints", "objective", "solver", "f", "g", "function", "executor", "client"},
     "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax", "nodes", "observer"},
     "passed on": {"args", "kwargs"},
 }
