@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from os import PathLike
+from pathlib import Path
 from shutil import rmtree
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,11 +18,15 @@ from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from . import steps
 from .certificate import ShardedCertificate, state
+from .checkpoints import Checkpoints
 from .dask_team import DaskTeam, read_client
 from .folders import MANIFEST
+from .mpi import MpiTeam, Ranks
 from .network import ShardedNetwork
 from .ports import SolvePorts
 from .teams import Team
+
+T = TypeVar("T")
 
 # Accuracies of the solve that are tried in turn.
 _TOLERANCES = (1e-7, 1e-11, 1e-13)
@@ -31,7 +37,12 @@ _ASIDE = ".unfinished"
 
 
 def certify(
-    folder: str | PathLike[str], out: str | PathLike[str], *, client: Any = None, progress: Target = None
+    folder: str | PathLike[str],
+    out: str | PathLike[str],
+    *,
+    comm: Any = None,
+    client: Any = None,
+    progress: Target = None,
 ) -> ShardedCertificate:
     """Decide Theorem 4 for a network in shards, and write the certificate in shards too.
 
@@ -41,11 +52,14 @@ def certify(
         A network that `write` has written.
     out : path-like
         A folder for the certificate: v, r and q of every shard, and a manifest.  An older one in it is replaced.
+    comm : mpi4py.MPI.Intracomm, optional
+        Ranks that share out the shards, on machines that see the same folders.  All of them call this with the same
+        arguments and get the same certificate, bit for bit that of one process.
     client : distributed.Client, optional
         Its workers do the steps for the shards.  They and this process see both folders under the same names.  A step
         that was lost with its worker is done again by another one.
     progress : callable or bool, optional
-        As for `feedback_interconnect`.
+        As for `feedback_interconnect`; of many ranks the first reports.
 
     Returns
     -------
@@ -58,19 +72,26 @@ def certify(
     CertificateFileError
         A file is missing, damaged or not the one that the manifest is about; it is named.
     DataError
-        `out` is the folder of the network, or `client` no client of Dask.
+        `out` is the folder of the network; `comm` is no communicator, `client` no client of Dask, or both are given.
     SolverError
         The Dask cluster lost all of its workers, or several with the same shard.
     OSError
         Files cannot be written; the file is named.
+
+    Where one rank finds such an error, all raise it.  An error of another kind on one of them would leave the others
+    waiting: run scripts by ``mpiexec -n P python -m mpi4py SCRIPT``, which ends all.
 
     Notes
     -----
     h = W'r, r = G'h + b, and v, q and every inequality of Theorem 4 (see `NetworkCertificate`) read the data of one
     shard, and r at the inputs that its outputs feed.  No sum is divided between shards: the network is proven if every
     shard is, and its decay rate is the smallest of theirs.
-    In memory at a time: one shard, and about ten vectors of 8 bytes for every input of the network.  The port equations
-    are kept in files inside `out` until the end, 12 bytes a link.
+    In memory at a time: one shard, and about ten vectors of 8 bytes for every input of the network; of many ranks each
+    has those of its shards, and entries at the inputs elsewhere that they feed.  The port equations are kept in files
+    inside `out` until the end, 12 bytes a link.
+
+    r is kept in files there every half a minute of the solve.  A run that was interrupted goes on from them when it is
+    started again, with any number of ranks.  They are guesses: whatever they hold, nothing wrong is proven.
 
     Examples
     --------
@@ -81,20 +102,32 @@ def certify(
     >>> proof.status.name, bool(proof.decay_rate == proof.rates.min())
     ('PROVED', True)
     """
-    source, place = file_path(folder, "folder"), file_path(out, "out")
+    if comm is not None and client is not None:
+        raise DataError("comm and client are given; give one of them: MPI or Dask.")
+    ranks, workers = None if comm is None else Ranks(comm), None if client is None else read_client(client)
+    lead, together = (True, _alone) if ranks is None else (ranks.rank == 0, ranks.same)
+    network, place, reporter = together(lambda: _begun(folder, out, progress, lead))
+    with reporter as report, np.errstate(all="ignore"):
+        about = network, place, place / _ASIDE, report
+        found = _Run(_team(about, ranks, workers)).certificate()
+        team.lead(lambda: rmtree(place / _ASIDE, ignore_errors=True))
+    return found
+
+
+def _alone(work: Callable[[], T]) -> T:
+    return work()
+
+
+def _begun(folder: Any, out: Any, progress: Target, lead: bool) -> tuple[ShardedNetwork, Path, Reporter]:
+    """The network, and a folder for its certificate without an older one, made by who leads."""
+    source, place, reporter = file_path(folder, "folder"), file_path(out, "out"), Reporter(progress)
     network = ShardedNetwork.open(source)
     if place.resolve() == source.resolve():
         raise DataError(f"out is {place}, the folder of the network; give another folder, such as one inside it.")
-    place.mkdir(parents=True, exist_ok=True)
-    (place / MANIFEST).unlink(missing_ok=True)
-    aside = place / _ASIDE
-    aside.mkdir(exist_ok=True)
-    with Reporter(progress) as report, np.errstate(all="ignore"):
-        about = network, place, aside, report
-        team = Team(*about) if client is None else DaskTeam(*about, read_client(client))
-        found = _Run(team).certificate()
-    rmtree(aside, ignore_errors=True)
-    return found
+    if lead:
+        (place / _ASIDE).mkdir(parents=True, exist_ok=True)
+        (place / MANIFEST).unlink(missing_ok=True)
+    return network, place, reporter if lead else Reporter(False)
 
 
 class _Run:
@@ -103,6 +136,7 @@ class _Run:
     def __init__(self, team: Team) -> None:
         self.team, self.network = team, team.network
         self.b, self.direct, self.t = team.zeros(2), team.zeros(2), None
+        self.kept = Checkpoints(team)
         self.ports, self.loops = SolvePorts(team, steps.PORTS), SolvePorts(team, steps.DIRECT)
         self.peak = 0.0
         self.least = float(self.network.discrete)
@@ -129,7 +163,8 @@ class _Run:
         """Keep the port equations of all shards; or the answer, if their data give one."""
         team = self.team
         witness, unproven, finite, feedthrough = None, None, True, False
-        for p, found in team.each("reading", steps.read, self.least):
+        reading = team.each("reading", steps.read, self.least, until=lambda found: found.witness is not None)
+        for p, found in reading:
             if found.witness is not None:
                 witness = p, found.witness
                 break
@@ -165,8 +200,9 @@ class _Run:
         if self.peak > 0:
             for p, part in team.each("right side", steps.even_out, self.least, self.peak):
                 self.b[team.own(p, 2)] = part
-        team.report(f"solving, accuracy {tolerance:g}")
-        self.r = self.ports.solve(self.b, tolerance)
+        start = self.kept.start(tolerance)
+        self.r = self.ports.solve(self.b, tolerance, start, lambda r: self.kept.offer(tolerance, r))
+        self.kept.write(tolerance, self.r)
         missed = self.r - (self.ports @ self.r + self.b)
         raised, inside, reached, peak = self.r.copy(), True, True, 0.0
         for p, found in team.each("storage", steps.store, self.least, sees=[self.r, missed]):
@@ -198,10 +234,9 @@ class _Run:
         """The rates and files of all shards, or None if one is not proven."""
         found: dict[int, dict[str, Any]] = {}
         sees: list[Floats] = [self.r] if self.t is None else [self.r, self.t]
-        for p, entry in self.team.each("proof", steps.prove, sees=sees):
-            if entry is None:
-                break
-            found[p] = entry
+        for p, entry in self.team.each("proof", steps.prove, sees=sees, until=lambda entry: entry is None):
+            if entry is not None:
+                found[p] = entry
         if not self.team.all(len(found) == len(self.team.shards)):
             return None
         shards = self.team.together(found)
@@ -221,8 +256,8 @@ class _Run:
     ) -> ShardedCertificate:
         """The certificate, with its manifest written last."""
         shards, team = shards or [], self.team
-        if team.leads:
-            state(self.network, team.out, status=status.name, refuted=refuted, reason=reason, shards=shards)
+        entries = {"status": status.name, "refuted": refuted, "reason": reason, "shards": shards}
+        team.lead(lambda: state(self.network, team.out, **entries))
         proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
         least = float(proven.min()) if shards else 0.0
         about = self.network.n_nodes, self.network.n_shards, self.network.discrete, team.out

@@ -6,7 +6,7 @@ own shard, so that Dask may run it again when a worker is lost.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import count
 from pathlib import Path
@@ -18,6 +18,7 @@ from ..errors import DataError, KposError, SolverError
 from ..exact.intake import found
 from ..networks.blocks import Floats
 from ..proof.files import digest
+from .folders import keep_array
 from .network import ShardedNetwork
 from .teams import Say, Shard, Team
 
@@ -41,19 +42,24 @@ class DaskTeam(Team):
         self._job = digest({"out": str(out.resolve()), "network": network.data}).rpartition(":")[2][:12]
 
     def each(
-        self, what: str, step: Callable[..., T], *given: Any, sees: Sequence[Floats] = ()
-    ) -> Iterator[tuple[int, T]]:
-        """See `Team`; all shards at a time, as many as there are workers, and the answers in the order of the shards.
+        self,
+        what: str,
+        step: Callable[..., T],
+        *given: Any,
+        sees: Sequence[Floats] = (),
+        until: Callable[[T], bool] | None = None,
+    ) -> list[tuple[int, T]]:
+        """See `Team`; all shards at a time, as many as there are workers.
 
         Raises
         ------
         SolverError
             The cluster gave up: no workers are left, or several have died with the same shard.
         """
-        number = next(self._numbers)
+        number, out = next(self._numbers), []
         files = [self._published(vector, f"{number}-{k}") for k, vector in enumerate(sees)]
         folders = tuple(str(place.resolve()) for place in (self.network.folder, self.out, self.aside))
-        futures = self.client.map(
+        futures = self.client.map(  # those that are let go of are cancelled
             _do,
             self.shards,
             step=step,
@@ -63,20 +69,20 @@ class DaskTeam(Team):
             key=[f"{step.__name__}-{self._job}-{number}-{p}" for p in self.shards],
             pure=False,
         )
-        try:
-            for p, future in zip(self.shards, futures, strict=True):
-                if what:
-                    self.report(f"{what} of shard {p + 1} of {self.network.n_shards}")
-                yield p, _result(future, p)
-        finally:  # futures that are let go of are cancelled
-            del futures
-            for file in files:
-                Path(file).unlink(missing_ok=True)
+        for p, future in zip(self.shards, futures, strict=True):
+            if what:
+                self.report(f"{what} of shard {p + 1} of {self.network.n_shards}")
+            out.append((p, _result(future, p)))
+            if until is not None and until(out[-1][1]):
+                break
+        for file in files:
+            Path(file).unlink(missing_ok=True)
+        return out
 
     def _published(self, vector: Floats, name: str) -> str:
         """A file with the vector, for the workers."""
         path = self.aside.resolve() / f"seen-{name}.npy"
-        np.save(path, vector)
+        keep_array(path, vector)
         return str(path)
 
 

@@ -24,6 +24,8 @@ MANIFEST = "manifest.json"
 # Types of the numbers in files.
 _KINDS = ("<f8", "<i8", "<i4")
 _BLOCK = 2**22
+# Bytes of a file before its numbers, few as its dimensions are; without numbers it cannot be mapped.
+HEADER = 128
 _ENTRY = {"dtype", "shape", "sha256"}
 
 
@@ -52,6 +54,17 @@ def write_array(path: Path, array: NDArray[Any]) -> dict[str, Any]:
 
     write_whole(path, write, durable=False)  # its digest tells whether it reached the disk
     return {"dtype": kind, "shape": list(array.shape), "sha256": digests[-1]}
+
+
+def keep_array(path: Path, array: NDArray[Any]) -> None:
+    """Write an array that is needed for a while only, whole or not at all; `numpy.load` reads it."""
+    array = np.ascontiguousarray(array)
+
+    def write(stream: IO[bytes]) -> None:
+        npy.write_array_header_1_0(stream, npy.header_data_from_array_1_0(array))
+        stream.write(array.data)  # numpy would not say that the disk is full
+
+    write_whole(path, write, durable=False)
 
 
 def write_manifest(folder: Path, form: str, data: dict[str, Any]) -> None:

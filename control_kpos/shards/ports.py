@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from ..networks.blocks import Floats
 from ..networks.spectrum.port_solves import Keep, krylov, sweep
+from .folders import HEADER, keep_array
 from .teams import Shard, Team
 
 # Steps of BiCGSTAB where sweeps are slow, and where they grow.
 _ITERATIONS = 400
 _DOOMED = 50
-# Bytes of a file without numbers, which cannot be mapped.
-_HEADER = 128
 
 
 def keep_rows(shard: Shard, name: str, rows: sp.csr_array) -> None:
@@ -30,7 +29,7 @@ def keep_rows(shard: Shard, name: str, rows: sp.csr_array) -> None:
     kind = np.int32 if max(places.max(initial=0), rows.nnz) < 2**31 else np.int64
     arrays = rows.data, places.astype(kind)[rows.indices], rows.indptr.astype(kind)
     for path, array in zip(_files(shard, name), arrays, strict=True):
-        np.save(path, array)
+        keep_array(path, array)
 
 
 def _files(shard: Shard, name: str) -> list[Path]:
@@ -47,7 +46,7 @@ def product(shard: Shard, r: Floats, name: str) -> Floats:
 
 
 def _mapped(path: Path) -> NDArray[Any]:
-    return np.load(path, mmap_mode="r" if path.stat().st_size > _HEADER else None)
+    return np.load(path, mmap_mode="r" if path.stat().st_size > HEADER else None)
 
 
 class SolvePorts:
@@ -82,8 +81,36 @@ class SolvePorts:
         team = self.team
         if not team.size(b) > 0:
             return b.copy()
-        r, converged, grows = sweep(self, b, tolerance, size=team.size, start=start, keep=keep)
+        watched = _Watched(self, tolerance)
+        r, converged, grows = sweep(watched, b, tolerance, size=watched.size, start=start, keep=keep)
         if converged:
             return r
         limit = _DOOMED if grows else _ITERATIONS
-        return krylov(self, b, b if start is None else r, tolerance, limit, dot=team.dot, keep=keep)[0]
+        return krylov(watched, b, b if start is None else r, tolerance, limit, dot=watched.dot, keep=keep)[0]
+
+
+class _Watched:
+    """The operator of a solve, which reports how far it is."""
+
+    def __init__(self, ports: SolvePorts, tolerance: float) -> None:
+        self.ports, self.team, self.count = ports, ports.team, 0
+        self.what = f"solving, accuracy {tolerance:g}"
+
+    def __matmul__(self, r: Floats) -> Floats:
+        self.count += 1
+        return self.ports @ r
+
+    def size(self, a: Floats) -> float:
+        """Of b, and of what a sweep adds."""
+        return self._told(self.team.size(a))
+
+    def dot(self, a: Floats, b: Floats) -> np.float64:
+        """Of a residual with itself, among others."""
+        value = self.team.dot(a, b)
+        if a is b:
+            self._told(float(np.sqrt(value)))
+        return value
+
+    def _told(self, residual: float) -> float:
+        self.team.report(f"{self.what}: {self.count} products, residual {residual:.1e}")
+        return residual

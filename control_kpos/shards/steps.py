@@ -16,7 +16,7 @@ from ..networks.model import NetworkModel
 from ..networks.spectrum.descent import interior, is_inside, mix
 from ..networks.spectrum.port_solves import Loop, PortSystem
 from .certificate import VECTORS, WEIGHTS, is_proven, positive_form
-from .folders import write_arrays
+from .folders import keep_array, write_arrays
 from .ports import keep_rows
 from .teams import Shard
 
@@ -71,7 +71,7 @@ def weigh_loop(shard: Shard, sums: Floats) -> Floats:
     """t, and p in a file, that may prove the algebraic loops to contract."""
     model = shard.model()
     weight = _outward(model) + model.WT @ sums[shard.places]
-    np.save(shard.file("p"), weight)
+    keep_array(shard.file("p"), weight)
     return moved(model, "U", [("D", weight)], dual=True)
 
 
@@ -89,7 +89,7 @@ def even_out(shard: Shard, shift: float, peak: float) -> Floats:
     """b for c close to v itself, which evens out relative margins where v spans many orders of magnitude."""
     model, v = shard.model(), np.load(shard.file("v"))
     c = mix(model, v, 0.0, dual=True) * (float(np.abs(v).max()) / peak)
-    np.save(shard.file("c"), c)
+    keep_array(shard.file("c"), c)
     return model.apply(PortSystem(model, shift).KB, c, 0, 1, transposed=True)
 
 
@@ -123,7 +123,7 @@ def store(shard: Shard, r: Floats, missed: Floats, shift: float) -> Storage:
     heard = model.apply(system.CK, model.WT @ r[places], 2, 0, transposed=True)
     v = model.apply(system.K, c, 0, 0, transposed=True) + heard
     back = c + model.times("C", model.WT @ missed[places], transposed=True)
-    np.save(shard.file("v"), v)
+    keep_array(shard.file("v"), v)
     inside = bool(np.isfinite(v).all()) and is_inside(model, v, dual=True)
     raised = moved(model, "U", [("B", v)], dual=True)
     return Storage(inside, is_inside(model, back, dual=True), float(np.abs(v).max()), raised)

@@ -8,7 +8,8 @@ leaves behind is in files of its shard.  So it may run in any process, and again
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -16,6 +17,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from ..errors import KposError
 from ..networks.blocks import Floats, Index
 from ..networks.model import NetworkModel
 from ..networks.own_links import own_links_closed
@@ -123,11 +125,6 @@ class Team:
     report: Say
     seen: Seen | None = field(init=False, default=None)
 
-    @property
-    def leads(self) -> bool:
-        """True for the member that reports and writes the manifest."""
-        return True
-
     @cached_property
     def shards(self) -> list[int]:
         """The shards with nodes that this member has."""
@@ -145,9 +142,17 @@ class Team:
     # -- steps
 
     def each(
-        self, what: str, step: Callable[..., T], *given: Any, sees: Sequence[Floats] = ()
-    ) -> Iterator[tuple[int, T]]:
-        """`step` for every shard of this member, one after the other; what it has of a shard is gone before the next.
+        self,
+        what: str,
+        step: Callable[..., T],
+        *given: Any,
+        sees: Sequence[Floats] = (),
+        until: Callable[[T], bool] | None = None,
+    ) -> list[tuple[int, T]]:
+        """`step` for every shard of this member, one after the other, with the numbers of the shards.
+
+        All members are in it together: where a step ends with an error of the package, or of the files, all of them
+        raise the one of the first shard.
 
         Parameters
         ----------
@@ -157,12 +162,35 @@ class Team:
             Of a `Shard`, the vectors and what is given.
         sees : sequence of ndarray
             Vectors of this member's inputs; the step has them for all inputs that are seen.
+        until : function, optional
+            Of what a step returns: True if later shards of this member need no step.
         """
         vectors = [self.shown(vector) for vector in sees]
+        out: list[tuple[int, T]] = []
+        begun = time.monotonic()
         for p in self.shards:
             if what:
-                self.report(f"{what} of shard {p + 1} of {self.network.n_shards}")
-            yield p, step(Shard(self.network, self.out, self.aside, p, self.seen), *vectors, *given)
+                self.report(f"{what} of shard {p + 1} of {self.network.n_shards}{_pace(len(out), begun)}")
+            try:
+                found = step(Shard(self.network, self.out, self.aside, p, self.seen), *vectors, *given)
+            except (KposError, OSError) as error:
+                self.agree(p, error)
+                return out  # a shard before it has ended the work
+            out.append((p, found))
+            if until is not None and until(found):
+                self.agree(p)
+                return out
+        self.agree()
+        return out
+
+    def agree(self, at: int | None = None, error: Exception | None = None) -> None:
+        """Raise the error of the first shard where one has ended the work, on all members."""
+        if error is not None:
+            raise error
+
+    def lead(self, work: Callable[[], object]) -> None:
+        """Something that one member does for all, such as the manifest; all go on when it is done."""
+        work()
 
     def shown(self, vector: Floats) -> Floats:
         """A vector of this member's inputs, with the entries of others that are seen."""
@@ -197,6 +225,12 @@ class Team:
     def size(self, a: Floats) -> float:
         """The largest absolute value of the entries of a vector."""
         return self.most(float(np.abs(a).max(initial=0.0)))
+
+
+def _pace(count: int, begun: float) -> str:
+    """How fast it goes, once that can be told."""
+    seconds = time.monotonic() - begun
+    return f", {count / seconds:.2g} shards a second" if count and seconds > 1 else ""
 
 
 def exact_sum(parts: Sequence[float]) -> float:
