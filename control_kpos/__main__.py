@@ -20,7 +20,7 @@ from . import shards
 from .cards import about, floored, raised, shown
 from .cones import orthant
 from .design import state_feedback
-from .errors import CertificateFileError, FalseClaimError, KposError
+from .errors import CertificateFileError, DataError, FalseClaimError, KposError
 from .examples import (
     mass_spring,
     mass_spring_node,
@@ -33,6 +33,7 @@ from .plotting import phase_portrait
 from .proof.certificate import Status
 from .proof.files import load_certificate, read_content
 from .proof.independent import verdict
+from .shards.mpi import aborting, launched, world
 from .systems.statespace import ConeStateSpace
 from .theorems.growing_direction import InstabilityDirection
 from .theorems.positivity import state_positivity
@@ -92,29 +93,52 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "certify",
         help="certify a network in shards on files",
         description="Decide whether a network that control_kpos.shards.write has written is positive and exponentially "
-        "stable, and write the certificate. Exit status: 0 proved, 1 refuted or undecided, 2 unreadable.",
+        "stable, and write the certificate. Exit status: 0 proved, 1 refuted or undecided, 2 unreadable. "
+        "On many processes: mpiexec -n P python -m control_kpos certify FOLDER --out CERT.",
     )
     certify.add_argument("folder", type=Path, metavar="FOLDER", help="the network")
     certify.add_argument("--out", type=Path, metavar="CERT", required=True, help="folder for the certificate")
+    certify.add_argument(
+        "--mpi",
+        action=argparse.BooleanOptionalAction,
+        help="share the work out among the processes of MPI (default: if mpiexec has started more than one)",
+    )
+    certify.add_argument("--progress", action="store_true", help="report on standard error, also into a file")
     options = parser.parse_args(arguments)
     if options.command == "certify":
-        return of_shards(lambda: shards.certify(options.folder, options.out))
+        return certify_shards(options.folder, options.out, options.mpi, True if options.progress else None)
     if options.command == "check":
-        return of_shards(lambda: shards.check(options.file)) if options.file.is_dir() else check_file(options.file)
+        return (
+            of_shards(lambda: shards.check(options.file), _say) if options.file.is_dir() else check_file(options.file)
+        )
     return demo(options.output, options.nodes)
 
 
-def of_shards(found: Callable[[], shards.ShardedCertificate]) -> int:
+def certify_shards(folder: Path, out: Path, mpi: bool | None, progress: bool | None) -> int:
+    """Certify a network in shards, with other processes if there are any; the first speaks for all."""
+    rank, size = launched() if mpi is None else (0, 2 * mpi)
+    try:
+        comm = world() if size > 1 else None
+    except DataError as error:
+        if rank == 0:
+            _say(f"UNREADABLE {error}")
+        return UNREADABLE
+    speaks = comm is None or comm.rank == 0
+    with aborting(comm):
+        return of_shards(lambda: shards.certify(folder, out, comm=comm, progress=progress), _say if speaks else _silent)
+
+
+def of_shards(found: Callable[[], shards.ShardedCertificate], say: Callable[[str], None]) -> int:
     """Say what is found of a network in shards, and return the exit status."""
     try:
         certificate = found()
     except FalseClaimError as error:
-        _say(f"WRONG {error}")
+        say(f"WRONG {error}")
         return REFUTED
     except (KposError, OSError) as error:
-        _say(f"UNREADABLE {error}")
+        say(f"UNREADABLE {error}")
         return UNREADABLE
-    _say(f"{certificate.status.name} {certificate.explain()}")
+    say(f"{certificate.status.name} {certificate.explain()}")
     return PROVED if certificate else REFUTED
 
 
@@ -240,6 +264,10 @@ def _heading(text: str) -> None:
 
 def _say(text: str, indent: str = "") -> None:
     print(textwrap.fill(text, 100, initial_indent=indent, subsequent_indent=indent + "  "))
+
+
+def _silent(text: str) -> None:
+    """What another process says."""
 
 
 def _why(certificate: LyapunovCertificate) -> str:

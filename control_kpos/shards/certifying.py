@@ -232,11 +232,9 @@ class _Run:
 
     def _proof(self) -> list[dict[str, Any]] | None:
         """The rates and files of all shards, or None if one is not proven."""
-        found: dict[int, dict[str, Any]] = {}
         sees: list[Floats] = [self.r] if self.t is None else [self.r, self.t]
-        for p, entry in self.team.each("proof", steps.prove, sees=sees, until=lambda entry: entry is None):
-            if entry is not None:
-                found[p] = entry
+        proof = self.team.each("proof", steps.prove, sees=sees, until=lambda entry: entry is None)
+        found = {p: entry for p, entry in proof if entry is not None}
         if not self.team.all(len(found) == len(self.team.shards)):
             return None
         shards = self.team.together(found)

@@ -241,7 +241,7 @@ def world() -> Any:
         mpi4py is not installed, or finds no MPI.
     """
     try:
-        from mpi4py import MPI
+        from mpi4py import MPI  # noqa: PLC0415  (starts MPI)
     except (ImportError, RuntimeError) as error:
         raise DataError(
             f'MPI needs mpi4py, which cannot be used here ({error}): pip install "control_kpos[mpi]".'
