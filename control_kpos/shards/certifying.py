@@ -109,7 +109,11 @@ def certify(
     network, place, reporter = together(lambda: _begun(folder, out, progress, lead))
     with reporter as report, np.errstate(all="ignore"):
         about = network, place, place / _ASIDE, report
-        found = _Run(_team(about, ranks, workers)).certificate()
+        if workers is not None:
+            team: Team = DaskTeam(*about, workers)
+        else:
+            team = Team(*about) if ranks is None else MpiTeam(*about, ranks=ranks)
+        found = _Run(team).certificate()
         team.lead(lambda: rmtree(place / _ASIDE, ignore_errors=True))
     return found
 
