@@ -152,7 +152,7 @@ class MpiTeam(Team):
 
     def _sees(self) -> Seen:
         first, last = map(int, self._cuts[self.ranks.rank : self.ranks.rank + 2])
-        fed = (self.network.fed(p) for p in self.shards)
+        fed = (self.network.fed(p, verify=True) for p in self.shards)
         return Seen(slice(first, last), distinct(x[(x < first) | (x >= last)] for x in fed))
 
     def shown(self, vector: Floats) -> Floats:

@@ -230,10 +230,10 @@ class ShardedNetwork:
             raise CertificateFileError(f"the halo of {shard_folder(self.folder, p)} is damaged.")
         return nodes
 
-    def fed(self, p: int) -> Index:
+    def fed(self, p: int, *, verify: bool = False) -> Index:
         """The inputs that the columns of the links of a shard stand for, among those of all nodes."""
         own = self.own(p, 2)
-        _, first, sizes = self.receivers(self.halo(p))
+        _, first, sizes = self.receivers(self.halo(p, verify=verify))
         return np.concatenate([np.arange(own.start, own.stop), _ranges(first, sizes)])
 
     @cached_property
