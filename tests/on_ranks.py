@@ -33,7 +33,8 @@ def certified(folder, out, comm):
     """What is found, or the error."""
     PRODUCTS[0] = 0
     try:
-        return described(kp.shards.certify(folder, folder / out, comm=comm, progress=False))
+        place = folder / out if isinstance(folder, Path) else out
+        return described(kp.shards.certify(folder, place, comm=comm, progress=False))
     except (kp.KposError, OSError) as error:
         return [type(error).__name__, str(error)]
 
@@ -78,15 +79,16 @@ def run(what, place, number):
         counted(number if last else None)
         out = certified(place, "proof", comm)
     elif what == "full":
-        if last:  # as if the disk were full: no file may be longer
-            resource.setrlimit(resource.RLIMIT_FSIZE, (number, resource.RLIM_INFINITY))
-        out = certified(place, "proof", comm)
+        out = []
+        for most in (800, 1500, -1):  # bytes, as if the disk were full: no file may be longer
+            resource.setrlimit(resource.RLIMIT_FSIZE, (most if last else -1, -1))
+            out.append(certified(place, "proof", comm))
     elif what == "progress":
         lines = []
         kp.shards.certify(place, place / "proof", comm=comm, progress=lines.append)
         out = lines
     elif what == "different":  # arguments that are wrong on one rank only
-        out = certified(place, "proof" if last else "..", comm)
+        out = [certified(place, "proof" if last else "other", comm), certified(place if last else 3, "proof", comm)]
     else:  # the command line, with a mistake in the program
         failing(number)
         sys.exit(main(["certify", str(place), "--out", str(place / "proof")]))

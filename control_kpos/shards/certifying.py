@@ -72,7 +72,8 @@ def certify(
     CertificateFileError
         A file is missing, damaged or not the one that the manifest is about; it is named.
     DataError
-        `out` is the folder of the network; `comm` is no communicator, `client` no client of Dask, or both are given.
+        `out` is the folder of the network; `comm` is no communicator, `client` no client of Dask, or both are given;
+        ranks are given different folders.
     SolverError
         The Dask cluster lost all of its workers, or several with the same shard.
     OSError
@@ -105,6 +106,8 @@ def certify(
     if comm is not None and client is not None:
         raise DataError("comm and client are given; give one of them: MPI or Dask.")
     ranks, workers = None if comm is None else Ranks(comm), None if client is None else read_client(client)
+    if ranks is not None:
+        ranks.require_alike(f"folder = {folder}, out = {out}")
     lead, together = (True, _alone) if ranks is None else (ranks.rank == 0, ranks.same)
     network, place, reporter = together(lambda: _begun(folder, out, progress, lead))
     with reporter as report, np.errstate(all="ignore"):

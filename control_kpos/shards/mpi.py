@@ -76,6 +76,15 @@ class Ranks:
         errors = self.comm.allgather(error if mine == first else None)
         raise error if error is not None and mine == first else next(e for e in errors if e is not None)
 
+    def require_alike(self, mine: str) -> None:
+        """Raise, on all ranks, if they were called with different arguments."""
+        others = self.comm.allgather(mine)
+        other = next((k for k, text in enumerate(others) if text != others[0]), None)
+        if other is not None:
+            raise DataError(
+                f"ranks 0 and {other} are given different folders, {others[0]} and {others[other]}; give all the same."
+            )
+
     def same(self, work: Callable[[], T]) -> T:
         """Do something on all ranks; if it fails on some, all raise the error of the first."""
         try:

@@ -74,7 +74,7 @@ class SolvePorts:
         Parameters
         ----------
         start : ndarray, optional
-            A guess of r.
+            A guess of r; not used if it is worse than 0.
         keep : callable, optional
             Is given r now and then, to be started from again.
         """
@@ -82,6 +82,8 @@ class SolvePorts:
         if not team.size(b) > 0:
             return b.copy()
         watched = _Watched(self, tolerance)
+        if start is not None and not team.size(b - (start - watched @ start)) <= team.size(b):
+            start = None
         r, converged, grows = sweep(watched, b, tolerance, size=watched.size, start=start, keep=keep)
         if converged:
             return r

@@ -258,16 +258,12 @@ def sweep(
 ) -> tuple[Floats, bool, bool]:
     """r <- T r + b from r = b, or from a guess, while it contracts well; whether it converged, whether it grows.
 
-    T is used in products only; `size` is the largest absolute value of a vector.  `keep` is given every r.  A guess
-    that is worse than none is not used.
+    T is used in products only; `size` is the largest absolute value of a vector.  `keep` is given every r.
     """
-    r, term = b.copy(), b
-    whole = before = size(b)
+    r, term = (b.copy(), b) if start is None else (start.copy(), b - (start - T @ start))
     if start is not None:
-        missed = b - (start - T @ start)
-        error = size(missed)
-        if error <= whole:
-            r, term, before = start + missed, missed, error
+        r += term
+    whole, before = size(b), size(term)
     for k in range(_SWEEPS):
         term = T @ term
         r += term
