@@ -229,17 +229,20 @@ def inwards(model: NetworkModel, name: str, value: Any, size: Any, count: int, *
 
     What is added is interior to the cones and outweighs the roundings of numbers of that size.
     """
-    units, kind = 8 * (2 * count + 24) * HALF_ULP * (1 if dual else -1), "XUY".index(name)
-    parts = []
-    for s, x, z in zip(model.stacks, model.split(value, kind), model.split(size, kind), strict=True):
-        cone: Cone = getattr(s, name)
-        if not isinstance(cone, Orthant):
-            rows = (s.rays[kind] if dual else on.facets(cone)).values
-            point = np.asarray((cone.dual if dual else cone).interior_point)
-            point = point * (np.abs(rows).sum(axis=1) / (rows @ point)).max()
-            z = z.max(axis=1, keepdims=True, initial=0.0) * point
-        parts.append(x + units * z)
-    return model.join(parts, kind)
+    kind = "XUY".index(name)
+    split = zip(model.stacks, model.split(value, kind), model.split(size, kind), strict=True)
+    return model.join([shifted(getattr(s, name), x, z, count, dual=dual) for s, x, z in split], kind)
+
+
+def shifted(cone: Cone, value: Floats, size: Floats, count: int, *, dual: bool) -> Floats:
+    """Rows raised in the order of the dual of a cone, or lowered in that of the cone; see `inwards`."""
+    units = 8 * (2 * count + 24) * HALF_ULP * (1 if dual else -1)
+    if not isinstance(cone, Orthant):
+        rows = (cone.exact_rays.dense() if dual else on.facets(cone)).values
+        point = np.asarray((cone.dual if dual else cone).interior_point)
+        point = point * (np.abs(rows).sum(axis=1) / (rows @ point)).max()
+        size = size.max(axis=1, keepdims=True, initial=0.0) * point
+    return value + units * size
 
 
 def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) -> float:

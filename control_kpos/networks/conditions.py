@@ -5,10 +5,10 @@ Every product of given data is left to the kernel; nothing is multiplied beforeh
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
@@ -33,6 +33,9 @@ COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"
 LINKS_WITHIN = "h'(W_upper - W_lower) y >= 0"
 LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W - p') y < 0"
 
+
+# What other shards send to inputs: bounds, and the inputs that they go to.
+Heard: TypeAlias = "tuple[Matrix, Index] | None"
 
 # Stacks are proven this many nodes at a time, so that the numbers stay in the caches.
 _CHUNK = 2**15
@@ -258,19 +261,24 @@ def output_generators(model: NetworkModel) -> Matrix:
 
 
 def input_facets(model: NetworkModel) -> Matrix:
-    """Facet normals of the product of the U_j as sparse rows."""
-    return rows_of_product(model, [(s.U, facets(s.U)) for s in model.stacks], 1)
+    """Facet normals of the product of the U_j as sparse rows; with those of the halo."""
+    cones = [(cone, facets(cone)) for cone in model.receivers.cones]
+    return _rows_at(cones, model.received, model.coupling.shape[0])
 
 
 def rows_of_product(model: NetworkModel, cones: list[tuple[Cone, Matrix]], kind: int) -> Matrix:
     """Generators or facets of all nodes as rows over all inputs (kind 1) or outputs (kind 2)."""
-    size = model.totals[kind]
+    return _rows_at(cones, [places[kind] for places in model.places], model.totals[kind])
+
+
+def _rows_at(cones: list[tuple[Cone, Matrix]], at: Sequence[Index], size: int) -> Matrix:
+    """The rows that belong to each cone, at the places (N, dim) of its members in vectors of this size."""
     if all(isinstance(cone, Orthant) for cone, _ in cones):
         return Matrix(sp.eye_array(size, format="csr"))
     parts, count = [], 0
-    for (_, R), s, places in zip(cones, model.stacks, model.places, strict=True):
-        rows = count + np.arange(len(s) * R.shape[0]).reshape(len(s), R.shape[0])
-        parts.append((np.broadcast_to(R.values, (len(s), *R.shape)), rows, places[kind]))
+    for (_, R), places in zip(cones, at, strict=True):
+        rows = count + np.arange(len(places) * R.shape[0]).reshape(len(places), R.shape[0])
+        parts.append((np.broadcast_to(R.values, (len(places), *R.shape)), rows, places))
         count += rows.size
     if all(R.is_double for _, R in cones):
         return Matrix(block_diagonal(parts, (count, size)))
@@ -355,8 +363,10 @@ def loop_gain(model: NetworkModel, p: Matrix, t: Matrix) -> Iterator[Condition]:
     yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
 
 
-def motion(model: NetworkModel, x: Matrix, u: Matrix, y: Matrix, rate: float) -> Iterator[Condition]:
-    """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y."""
+def motion(
+    model: NetworkModel, x: Matrix, u: Matrix, y: Matrix, rate: float, heard: Heard = None
+) -> Iterator[Condition]:
+    """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y; see `received`."""
     xs, us, ys = (model.split(part, kind) for kind, part in enumerate((x, u, y)))
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
         yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, beside(x_g)), ">=")
@@ -371,7 +381,7 @@ def motion(model: NetworkModel, x: Matrix, u: Matrix, y: Matrix, rate: float) ->
             middle = Matrix.join([s.C, s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
             forms = stacked(facets(s.Y), middle, beside(x_g, u_g, y_g))
             yield Condition(titled("h'(C x + D u - y) >= 0", model, g), forms, ">=")
-    yield received(model, u, y)
+    yield received(model, u, y, heard)
 
 
 def emitted(model: NetworkModel, y: Matrix) -> list[Condition]:
@@ -381,7 +391,18 @@ def emitted(model: NetworkModel, y: Matrix) -> list[Condition]:
     return [Condition(titled("h'y >= 0", model, g), form, ">=") for g, form in forms]
 
 
-def received(model: NetworkModel, u: Matrix, y: Matrix) -> Condition:
-    """h'(W y - u) >= 0 for every facet h of every U_j."""
-    middle = Matrix.join([model.coupling, -Matrix.identity(model.totals[1], sparse=True)], -1)
-    return Condition("h'(W y - u) >= 0", BilinearForms(after(y, u), middle.T, input_facets(model)), ">=")
+def received(model: NetworkModel, u: Matrix, y: Matrix, heard: Heard = None) -> Condition:
+    """h'(W y - u) >= 0 for every facet h of every U_j.
+
+    In a shard u goes on with lower bounds z on what the halo receives from it; `heard` are such bounds of other shards
+    on what they send here, one after the other, and the inputs that they go to.  They are added up in the forms, so
+    that what an input receives is compared with all of them at once.
+    """
+    row, middle = [y, u], [model.coupling, -Matrix.identity(model.coupling.shape[0], sparse=True)]
+    if heard is not None and heard[0].shape[0]:
+        sent, to = heard
+        row.append(sent)
+        places, size = (to, np.arange(len(to))), (model.coupling.shape[0], len(to))
+        middle.append(Matrix(sp.csr_array((np.ones(len(to)), places), shape=size)))
+    forms = BilinearForms(after(*row), Matrix.join(middle, -1).T, input_facets(model))
+    return Condition("h'(W y - u) >= 0", forms, ">=")

@@ -157,6 +157,15 @@ class NetworkModel:
         return Receivers(starts, cones + self.halo.cones, kinds)
 
     @cached_property
+    def received(self) -> tuple[Index, ...]:
+        """Per cone of the receivers: places (N, m) of their inputs among the rows of the coupling."""
+        to = self.receivers
+        if self.halo is None:
+            return tuple(places[1] for places in self.places)
+        at = [to.starts[:-1][to.kinds == k][:, None] + np.arange(cone.dim) for k, cone in enumerate(to.cones)]
+        return tuple(map(frozen, at))
+
+    @cached_property
     def places(self) -> tuple[tuple[Index, Index, Index], ...]:
         """Per stack: places (N, n), (N, m), (N, q) of its signals in the vectors x, u, y."""
         return tuple(

@@ -145,7 +145,7 @@ class _Run:
         self.b, self.direct, self.t = team.zeros(2), team.zeros(2), None
         self.kept = Checkpoints(team)
         self.ports, self.loops = SolvePorts(team, steps.PORTS), SolvePorts(team, steps.DIRECT)
-        self.peak = 0.0
+        self.peak, self.finite, self.feedthrough = 0.0, True, False
         self.least = float(self.network.discrete)
 
     def certificate(self) -> ShardedCertificate:
@@ -153,18 +153,40 @@ class _Run:
         found = self._read()
         if found is not None:
             return found
+        try:
+            found, reason = self._decided()
+        except OutOfBudgetError:
+            found, reason = None, "the time limit ended the search"
+        return found or self._in_one_piece() or self._undecided(reason)
+
+    def _decided(self) -> tuple[ShardedCertificate | None, str]:
+        """Vectors that prove it, or a state that grows; or why there are none."""
         if self.feedthrough and not self._loop_contracts():
-            return self._undecided("the algebraic loops of the feedthrough terms are not proven to contract")
-        for tolerance in _TOLERANCES:
+            return None, "the algebraic loops of the feedthrough terms are not proven to contract"
+        for tolerance in _TOLERANCES if self.finite else ():
             may_prove = self._candidate(tolerance)
             if may_prove is None:
                 break
             rates = self._proof() if may_prove else None
             if rates is not None:
-                return self._settled(Status.PROVED, shards=rates)
-        return self._undecided(
-            "no vectors that prove it were found, as is to be expected beyond the margin or close to it"
-        )
+                return self._settled(Status.PROVED, shards=rates), ""
+        shown = Search(self.team, steps.PORTS, self.least, self.t).found(alone=not self.finite)
+        if shown is not None:
+            return self._settled(Status.REFUTED, shards=shown.shards, growth=shown.growth), ""
+        if not self.finite:
+            return None, "a node alone has an eigenvalue on the margin of stability, or overflows"
+        return None, "no vectors that prove it and no state that grows were found, as may be close to the margin"
+
+    def _in_one_piece(self) -> ShardedCertificate | None:
+        """A network that is small enough, decided as a whole by the member that leads."""
+        team, found = self.team, None
+        if not fits(self.network) or not team.in_time():
+            return None
+        team.report("all shards in one piece")
+        if team.leads:
+            found = decided(self.network, team.out)
+        found = team.first(None if found is None else (0, found))
+        return None if found is None else self._settled(found[1][0], whole=found[1])
 
     def _read(self) -> ShardedCertificate | None:
         """Keep the port equations of all shards; or the answer, if their data give one."""
@@ -182,13 +204,11 @@ class _Run:
             unproven = unproven if found.proven or unproven is not None else (p, None)
             finite &= found.finite
         witness, unproven = team.first(witness), team.first(unproven)
-        finite, self.feedthrough = team.all(finite), not team.all(not feedthrough)
+        self.finite, self.feedthrough = team.all(finite), not team.all(not feedthrough)
         if witness is not None:
             return self._settled(Status.REFUTED, refuted=witness[0], witness=witness[1])
         if unproven is not None:
             return self._undecided(f"shard {unproven[0]} is not proven positive on its cones")
-        if not finite:
-            return self._undecided("a node alone has an eigenvalue on the margin of stability, or overflows")
         return None
 
     def _loop_contracts(self) -> bool:

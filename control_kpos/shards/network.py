@@ -234,7 +234,7 @@ class ShardedNetwork:
         """The inputs that the columns of the links of a shard stand for, among those of all nodes."""
         own = self.own(p, 2)
         _, first, sizes = self.receivers(self.halo(p, verify=verify))
-        return np.concatenate([np.arange(own.start, own.stop), _ranges(first, sizes)])
+        return np.concatenate([np.arange(own.start, own.stop), ranges(first, sizes)])
 
     @cached_property
     def _uniform(self) -> int | None:
@@ -282,7 +282,7 @@ class ShardedNetwork:
         return out
 
 
-def _ranges(first: Index, sizes: Index) -> Index:
+def ranges(first: Index, sizes: Index) -> Index:
     """first, first + 1, ... of each, behind each other."""
     ends = np.cumsum(sizes)
     return np.repeat(first - (ends - sizes), sizes) + np.arange(int(sizes.sum()))

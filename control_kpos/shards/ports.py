@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ..exact.budget import OutOfBudgetError
 from ..networks.blocks import Floats
 from ..networks.spectrum.port_solves import Keep, krylov, sweep
 from .folders import HEADER, keep_array
@@ -38,14 +39,29 @@ def _files(shard: Shard, name: str) -> list[Path]:
 
 def product(shard: Shard, r: Floats, name: str) -> Floats:
     """The rows of a shard times a vector; zeros if none are kept."""
+    own = shard.inputs
+    rows = _kept(shard, name, len(r))
+    return np.zeros(own.stop - own.start) if rows is None else rows @ r
+
+
+def sent(shard: Shard, u: Floats, name: str) -> tuple[tuple[Floats], None]:
+    """What the columns that a shard has of the transposed operator send, for `Team.collect`."""
+    rows = _kept(shard, name, len(u))
+    whole = np.zeros_like(u) if rows is None else rows.T @ u[shard.inputs]
+    return (whole[shard.places],), None
+
+
+def _kept(shard: Shard, name: str, width: int) -> sp.csr_array | None:
+    """The rows of a shard, mapped; None if none are kept."""
     files, own = _files(shard, name), shard.inputs
     if not files[0].exists():
-        return np.zeros(own.stop - own.start)
-    arrays = tuple(map(_mapped, files))  # anew each time, for the number of open files is limited
-    return sp.csr_array(arrays, shape=(own.stop - own.start, len(r)), copy=False) @ r
+        return None
+    arrays = tuple(map(mapped, files))  # anew each time, for the number of open files is limited
+    return sp.csr_array(arrays, shape=(own.stop - own.start, width), copy=False)
 
 
-def _mapped(path: Path) -> NDArray[Any]:
+def mapped(path: Path) -> NDArray[Any]:
+    """The array in a file, without reading all of it."""
     return np.load(path, mmap_mode="r" if path.stat().st_size > HEADER else None)
 
 
@@ -63,6 +79,8 @@ class SolvePorts:
         self.team, self.name = team, name
 
     def __matmul__(self, r: Floats) -> Floats:
+        if not self.team.in_time():
+            raise OutOfBudgetError
         out = np.empty_like(r)
         for p, part in self.team.each("", product, self.name, sees=[r]):
             out[self.team.own(p, 2)] = part

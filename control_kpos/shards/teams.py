@@ -117,6 +117,8 @@ class Team:
     out, aside : Path
     report : callable
         Is told what is being done.
+    deadline : float
+        When to end the search, on the clock of `time.monotonic`.
     """
 
     network: ShardedNetwork
@@ -124,6 +126,7 @@ class Team:
     aside: Path
     report: Say
     seen: Seen | None = field(init=False, default=None)
+    deadline: float = math.inf
 
     @cached_property
     def shards(self) -> list[int]:
@@ -196,11 +199,46 @@ class Team:
         """A vector of this member's inputs, with the entries of others that are seen."""
         return vector
 
+    def collect(
+        self,
+        what: str,
+        step: Callable[..., tuple[Sequence[Floats], T]],
+        *given: Any,
+        sees: Sequence[Floats] = (),
+        count: int = 1,
+    ) -> tuple[list[Floats], dict[int, T]]:
+        """What all shards together send to every input of this member, and what the steps of its own tell besides.
+
+        Parameters
+        ----------
+        what, step, given, sees
+            As for `each`.  The step answers with vectors at the inputs that its shard feeds, its own and then the halo,
+            and with anything else.
+        count : int
+            How many vectors these are.
+        """
+        beyond = 0 if self.seen is None else len(self.seen.away)
+        totals = [np.concatenate([self.zeros(2), np.zeros(beyond)]) for _ in range(count)]
+        told: dict[int, T] = {}
+        for p, (sent, told[p]) in self.each(what, step, *given, sees=sees):
+            places = Shard(self.network, self.out, self.aside, p, self.seen).places
+            for total, part in zip(totals, sent, strict=True):
+                total[places] += part
+        return [self.home(total) for total in totals], told
+
+    def home(self, vector: Floats) -> Floats:
+        """The other way round: at this member's inputs, the sum of what all members have for them."""
+        return vector
+
     # -- what all members agree on
 
     def all(self, mine: bool) -> bool:
         """True if it is true for every member."""
         return mine
+
+    def in_time(self) -> bool:
+        """True before the deadline, of all members."""
+        return self.deadline == math.inf or self.all(time.monotonic() < self.deadline)
 
     def most(self, mine: float) -> float:
         """The largest of the numbers of all members; not a number if one is."""

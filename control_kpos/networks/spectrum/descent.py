@@ -227,25 +227,39 @@ def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400)
     ahead = apply_loop(model, x) - rate * x
     if all(is_inside(model, part, dual=False, strict=False) for part in (x, ahead)):
         return x  # rounding to weights would cost digits
-    weights = [_weights(s, part) for s, part in zip(model.stacks, model.split(x, 0), strict=True)]
+    weights = weigh(model, x)
     for _ in range(rounds):
-        x = model.join([_combined(s, a) for s, a in zip(model.stacks, weights, strict=True)], 0)
+        x = combined(model, weights)
         if not np.any(x):
             return None
-        ahead = apply_loop(model, x) - rate * x
-        changed = False
-        for g, (s, z) in enumerate(zip(model.stacks, model.split(ahead, 0), strict=True)):
-            bad = ~(np.einsum("jn,kn->jk", z, s.X.facets) >= 0)
-            if s.X.is_simplicial:
-                bad = bad[:, _opposite(s)] & (weights[g] > 0)
-            else:
-                bad = bad.any(axis=1, keepdims=True) & weights[g].any(axis=1, keepdims=True)
-            if bad.any():
-                weights[g] = np.where(bad, 0.0, weights[g])
-                changed = True
-        if not changed:
+        if not cut_down(model, weights, apply_loop(model, x) - rate * x):
             return x
     return None
+
+
+def weigh(model: NetworkModel, x: Floats) -> list[Floats]:
+    """x of every stack by what `cut_down` takes away: coefficients on generators, or the states of whole nodes."""
+    return [_weights(s, part) for s, part in zip(model.stacks, model.split(x, 0), strict=True)]
+
+
+def combined(model: NetworkModel, weights: list[Floats]) -> Floats:
+    """The inverse of `weigh`."""
+    return model.join([_combined(s, part) for s, part in zip(model.stacks, weights, strict=True)], 0)
+
+
+def cut_down(model: NetworkModel, weights: list[Floats], ahead: Floats) -> bool:
+    """Take away, in place, the parts of x where what is to stay in X leaves it; True if there are any."""
+    changed = False
+    for g, (s, z) in enumerate(zip(model.stacks, model.split(ahead, 0), strict=True)):
+        bad = ~(np.einsum("jn,kn->jk", z, s.X.facets) >= 0)
+        if s.X.is_simplicial:
+            bad = bad[:, _opposite(s)] & (weights[g] > 0)
+        else:
+            bad = bad.any(axis=1, keepdims=True) & weights[g].any(axis=1, keepdims=True)
+        if bad.any():
+            weights[g] = np.where(bad, 0.0, weights[g])
+            changed = True
+    return changed
 
 
 def slow_state(model: NetworkModel, found: Approach, relative: float) -> tuple[Floats, float] | None:

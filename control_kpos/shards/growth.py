@@ -1,0 +1,198 @@
+"""The search for a state of a network in shards that grows; untrusted, the proof checks what it gives.
+
+At a shift above the poles of the nodes T = W G is a nonnegative operator on U, and the network has a pole at the shift or
+beyond it if the spectral radius of T is 1 or more.  With T u = rho u, rho > 1, a shift a little higher leaves
+T u >= u, and x = K B u has A_cl x - shift x = B (T u - u) in X.  Power iterations find u, and where they are slow
+inverse iterations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ..networks.blocks import Floats
+from ..networks.spectrum.port_solves import krylov
+from . import growth_steps as steps
+from . import ports
+from .growth_proof import Growth, Part, senders, together
+from .teams import Team
+
+# Power iterations, inverse iterations, and steps of BiCGSTAB in each.
+_POWERS, _INVERSES, _ITERATIONS = 40, 8, 60
+# Parts of the distance to the shift at which T u falls to u where the state is sought, and of that where it is proven.
+_SHIFTS = (0.5, 0.1, 0.01)
+_RATES = 0.5
+# Rounds of cutting down, and more where inputs act on outputs at once.
+_CUTS, _SETTLING = 30, 80
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A proof of growth: what is proven, and the entries of the files of all shards in the manifest."""
+
+    growth: Growth
+    shards: list[dict[str, Any]]
+
+
+class _Sent:
+    """T of all shards, from the rows of T' that they keep."""
+
+    def __init__(self, team: Team, name: str, scale: float = 1.0) -> None:
+        self.team, self.name, self.scale = team, name, scale
+
+    def __matmul__(self, u: Floats) -> Floats:
+        (out,), _ = self.team.collect("", ports.sent, self.name, sees=[u])
+        return out * self.scale
+
+
+class Search:
+    """The search for growth beyond a shift that the rows of T' are kept for.
+
+    Parameters
+    ----------
+    team : Team
+    name : str
+        Of the rows.
+    least : float
+        The shift.
+    t : ndarray or None
+        With feedthrough: the weights that prove the algebraic loops to contract, p in files.
+    """
+
+    def __init__(self, team: Team, name: str, least: float, t: Floats | None) -> None:
+        self.team, self.name, self.least, self.t = team, name, least, t
+        self._feeding: dict[int, list[int]] | None = None
+
+    def found(self) -> Shown | None:
+        """A state that grows, proven and written; None if none was found."""
+        lone = self._alone()
+        if lone is not None:
+            return self._proven(*lone)
+        u, radius = self._dominant()
+        if not radius > 1:
+            return None
+        (fall,), _ = self.team.collect("slopes", steps.slopes, self.least, sees=[u])
+        reach = (radius - 1) * self._quotient(u, u) / self._quotient(u, fall)
+        for part in _SHIFTS:
+            if not (np.isfinite(reach) and reach > 0 and self.team.in_time()):
+                return None
+            rate = self.least + _RATES * part * reach
+            heard = self._state(u, self.least + part * reach, rate)
+            shown = None if heard is None else self._proven(rate, heard)
+            if shown is not None:
+                return shown
+        return None
+
+    def _alone(self) -> tuple[float, Floats] | None:
+        """A node that grows by itself: its rate, and nothing that it receives."""
+        team, first = self.team, None
+        for p, rate in team.each("nodes alone", steps.alone, self.least):
+            if rate is not None:
+                first = p, rate
+                break
+        chosen = team.first(first)
+        if chosen is None:
+            return None
+        for _ in team.each("", steps.nothing_but, chosen[0]):
+            pass
+        return chosen[1], self._receive()
+
+    # -- u
+
+    def _quotient(self, u: Floats, ahead: Floats) -> float:
+        return float(self.team.dot(self.dual, ahead) / self.team.dot(self.dual, u)) if u is not ahead else 1.0
+
+    def _dominant(self) -> tuple[Floats, float]:
+        """u with T u about rho u, and rho."""
+        team = self.team
+        u, self.dual = team.zeros(2), team.zeros(2)
+        for p, (point, dual) in team.each("start", steps.begin):
+            own = team.own(p, 2)
+            u[own], self.dual[own] = point, dual
+        T, radius = _Sent(team, self.name), 0.0
+        for count in range(_POWERS):
+            u, ahead, radius, settled = self._looked_at(T, u)
+            if settled or not self.team.in_time():
+                return u, radius
+            team.report(f"growth, iteration {count + 1}: spectral radius about {radius:.6g}")
+            u = ahead / radius + 1e-3 * u if radius > 0 else u
+        return self._inverted(T, u)
+
+    def _inverted(self, T: _Sent, u: Floats) -> tuple[Floats, float]:
+        """The same by inverse iterations, from above."""
+        team = self.team
+        u, ahead, radius, settled = self._looked_at(T, u)
+        for count in range(_INVERSES):
+            if settled or not (radius > 0 and self.team.in_time()):
+                break
+            error = ahead - radius * u
+            shift = radius + max(np.sqrt(float(team.dot(error, error) / team.dot(u, u))), 1e-12 * radius)
+            scaled = _Sent(team, self.name, 1 / shift)
+            better, _ = krylov(scaled, u, u / (1 - radius / shift), 1e-3, _ITERATIONS, dot=team.dot)
+            if not team.size(better) > 0 or not np.isfinite(team.size(better)):
+                break
+            if team.dot(self.dual, better) < 0:
+                better = -better
+            u, ahead, radius, settled = self._looked_at(T, better)
+            team.report(f"growth, inverse iteration {count + 1}: spectral radius about {radius:.6g}")
+        return u, radius
+
+    def _looked_at(self, T: _Sent, u: Floats) -> tuple[Floats, Floats, float, bool]:
+        """u scaled, T u, a quotient, and whether T u - u is settled where u is not tiny: is it growth or decay?"""
+        team = self.team
+        size = team.size(u)
+        if not size > 0 or not np.isfinite(size):
+            return u, u, 0.0, True
+        u = u / size
+        ahead = T @ u
+        radius = self._quotient(u, ahead)
+        loose = np.abs(ahead - radius * u) > 0.1 * abs(radius - 1) * np.abs(u)
+        return u, ahead, radius, team.all(not (loose & (np.abs(u) > 1e-8)).any())
+
+    # -- x
+
+    def _state(self, u: Floats, shift: float, rate: float) -> Floats | None:
+        """x of every shard in files, cut down to where it grows at the rate, and what it sends; None if nothing is."""
+        team = self.team
+        direct = self.t is not None
+        (heard,), _ = team.collect(f"states at {shift:.3g}", steps.state, shift, sees=[u])
+        for count in range(_CUTS + _SETTLING * direct):
+            if not self.team.in_time():
+                return None
+            (after,), told = team.collect(f"growing part, round {count + 1},", steps.cut, rate, sees=[heard])
+            change, heard = float(np.abs(after - heard).max(initial=0.0)), after
+            same = team.all(not any(told.values()))
+            if same and (not direct or team.most(change) <= 1e-14 * team.size(after)):
+                return heard
+        return None
+
+    def _receive(self) -> Floats:
+        """What inputs receive from the states in the files."""
+        heard = self.team.zeros(2)
+        for _ in range(_SETTLING if self.t is not None else 1):
+            (heard,), _ = self.team.collect("outputs", steps.receive, sees=[heard])
+        return heard
+
+    # -- the proof
+
+    def _proven(self, rate: float, heard: Floats) -> Shown | None:
+        team, network = self.team, self.team.network
+        (value, size), written = team.collect("outputs", steps.emit, sees=[heard], count=2)
+        if self._feeding is None:
+            self._feeding = senders(network)
+        sees = [value, size, value if self.t is None else self.t]
+        given = rate, self._feeding, self.t is not None
+        found: dict[int, tuple[Part, dict[str, Any]]] = {}
+        for p, part in team.each("proof of growth", steps.prove, *given, sees=sees):
+            if part is None:
+                break
+            found[p] = part[0], {"files": written[p] | part[1]}
+        if not team.all(len(found) == len(team.shards)):
+            return None
+        shards = team.together(found)
+        growth = together({p: part for p, (part, _) in shards.items()}, rate, network.discrete)
+        entries = [shards[p][1] if p in shards else {} for p in range(network.n_shards)]
+        return None if growth is None else Shown(growth, entries)
