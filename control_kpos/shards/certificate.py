@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,21 +19,34 @@ from ..exact.condition import all_hold
 from ..exact.intake import file_path, found
 from ..exact.matrix import Matrix
 from ..networks.blocks import Floats
-from ..networks.certificate import REMEDY, decreasing
+from ..networks.certificate import REMEDY, NetworkCertificate, decreasing
 from ..networks.certify import at_own_link, violation
 from ..networks.model import NetworkModel
 from ..networks.own_links import own_links_closed
-from ..networks.witnesses import CouplingViolation, NodeViolation, kept_parts, positive_parts
+from ..networks.witnesses import (
+    AlgebraicLoop,
+    CouplingViolation,
+    NetworkInstability,
+    NodeViolation,
+    kept_parts,
+    positive_parts,
+)
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from ..proof.files import digest
 from .folders import read_array, read_manifest, shard_folder, write_manifest
+from .growth_proof import VECTORS as GROWING
+from .growth_proof import Growth, Part, heard, is_growing, senders, together
 from .network import ShardedNetwork
+from .whole import reproven
 
 FORMAT = "kpos-shards-certificate/1"
 VECTORS = ("v", "r", "q")
 WEIGHTS = ("p", "t")
 _DATA = {"network", "status", "refuted", "reason", "shards"}
+# What manifests of some certificates have besides.
+_MORE = {"growth", "whole"}
+_REMEDY = {**REMEDY, Growth: REMEDY[NetworkInstability]}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +62,11 @@ class ShardedCertificate:
         steps in discrete time.  The smallest of `rates`.
     rates : ndarray
         The rate that every shard proves for its nodes; inf where there are none.  Empty without a proof.
-    witness : CouplingViolation, NodeViolation or None
-        For REFUTED: the link or the node that breaks Theorem 4, numbered in the whole network.
+    witness : CouplingViolation, NodeViolation, Growth, NetworkInstability, AlgebraicLoop or None
+        For REFUTED: the link or the node that breaks Theorem 4, numbered in the whole network, or a state that grows;
+        also an algebraic loop that does not contract, in small networks.
     refuted : int or None
-        The shard in which it is.
+        The shard in which a link or node is.
     reason : str
         For UNDECIDED: what was tried.
     n_nodes, n_shards : int
@@ -65,7 +79,7 @@ class ShardedCertificate:
     status: Status
     decay_rate: float
     rates: NDArray[np.float64]
-    witness: CouplingViolation | NodeViolation | None
+    witness: CouplingViolation | NodeViolation | Growth | NetworkInstability | AlgebraicLoop | None
     refuted: int | None
     reason: str
     n_nodes: int
@@ -88,7 +102,8 @@ class ShardedCertificate:
             now = check(self.path)
         except (CertificateFileError, OSError):
             return False
-        return (now.status, now.decay_rate, now.refuted) == (self.status, self.decay_rate, self.refuted)
+        mine, proven = ((c.status, c.decay_rate, c.refuted, f"{c.witness}") for c in (self, now))
+        return proven == mine
 
     def explain(self) -> str:
         """A few sentences a person can act on."""
@@ -97,8 +112,13 @@ class ShardedCertificate:
             rate, unit = floored(self.decay_rate, 4), "step" if self.discrete else "unit of time"
             return f"Proved: {what} is positive and exponentially stable with decay rate at least {rate} per {unit}."
         if self.status is Status.REFUTED:
-            return f"Not certified: {what} fails in shard {self.refuted}, {self.witness}. {REMEDY[type(self.witness)]}"
+            place = "" if self.refuted is None else f" in shard {self.refuted}"
+            return f"Not certified: {what} fails{place}, {self._reason()}. {_REMEDY[type(self.witness)]}"
         return f"Undecided: for {what} nothing is proven: {self.reason}."
+
+    def _reason(self) -> str:
+        steps = isinstance(self.witness, NetworkInstability) and self.discrete
+        return f"{self.witness}".replace("growth rate", "growth factor per step") if steps else f"{self.witness}"
 
     def __repr__(self) -> str:
         return f"<ShardedCertificate: {self.status.name}, {self.n_nodes} nodes in {self.n_shards} shards>"
@@ -224,7 +244,7 @@ class SavedCertificate:
         data = read_manifest(out, FORMAT)
         try:
             about = data["shards"]
-            sensible = set(data) == _DATA and data["status"] in Status.__members__ and isinstance(data["reason"], str)
+            sensible = _DATA <= set(data) <= _DATA | _MORE and data["status"] in Status.__members__ and isinstance(data["reason"], str)
             if not sensible or not (isinstance(about, list) and all(isinstance(shard, dict) for shard in about)):
                 raise CertificateFileError("it has other entries.")
             network = ShardedNetwork.open(out / data["network"]["folder"])
@@ -234,7 +254,8 @@ class SavedCertificate:
         if not same:
             raise CertificateFileError(f"{network.folder} is not the network that the certificate in {out} is about.")
         certificate = cls(out, data, network)
-        if data["status"] == "PROVED" and len(data["shards"]) != network.n_shards:
+        listed = "growth" in data or ("whole" not in data and data["status"] == "PROVED")
+        if listed and len(data["shards"]) != network.n_shards:
             raise CertificateFileError(f"{out} is about {len(data['shards'])} shards; there are {network.n_shards}.")
         return certificate
 
@@ -249,12 +270,16 @@ class SavedCertificate:
         return rate
 
     def vector(self, p: int, name: str, *, verify: bool = False) -> Floats:
-        """v, r, q, p or t of a shard, mapped."""
-        kind = {"v": 1, "r": 2, "q": 3, "p": 3, "t": 2}[name]
-        files, own, file = self.data["shards"][p].get("files"), self.network.own(p, kind), f"{name}.npy"
+        """v, r, q, p or t of a shard, or x, u, y or z, mapped."""
+        files, file = self.data["shards"][p].get("files"), f"{name}.npy"
         entry = files.get(name) if isinstance(files, dict) else None
         array = read_array(shard_folder(self.out, p) / file, entry, verify=verify)
-        if array.shape != (own.stop - own.start,) or array.dtype != float:
+        if name == "z":
+            size = int(self.network.receivers(self.network.halo(p))[2].sum())
+        else:
+            own = self.network.own(p, {"v": 1, "r": 2, "q": 3, "p": 3, "t": 2, "x": 1, "u": 2, "y": 3}[name])
+            size = own.stop - own.start
+        if array.shape != (size,) or array.dtype != float:
             raise CertificateFileError(f"{shard_folder(self.out, p) / file} has not the size of its shard.")
         return array
 
@@ -286,16 +311,17 @@ class SavedCertificate:
         """
         network, status = self.network, Status[self.data["status"]]
         rates, witness, refuted = np.zeros(0), None, None
-        if status is Status.PROVED:
-            shards = list(network.filled)
-            for p in shards:  # others read r of a shard, so that all are compared with their digests first
-                for name in ("r", *("t" * self.has_weights)):
-                    self.vector(p, name, verify=True)
+        if "whole" in self.data:
+            whole = reproven(network, self.out, self.data["whole"])
+            if whole.status is not status:
+                raise FalseClaimError(f"{self.out} says {status.name}, but its file in one piece proves {whole.status.name}.")
+            witness, rates = whole.witness, rates_in_one_piece(network, whole)
+        elif status is Status.PROVED:
             rates = np.full(network.n_shards, np.inf)
-            proofs = map(self.prove, shards) if executor is None else executor.map(partial(_prove, self.out), shards)
-            for count, (p, rate) in enumerate(proofs, 1):
-                report(f"proven: {count} of {len(shards)} shards")
+            for p, rate in self._each(("r", "t"), "prove", executor, report):
                 rates[p] = rate
+        elif "growth" in self.data:
+            witness = self._growth(executor, report)
         elif status is Status.REFUTED:
             refuted = self.data["refuted"]
             if type(refuted) is not int or refuted not in list(network.filled):
@@ -303,9 +329,61 @@ class SavedCertificate:
             _, witness, is_shown = positive_form(network, refuted, network.model(refuted, verify=True))
             if witness is None or not is_shown:
                 raise FalseClaimError(f"{self.out} says REFUTED, but no node or link of shard {refuted} shows it.")
-        least = float(rates.min(initial=np.inf)) if status is Status.PROVED else 0.0
+        least = float(rates.min()) if rates.size else 0.0
         about = network.n_nodes, network.n_shards, network.discrete, self.out
         return ShardedCertificate(status, least, rates, witness, refuted, self.data["reason"], *about)
+
+    def _each(
+        self, shared: Sequence[str], method: str, executor: Any, report: Any, *given: Mapping[int, Any]
+    ) -> Iterator[tuple[int, Any]]:
+        """What a method proves of every shard; others read the vectors that are `shared`: digests come first."""
+        shards = list(self.network.filled)
+        for p in shards:
+            for name in shared:
+                if name != "t" or self.has_weights:
+                    self.vector(p, name, verify=True)
+        each = [shards, *([part[p] for p in shards] for part in given)]
+        task = partial(_prove, self.out, method)
+        proofs = map(getattr(self, method), *each) if executor is None else executor.map(task, *each)
+        for count, found in enumerate(proofs, 1):
+            report(f"proven: {count} of {len(shards)} shards")
+            yield found
+
+    def _growth(self, executor: Any, report: Any) -> Growth:
+        """The state that grows, proven anew."""
+        if self.data["status"] != "REFUTED":
+            raise CertificateFileError(f"the manifest of {self.out} states growth and {self.data['status']}.")
+        self.growth_rate()
+        parts = dict(self._each(("z", "t"), "prove_growth", executor, report, senders(self.network)))
+        found = together(parts, self.growth_rate(), self.network.discrete)
+        if found is None:
+            raise FalseClaimError(f"{self.out} says REFUTED, but the state that is to grow is 0.")
+        return found
+
+    def growth_rate(self) -> float:
+        """The rate that is stated for a state that grows."""
+        try:
+            rate = float.fromhex(self.data["growth"])
+        except (TypeError, ValueError, OverflowError):
+            rate = np.nan
+        if not float(self.network.discrete) <= rate < np.inf:
+            raise CertificateFileError(f"the manifest of {self.out} states no rate of growth.")
+        return rate
+
+    def prove_growth(self, p: int, feeding: Sequence[int]) -> tuple[int, Part]:
+        """The number of a shard, and its part of the state, proven; `feeding` are the shards that feed it."""
+        model, witness, positive = positive_form(self.network, p, self.network.model(p, verify=True))
+        loops, rate = self.has_weights, self.growth_rate()
+        x, u, y, z = (self.vector(p, name, verify=name != "z") for name in GROWING)
+        loop = [self.vector(p, "p", verify=True), self.at_fed(p, "t")] if loops else None
+        received = heard(self.network, p, feeding, lambda s: self.vector(s, "z"))
+        if witness is not None or not (
+            positive
+            and (loops or not model.has_feedthrough)
+            and is_growing(model, (x, u, y, z), rate, received, loop)
+        ):
+            raise FalseClaimError(f"{self.out} says REFUTED, but shard {p} does not show that the state grows.")
+        return p, Part.of(self.network, p, model, x)
 
     def prove(self, p: int) -> tuple[int, float]:
         """The number of a shard and the rate that it proves."""
@@ -322,6 +400,13 @@ class SavedCertificate:
 
 
 @np.errstate(all="ignore")
-def _prove(out: Path, p: int) -> tuple[int, float]:
+def _prove(out: Path, method: str, p: int, *given: Any) -> tuple[int, Any]:
     """The same from the files, for any process."""
-    return SavedCertificate.open(out).prove(p)
+    return getattr(SavedCertificate.open(out), method)(p, *given)
+
+
+def rates_in_one_piece(network: ShardedNetwork, whole: NetworkCertificate) -> NDArray[np.float64]:
+    """The rate of every shard where all of them are proven at once."""
+    if not whole:
+        return np.zeros(0)
+    return np.where(np.diff(network.starts[0]) > 0, whole.decay_rate, np.inf)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
@@ -11,20 +12,25 @@ from typing import Any, TypeVar
 import numpy as np
 
 from ..errors import DataError
-from ..exact.intake import file_path
+from ..exact.budget import OutOfBudgetError
+from ..exact.intake import file_path, seconds
 from ..exact.rounding import HALF_ULP
 from ..networks.blocks import Floats
+from ..networks.certificate import NetworkCertificate
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from . import steps
-from .certificate import ShardedCertificate, state
+from .certificate import ShardedCertificate, rates_in_one_piece, state
 from .checkpoints import Checkpoints
 from .dask_team import DaskTeam, read_client
 from .folders import MANIFEST
+from .growth import Search
+from .growth_proof import Growth
 from .mpi import MpiTeam, Ranks
 from .network import ShardedNetwork
 from .ports import SolvePorts
 from .teams import Team
+from .whole import decided, fits, reproven
 
 T = TypeVar("T")
 
@@ -42,6 +48,7 @@ def certify(
     *,
     comm: Any = None,
     client: Any = None,
+    time_limit: float | None = None,
     progress: Target = None,
 ) -> ShardedCertificate:
     """Decide Theorem 4 for a network in shards, and write the certificate in shards too.
@@ -58,6 +65,9 @@ def certify(
     client : distributed.Client, optional
         Its workers do the steps for the shards.  They and this process see both folders under the same names.  A step
         that was lost with its worker is done again by another one.
+    time_limit : float, optional
+        Seconds for the search, not counting the proof of what it has found, and what small networks take in one piece.
+        It is looked at between products and shards.
     progress : callable or bool, optional
         As for `feedback_interconnect`; of many ranks the first reports.
 
@@ -108,6 +118,7 @@ def certify(
     ranks, workers = None if comm is None else Ranks(comm), None if client is None else read_client(client)
     if ranks is not None:
         ranks.require_alike(f"folder = {folder}, out = {out}")
+    begun, limit = time.monotonic(), seconds(time_limit)
     lead, together = (True, _alone) if ranks is None else (ranks.rank == 0, ranks.same)
     network, place, reporter = together(lambda: _begun(folder, out, progress, lead))
     with reporter as report, np.errstate(all="ignore"):
@@ -116,6 +127,7 @@ def certify(
             team: Team = DaskTeam(*about, workers)
         else:
             team = Team(*about) if ranks is None else MpiTeam(*about, ranks=ranks)
+        team.deadline = np.inf if limit is None else begun + limit
         found = _Run(team).certificate()
         team.lead(lambda: rmtree(place / _ASIDE, ignore_errors=True))
     return found
@@ -157,7 +169,9 @@ class _Run:
             found, reason = self._decided()
         except OutOfBudgetError:
             found, reason = None, "the time limit ended the search"
-        return found or self._in_one_piece() or self._undecided(reason)
+        if found is None:
+            found = self._in_one_piece()
+        return self._undecided(reason) if found is None else found
 
     def _decided(self) -> tuple[ShardedCertificate | None, str]:
         """Vectors that prove it, or a state that grows; or why there are none."""
@@ -170,23 +184,27 @@ class _Run:
             rates = self._proof() if may_prove else None
             if rates is not None:
                 return self._settled(Status.PROVED, shards=rates), ""
-        shown = Search(self.team, steps.PORTS, self.least, self.t).found(alone=not self.finite)
+        shown = Search(self.team, steps.PORTS, self.least, self.t).found()
         if shown is not None:
-            return self._settled(Status.REFUTED, shards=shown.shards, growth=shown.growth), ""
+            return self._settled(Status.REFUTED, shards=shown.shards, witness=shown.growth), ""
         if not self.finite:
             return None, "a node alone has an eigenvalue on the margin of stability, or overflows"
         return None, "no vectors that prove it and no state that grows were found, as may be close to the margin"
 
     def _in_one_piece(self) -> ShardedCertificate | None:
         """A network that is small enough, decided as a whole by the member that leads."""
-        team, found = self.team, None
+        team = self.team
+        mine: list[tuple[NetworkCertificate, dict[str, str]] | None] = []
         if not fits(self.network) or not team.in_time():
             return None
         team.report("all shards in one piece")
-        if team.leads:
-            found = decided(self.network, team.out)
-        found = team.first(None if found is None else (0, found))
-        return None if found is None else self._settled(found[1][0], whole=found[1])
+        team.lead(lambda: mine.append(decided(self.network, team.out)))
+        done = next((found for found in mine if found is not None), None)
+        entry = team.first(None if done is None else (0, done[1]))
+        if entry is None:
+            return None
+        whole = reproven(self.network, team.out, entry[1]) if done is None else done[0]
+        return self._settled(whole.status, whole=(whole, entry[1]))
 
     def _read(self) -> ShardedCertificate | None:
         """Keep the port equations of all shards; or the answer, if their data give one."""
@@ -278,12 +296,21 @@ class _Run:
         witness: Any = None,
         refuted: int | None = None,
         reason: str = "",
+        whole: tuple[NetworkCertificate, dict[str, str]] | None = None,
     ) -> ShardedCertificate:
         """The certificate, with its manifest written last."""
         shards, team = shards or [], self.team
-        entries = {"status": status.name, "refuted": refuted, "reason": reason, "shards": shards}
+        entries: dict[str, Any] = {"status": status.name, "refuted": refuted, "reason": reason, "shards": shards}
+        if isinstance(witness, Growth):
+            entries["growth"] = witness.rate.hex()
+        if whole is not None:
+            entries["whole"] = whole[1]
         team.lead(lambda: state(self.network, team.out, **entries))
-        proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
-        least = float(proven.min()) if shards else 0.0
+        proven = np.zeros(0)
+        if whole is not None:
+            witness, proven = whole[0].witness, rates_in_one_piece(self.network, whole[0])
+        elif status is Status.PROVED:
+            proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
+        least = float(proven.min()) if proven.size else 0.0
         about = self.network.n_nodes, self.network.n_shards, self.network.discrete, team.out
         return ShardedCertificate(status, least, proven, witness, refuted, reason, *about)

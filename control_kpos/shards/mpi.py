@@ -173,6 +173,15 @@ class MpiTeam(Team):
         self.ranks.comm.Alltoallv([vector[plan.ours], plan.given], [out[own:], plan.wanted])
         return out
 
+    def home(self, vector: Floats) -> Floats:
+        if self.seen is None:
+            return vector
+        own, plan = self.seen.own.stop - self.seen.own.start, self._plan
+        out, received = vector[:own].copy(), np.empty(int(plan.given.sum()))
+        self.ranks.comm.Alltoallv([vector[own:], plan.wanted], [received, plan.given])
+        np.add.at(out, plan.ours, received)
+        return out
+
     def agree(self, at: int | None = None, error: Exception | None = None) -> None:
         self.ranks.agree(at, error)
 

@@ -1,0 +1,114 @@
+"""Small networks in one piece: what shards leave open, within rounding of the margin, one process decides in integers."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from ..errors import CertificateFileError, FalseClaimError
+from ..exact.matrix import Matrix
+from ..networks.blocks import Index
+from ..networks.certificate import NetworkCertificate
+from ..networks.certify import certify
+from ..networks.conditions import same_numbers
+from ..networks.model import BLOCKS, NetworkModel
+from ..networks.nodes import NodeStack
+from ..proof.certificate import Status
+from ..proof.files import load_certificate
+from .network import ShardedNetwork
+
+# Of a certificate in one piece.
+FILE = "whole.json"
+# Networks with more nodes, or more states and inputs, are never held in one piece.
+_NODES, _SIGNALS = 5_000, 20_000
+
+
+def fits(network: ShardedNetwork) -> bool:
+    """True for a network that may be held in one piece."""
+    _, states, inputs, outputs = (int(starts[-1]) for starts in network.starts)
+    return network.n_nodes <= _NODES and states + inputs + outputs <= _SIGNALS
+
+
+def decided(network: ShardedNetwork, out: Path) -> tuple[NetworkCertificate, dict[str, str]] | None:
+    """The certificate of a network in one piece, in a file, with its entry in the manifest; None if UNDECIDED."""
+    found = certify(gathered(network))
+    if found.status is Status.UNDECIDED:
+        return None
+    found.save(out / FILE)
+    return found, {"sha256": _digest(out / FILE)}
+
+
+def reproven(network: ShardedNetwork, out: Path, entry: Any) -> NetworkCertificate:
+    """The certificate in the file, proven again, about the network in the shards.
+
+    Raises
+    ------
+    CertificateFileError
+        The file is missing, damaged or another one, or the network is too large to be held in one piece.
+    FalseClaimError
+        It proves nothing, or is about another network.
+    """
+    path = out / FILE
+    if not fits(network):
+        raise CertificateFileError(
+            f"{path} is about a network in one piece; that of {network.folder}, with {network.n_nodes} nodes, is too large."
+        )
+    if not path.is_file():
+        raise CertificateFileError(f"{path} is missing.")
+    if not isinstance(entry, dict) or set(entry) != {"sha256"} or _digest(path) != entry["sha256"]:
+        raise CertificateFileError(f"{path} is damaged: it is not the file that the manifest is about.")
+    found = load_certificate(path)
+    if not isinstance(found, NetworkCertificate) or found.status is Status.UNDECIDED:
+        raise FalseClaimError(f"{path} proves nothing about a network.")
+    if not same_network(found.model.origin or found.model, gathered(network, verify=True)):
+        raise FalseClaimError(f"{path} is about another network than the one in {network.folder}.")
+    return found
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+# -- the network
+
+
+def gathered(network: ShardedNetwork, *, verify: bool = False) -> NetworkModel:
+    """All shards in one piece."""
+    stacks: dict[tuple[int, int, int], list[tuple[NodeStack, Index]]] = {}
+    links: list[sp.coo_array] = []
+    for p in network.filled:
+        model, first = network.model(p, verify=verify), network.own(p, 0).start
+        for stated, s, index in zip(network.data["shards"][p]["stacks"], model.stacks, model.members, strict=True):
+            key = stated["X"], stated["U"], stated["Y"]
+            stacks.setdefault(key, []).append((s, index + first))
+        own, shape = model.WT.tocoo(), (int(network.starts[3][-1]), int(network.starts[2][-1]))
+        at = own.coords[0] + network.own(p, 3).start, network.fed(p)[own.coords[1]]
+        links.append(sp.coo_array((own.data, at), shape=shape))
+    joined = [_joined(parts) for parts in stacks.values()]
+    W = Matrix(sp.csr_array(sum(map(sp.csr_array, links[1:]), start=sp.csr_array(links[0])).T))
+    return NetworkModel(tuple(s for s, _ in joined), tuple(index for _, index in joined), W, network.dt)
+
+
+def _joined(parts: list[tuple[NodeStack, Index]]) -> tuple[NodeStack, Index]:
+    """Stacks of the same cones as one, in the order of the nodes."""
+    index = np.concatenate([k for _, k in parts])
+    order, first = np.argsort(index, kind="stable"), parts[0][0]
+    blocks = {name: Matrix(np.concatenate([getattr(s, name).values for s, _ in parts])[order]) for name in BLOCKS}
+    return NodeStack(**blocks, X=first.X, U=first.U, Y=first.Y, dt=first.dt), index[order]
+
+
+def same_network(a: NetworkModel, b: NetworkModel) -> bool:
+    """True if two networks have the same numbers, cones and time, node by node and link by link."""
+    if (a.dt, a.n_nodes, len(a.stacks), a.coupling.shape) != (b.dt, b.n_nodes, len(b.stacks), b.coupling.shape):
+        return False
+    for s, i, t, j in zip(a.stacks, a.members, b.stacks, b.members, strict=True):
+        cones = zip((s.X, s.U, s.Y), (t.X, t.U, t.Y), strict=True)
+        if not np.array_equal(i, j) or s.sizes != t.sizes or not all(x == y for x, y in cones):
+            return False
+        if not all(same_numbers(getattr(s, name), getattr(t, name)) for name in BLOCKS):
+            return False
+    return same_numbers(a.coupling, b.coupling)
