@@ -163,18 +163,24 @@ class Search:
             if not self.team.in_time():
                 return None
             (after,), told = team.collect(f"growing part, round {count + 1},", steps.cut, rate, sees=[heard])
-            change, heard = float(np.abs(after - heard).max(initial=0.0)), after
-            same = team.all(not any(told.values()))
-            if same and (not direct or team.most(change) <= 1e-14 * team.size(after)):
+            settled, heard = not direct or self._settled(heard, after), after
+            if team.all(not any(told.values())) and settled:
                 return heard
         return None
 
     def _receive(self) -> Floats:
         """What inputs receive from the states in the files."""
         heard = self.team.zeros(2)
-        for _ in range(_SETTLING if self.t is not None else 1):
-            (heard,), _ = self.team.collect("outputs", steps.receive, sees=[heard])
+        for _ in range(_SETTLING):
+            (after,), _ = self.team.collect("outputs", steps.receive, sees=[heard])
+            settled, heard = self._settled(heard, after), after
+            if self.t is None or settled:
+                break
         return heard
+
+    def _settled(self, before: Floats, after: Floats) -> bool:
+        team = self.team
+        return team.most(float(np.abs(after - before).max(initial=0.0))) <= 1e-14 * team.size(after)
 
     # -- the proof
 
