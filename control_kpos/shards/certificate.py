@@ -143,13 +143,13 @@ def positive_form(network: ShardedNetwork, p: int, model: NetworkModel) -> tuple
 
 
 def _renumbered(network: ShardedNetwork, p: int, witness: Any) -> Any:
-    """A witness in a shard with the numbers of its nodes in the whole network."""
+    """A witness in a shard with the numbers of its nodes in the source of the network."""
     own = network.own(p, 0)
     if isinstance(witness, NodeViolation):
-        return replace(witness, node=own.start + witness.node)
+        return replace(witness, node=network.number(own.start + witness.node))
     count, target = own.stop - own.start, witness.target
     target = own.start + target if target < count else int(network.halo(p)[target - count])
-    return replace(witness, target=target, source=own.start + witness.source)
+    return replace(witness, target=network.number(target), source=network.number(own.start + witness.source))
 
 
 def is_proven(model: NetworkModel, vectors: Sequence[Floats], rate: float, loop: Sequence[Floats] | None) -> bool:

@@ -27,6 +27,7 @@ _BLOCK = 2**22
 # Bytes of a file before its numbers, few as its dimensions are; without numbers it cannot be mapped.
 HEADER = 128
 _ENTRY = {"dtype", "shape", "sha256"}
+_TEXT = {"bytes", "sha256"}
 
 
 class _Hashed:
@@ -67,13 +68,51 @@ def keep_array(path: Path, array: NDArray[Any]) -> None:
     write_whole(path, write, durable=False)
 
 
-def write_manifest(folder: Path, form: str, data: dict[str, Any]) -> None:
+def write_text(path: Path, content: Any) -> dict[str, Any]:
+    """Write JSON in UTF-8; its entry in the manifest."""
+    text = json.dumps(content, ensure_ascii=False, separators=(",", ":")).encode()
+    write_whole(path, lambda stream: stream.write(text), durable=False)
+    return {"bytes": len(text), "sha256": hashlib.sha256(text).hexdigest()}
+
+
+def read_text(path: Path, entry: Any) -> Any:
+    """The content of such a file.
+
+    Raises
+    ------
+    CertificateFileError
+        The file is missing, or is not the one that the manifest is about.
+    """
+    try:
+        require_regular(path)
+        if not isinstance(entry, dict) or set(entry) != _TEXT or path.stat().st_size != entry["bytes"]:
+            raise CertificateFileError("it has not the length that the manifest states.")
+        text = path.read_bytes()
+        if hashlib.sha256(text).hexdigest() != entry["sha256"]:
+            raise CertificateFileError("it is not the file that the manifest is about; its digest differs.")
+        return parse(text.decode())
+    except FileNotFoundError:
+        raise CertificateFileError(f"{path} is missing.") from None
+    except (CertificateFileError, UnicodeDecodeError) as error:
+        raise CertificateFileError(f"{path} is damaged: {error}") from None
+
+
+def append(path: Path, records: NDArray[Any]) -> None:
+    """Write records behind those in a file that nobody else reads."""
+    try:
+        with open(path, "ab") as stream:
+            stream.write(np.ascontiguousarray(records).data)
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from None  # a full disk names no file
+
+
+def write_manifest(folder: Path, form: str, data: dict[str, Any], name: str = MANIFEST) -> None:
     """Write the manifest, which makes a folder readable."""
     text = json.dumps({"format": form, "digest": digest(data), "data": data}, indent=1)
-    write_whole(folder / MANIFEST, lambda stream: stream.write(text.encode()))
+    write_whole(folder / name, lambda stream: stream.write(text.encode()), durable=name == MANIFEST)
 
 
-def read_manifest(folder: Path, form: str) -> dict[str, Any]:
+def read_manifest(folder: Path, form: str, name: str = MANIFEST) -> dict[str, Any]:
     """The data of a manifest.
 
     Raises
@@ -81,10 +120,10 @@ def read_manifest(folder: Path, form: str) -> dict[str, Any]:
     CertificateFileError
         There is none, or it is damaged or of another format.
     """
-    path = folder / MANIFEST
+    path = folder / name
     if not path.exists():
         raise CertificateFileError(
-            f"the folder {folder} has no {MANIFEST}: nothing was written there, or not to the end."
+            f"the folder {folder} has no {name}: nothing was written there, or not to the end."
         )
     try:
         require_regular(path)

@@ -23,14 +23,16 @@ from ..networks.blocks import Index
 from ..networks.model import BLOCKS, Halo, NetworkModel
 from ..networks.nodes import NodeStack, Timebase
 from ..proof.portable_cones import decode_cone, encode_cone
-from .folders import read_array, read_manifest, shard_folder
+from .exact_numbers import with_entries, with_weights
+from .folders import read_array, read_manifest, read_text, shard_folder
 
 FORMAT = "kpos-shards/1"
 _SIZES = ("states", "inputs", "outputs")
 # Sizes in a manifest that no network has.
-_MOST = 2**48
+MOST = 2**48
 _STACK = {"nodes", "X", "U", "Y"}
 _SHARD = {"nodes", "stacks", "files"}
+_EXACT = {"nodes", "links"}
 _DATA = {"dt", "cones", "shards"}
 
 
@@ -85,7 +87,7 @@ class ShardedNetwork:
     def of(cls, folder: Path, data: dict[str, Any]) -> ShardedNetwork:
         """The network that a manifest describes."""
         try:
-            out = cls(folder, data, tuple(decode_cone(runs, _MOST) for runs in data["cones"]))
+            out = cls(folder, data, tuple(decode_cone(runs, MOST) for runs in data["cones"]))
             out._require_sense()
         except (KposError, KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise CertificateFileError(f"the manifest of {folder} describes no network: {error}") from None
@@ -93,12 +95,15 @@ class ShardedNetwork:
 
     def _require_sense(self) -> None:
         if set(self.data) != _DATA or any(
-            set(s) != _SHARD or not isinstance(s["files"], dict) for s in self.data["shards"]
+            set(s) - {"exact"} != _SHARD
+            or not isinstance(s["files"], dict)
+            or not {*s.get("exact", {})} <= _EXACT
+            for s in self.data["shards"]
         ):
             raise CertificateFileError("it has other entries.")
         stacks = [t for s in self.data["shards"] for t in s["stacks"]]
         numbers = [n for t in stacks for n in (t[key] for key in _STACK)] + [s["nodes"] for s in self.data["shards"]]
-        if any(set(t) != _STACK for t in stacks) or any(type(n) is not int or not 0 <= n < _MOST for n in numbers):
+        if any(set(t) != _STACK for t in stacks) or any(type(n) is not int or not 0 <= n < MOST for n in numbers):
             raise CertificateFileError("its stacks are not understood.")
         if any(t["nodes"] < 1 for t in stacks) or any(
             sum(t["nodes"] for t in s["stacks"]) != s["nodes"] for s in self.data["shards"]
@@ -111,8 +116,7 @@ class ShardedNetwork:
 
     @cached_property
     def dt(self) -> Timebase:
-        dt = self.data["dt"]
-        return float.fromhex(dt) if isinstance(dt, str) else dt if dt is None or isinstance(dt, bool) else int(dt)
+        return read_time(self.data["dt"])
 
     @property
     def discrete(self) -> bool:
@@ -154,6 +158,32 @@ class ShardedNetwork:
         entry = self.data["shards"][p]["files"].get(name)
         return read_array(shard_folder(self.folder, p) / f"{name}.npy", entry, verify=verify)
 
+    def exact(self, p: int, kind: str) -> dict[str, Any]:
+        """The numbers of the nodes or links of a shard that are no doubles, by array; see `exact_numbers`."""
+        entries = self.data["shards"][p].get("exact", {})
+        if kind not in entries:
+            return {}
+        path = shard_folder(self.folder, p) / exact_file(kind)
+        out = read_text(path, entries[kind])
+        if not (isinstance(out, dict) and out and set(out) <= set(self.data["shards"][p]["files"])):
+            raise CertificateFileError(f"{path} is damaged: it is about other arrays.")
+        return out
+
+    def numbers(self, p: int, places: Any) -> Index:
+        """The numbers that nodes of a shard have in the source, by their places in the shard."""
+        own = self.own(p, 0)
+        if "numbers" not in self.data["shards"][p]["files"]:
+            return own.start + np.asarray(places)
+        numbers = self.array(p, "numbers")
+        if numbers.shape != (own.stop - own.start,) or numbers.dtype.kind != "i":
+            raise CertificateFileError(f"the numbers of nodes of {shard_folder(self.folder, p)} are damaged.")
+        return numbers[places]
+
+    def number(self, node: int) -> int:
+        """The number in the source of a node, by its place among those of all shards."""
+        p = int(np.searchsorted(self.starts[0], node, side="right")) - 1
+        return int(self.numbers(p, node - self.own(p, 0).start))
+
     def members(self, p: int, *, verify: bool = False) -> list[Index]:
         """The places of the nodes of every stack among those of the shard."""
         shard = self.data["shards"][p]
@@ -169,18 +199,30 @@ class ShardedNetwork:
     def model(self, p: int, *, verify: bool = False) -> NetworkModel:
         """A shard as a model; with `verify` its files are compared with their digests."""
         members = self.members(p, verify=verify)
-        stacks = [self._stack(p, g, verify) for g in range(len(members))]
+        exact = self.exact(p, "nodes")
+        stacks = [self._stack(p, g, exact, verify) for g in range(len(members))]
         nodes = self.halo(p, verify=verify)
         kinds, _, sizes = self.receivers(nodes)
         occurring = np.unique(kinds)
         halo = Halo(tuple(self.cones[i] for i in occurring), np.searchsorted(occurring, kinds))
         width = sum(index.size * s.sizes[1] for index, s in zip(members, stacks, strict=True)) + int(sizes.sum())
         WT = self._links(p, width, verify)
-        out = NetworkModel(tuple(stacks), tuple(members), Matrix(sp.csr_array(WT.T)), self.dt, None, halo)
+        W = self._weights(p, WT)
+        out = NetworkModel(tuple(stacks), tuple(members), W, self.dt, None, halo)
         vars(out)["WT"] = WT
         return out
 
-    def _stack(self, p: int, g: int, verify: bool) -> NodeStack:
+    def _weights(self, p: int, WT: sp.csr_array) -> Matrix:
+        """W of a shard: in doubles, or dense if there are others."""
+        exact = self.exact(p, "links")
+        if not exact:
+            return Matrix(sp.csr_array(WT.T))
+        try:
+            return with_weights(WT, exact.get("weights"))
+        except CertificateFileError as error:
+            raise CertificateFileError(f"the links of {shard_folder(self.folder, p)} are damaged: {error}") from None
+
+    def _stack(self, p: int, g: int, exact: dict[str, Any], verify: bool) -> NodeStack:
         stated = self.data["shards"][p]["stacks"][g]
         cones = [self.cones[stated[key]] for key in "XUY"]
         parts = {}
@@ -196,8 +238,18 @@ class ShardedNetwork:
                 )
             if verify and not np.isfinite(values).all():
                 raise CertificateFileError(f"{name}{g} of {shard_folder(self.folder, p)} holds numbers not finite.")
-            parts[name] = Matrix(np.broadcast_to(values, shape))
+            if f"{name}{g}" in exact:
+                M = self._in_fractions(p, f"{name}{g}", values, exact)
+                parts[name] = M if len(values) == shape[0] else M[np.zeros(shape[0], dtype=np.intp)]
+            else:
+                parts[name] = Matrix(np.broadcast_to(values, shape))
         return NodeStack(**parts, X=cones[0], U=cones[1], Y=cones[2], dt=self.dt)
+
+    def _in_fractions(self, p: int, name: str, values: Any, exact: dict[str, Any]) -> Matrix:
+        try:
+            return with_entries(values, exact[name])
+        except CertificateFileError as error:
+            raise CertificateFileError(f"{name} of {shard_folder(self.folder, p)} is damaged: {error}") from None
 
     def _links(self, p: int, width: int, verify: bool) -> sp.csr_array:
         """W' of a shard, outputs by own inputs and inputs of the halo."""
@@ -280,6 +332,16 @@ class ShardedNetwork:
             _, begin = self._inputs_in(p)
             out[part] = self.own(p, 0).start + np.searchsorted(begin, inputs[part], side="right") - 1
         return out
+
+
+def exact_file(kind: str) -> str:
+    """The name of the file with the numbers of nodes or links that are no doubles."""
+    return f"exact-{kind}.json"
+
+
+def read_time(dt: Any) -> Timebase:
+    """The time that a manifest states."""
+    return float.fromhex(dt) if isinstance(dt, str) else dt if dt is None or isinstance(dt, bool) else int(dt)
 
 
 def ranges(first: Index, sizes: Index) -> Index:

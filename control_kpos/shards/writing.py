@@ -1,100 +1,89 @@
-"""Networks to files, shard by shard: from nodes and a coupling, or from an object that makes a part when asked."""
+"""Networks to files, shard by shard: from nodes and a coupling, from tables, or from an object that makes a part."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import pairwise
+from collections.abc import Iterator
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
+from shutil import rmtree
 from typing import Any, Protocol
 
 import numpy as np
 import scipy.sparse as sp
 
-from ..errors import ConeMismatchError, DataError, TimebaseError
-from ..exact.intake import exact_matrix, file_path, found, sparse_matrix, whole_number
+from ..errors import DataError, TimebaseError
+from ..exact.intake import file_path, flag
 from ..exact.matrix import Matrix
 from ..networks.blocks import Index
-from ..networks.coupling import read_coupling
-from ..networks.model import BLOCKS, NetworkModel, gather, same_timebase
+from ..networks.coupling import entries_of
+from ..networks.model import BLOCKS, same_timebase
 from ..networks.nodes import NodeStack, Timebase
 from ..progress import Reporter, Target
-from .folders import MANIFEST, write_arrays, write_manifest
-from .network import FORMAT, ConeTable, ShardedNetwork
+from ..proof.files import digest
+from ..proof.portable_cones import decode_cone
+from .exact_numbers import Entries, are_equal, entries_beside
+from .folders import MANIFEST, shard_folder, write_arrays, write_manifest, write_text
+from .network import FORMAT, MOST, ConeTable, ShardedNetwork, exact_file, read_time
+from .partition import Parts, share_out
+from .sorting import Sorted
+from .sources import Asked, Given, Nodes, Pieces, read_source, require_size
+from .unfinished import Unfinished, plan_of
 
-# Nodes of a shard, where the number of shards is not given.
-_NODES = 250_000
-# The most shards.
-_PARTS = 10**5
-
-Nodes = tuple[tuple[NodeStack, ...], tuple[Index, ...], Timebase]
+# Where pieces of a source are sorted, inside the folder.
+_ASIDE = ".sorting"
 
 
-class Source(Protocol):
-    """A network of which nodes and links are asked for part by part.
+class Shards(Protocol):
+    """A network by shards."""
 
-    Attributes
-    ----------
-    n_nodes : int
-    """
-
-    n_nodes: int
-
-    def nodes(self, first: int, last: int) -> Any:
-        """Nodes first, ..., last - 1, as `feedback_interconnect` takes systems."""
+    def take_nodes(self, kept: set[int]) -> None:
+        """Make nodes ready, but those of some shards."""
         ...
 
-    def links(self, first: int, last: int) -> Any:
-        """Columns of W that leave them: a matrix with a row for every input of the network, dense or sparse."""
+    def take_links(self, kept: set[int]) -> None:
+        """Make links ready, but those of some shards."""
+        ...
+
+    def nodes(self, p: int) -> Nodes:
+        """The nodes of a shard."""
+        ...
+
+    def links(self, p: int) -> Matrix:
+        """Rows of W' of their outputs."""
         ...
 
 
-@dataclass(frozen=True)
-class _Given:
-    """A network that is there as a whole."""
+class _InOrder:
+    """A network of which nodes follow each other as in the source: nothing has to be sorted."""
 
-    model: NetworkModel
+    def __init__(self, source: Given | Asked, parts: Parts) -> None:
+        self.source, self.ends = source, parts.ends
 
-    @property
-    def n_nodes(self) -> int:
-        return self.model.n_nodes
+    def take_nodes(self, kept: set[int]) -> None: ...
 
-    def nodes(self, first: int, last: int) -> Nodes:
-        stacks, members = [], []
-        for s, index in zip(self.model.stacks, self.model.members, strict=True):
-            chosen = np.flatnonzero((index >= first) & (index < last))
-            if chosen.size:
-                stacks.append(s.take(chosen))
-                members.append(index[chosen] - first)
-        return tuple(stacks), tuple(members), self.model.dt
+    def take_links(self, kept: set[int]) -> None: ...
 
-    def links(self, first: int, last: int) -> sp.csr_array:
-        y = self.model.offsets[2]
-        return self.model.WT[int(y[first]) : int(y[last])]
+    def nodes(self, p: int) -> Nodes:
+        return self.source.nodes(*self.ends[p])
+
+    def links(self, p: int) -> Matrix:
+        return self.source.links(*self.ends[p])
 
 
-@dataclass(frozen=True)
-class _Asked:
-    """A network that an object makes part by part."""
-
-    source: Source
-    n_nodes: int
-
-    def nodes(self, first: int, last: int) -> Nodes:
-        what = f"source.nodes({first}, {last})"
-        stacks, members, dt = gather(self.source.nodes(first, last), what)
-        count = sum(map(len, stacks))
-        if count != last - first:
-            raise ConeMismatchError(f"{what} gives {count} nodes; {last - first} are asked for.")
-        return stacks, members, dt
-
-    def links(self, first: int, last: int) -> sp.csr_array:
-        what, W = f"source.links({first}, {last})", self.source.links(first, last)
-        if sp.issparse(W):
-            return sparse_matrix(W.T, what)
-        exact = exact_matrix(W, what)
-        _require_doubles(exact, what)
-        return sp.csr_array(exact.values.T)
+@contextmanager
+def _by_shards(source: Given | Asked | Pieces, parts: Parts, path: Path, report: Reporter) -> Iterator[Shards]:
+    if isinstance(source, Given):
+        yield _InOrder(source if parts.order is None else source.reordered(parts.order), parts)
+    elif isinstance(source, Asked) and parts.order is None:
+        yield _InOrder(source, parts)
+    else:
+        aside = path / _ASIDE
+        rmtree(aside, ignore_errors=True)  # of a write that was killed
+        try:
+            yield Sorted(source, parts, aside, report)
+        finally:
+            rmtree(aside, ignore_errors=True)
 
 
 def write(
@@ -102,23 +91,33 @@ def write(
     folder: str | PathLike[str],
     parts: int | None = None,
     *,
+    partition: Any = None,
+    resume: bool = False,
     progress: Target = None,
 ) -> Path:
     """Write a network to files, in shards that are certified one at a time.
 
-    Shard s holds nodes that follow each other and the columns of W that leave them.
+    Shard s holds some of the nodes and the columns of W that leave them.
 
     Parameters
     ----------
     source : tuple (nodes, coupling), or an object
-        Nodes and coupling as `feedback_interconnect` takes them; for what no memory holds, an object with ``n_nodes``,
-        ``nodes(first, last)`` and ``links(first, last)``.  ``nodes`` gives nodes first, ..., last - 1 as a stack or a
-        list of systems; ``links`` the columns of W that leave them, a matrix of shape (all inputs, their outputs),
-        best a ``scipy.sparse.csc_array``.  Both are asked for one shard at a time, first all nodes.
+        Nodes and coupling as `feedback_interconnect` takes them.  For what no memory holds: tables in files, see
+        `parquet`, or an object with ``n_nodes``, ``nodes(first, last)`` and ``links(first, last)``.  ``nodes`` gives
+        nodes first, ..., last - 1 as a stack or a list of systems; ``links`` the columns of W that leave them, a
+        matrix of shape (all inputs, their outputs), best a ``scipy.sparse.csc_array``.  Both are asked for one shard
+        at a time, first all nodes.
     folder : path-like
         Where the files go; made if it is not there.
     parts : int, optional
         How many shards.  Default: one for every 250 000 nodes.
+    partition : "blocks", "metis", or array_like of int, shape (N,), optional
+        Which nodes stand together.  Default: blocks of nodes that follow each other.  "metis" lets few links lead from
+        one shard to another; it needs pymetis and the graph of all links in memory, about 50 bytes a link.  An array
+        has the number of the shard of every node, from 0.
+    resume : bool
+        True: continue a write that was interrupted.  Shards that it had finished are kept if their files are whole,
+        and are not asked for again; you vouch for that the source is the same.
     progress : callable or bool, optional
         As for `feedback_interconnect`.
 
@@ -130,9 +129,13 @@ def write(
     Raises
     ------
     DataError
-        A folder that holds a network already; numbers that no double is equal to.
+        A folder that holds a network already; with `resume`, the beginning of another one.
     ConeMismatchError, ShapeError, TimebaseError
-        Parts of other sizes than asked for, or that do not fit together.
+        Parts of other sizes than asked for, or that do not fit together; not one shard for every node.
+    SolverError
+        "metis" without pymetis.
+    TooLargeError
+        More links than METIS takes, 10^9.
     OSError
         Files cannot be written; the file is named.
 
@@ -140,7 +143,12 @@ def write(
     -----
     Raw ``.npy`` arrays of doubles and one ``manifest.json`` with their sizes, types and SHA-256 digests.  Every file
     is written under another name and renamed, the manifest last, so that a folder is complete or is not read.
-    8 (n n + n m + q n) bytes a node and 12 a link.  Names of nodes and signals are not kept.
+    8 (n n + n m + q n) bytes a node and 12 a link.  Numbers such as 1/3 are kept exactly, beside the doubles closest
+    to them.
+
+    With `partition` nodes are moved, and the certificate names them by their numbers in the source.  Tables, and parts
+    of an object with `partition`, are sorted in files inside the folder first, which takes as much again on the disk
+    until the end, and some 40 bytes a node in memory; only doubles can be sorted so.
 
     Examples
     --------
@@ -151,57 +159,78 @@ def write(
     >>> kp.shards.certify(folder, folder / "proof").status.name
     'PROVED'
     """
-    path, whole = file_path(folder, "folder"), _read_source(source)
-    count = -(-whole.n_nodes // _NODES) if parts is None else whole_number(parts, "parts", least=1, most=_PARTS)
+    path, whole, resume = file_path(folder, "folder"), read_source(source), flag(resume, "resume")
     if (path / MANIFEST).exists():
         raise DataError(f"folder: {path} holds a network already; give another folder, or remove it first.")
-    cuts = np.linspace(0, whole.n_nodes, count + 1).astype(np.int64).tolist()
-    cones, shards, dt = ConeTable(), [], None
-    with Reporter(progress) as report:
-        for p, (first, last) in enumerate(pairwise(cuts)):
-            report(f"nodes of shard {p + 1} of {count}")
-            stacks, members, own = whole.nodes(first, last) if last > first else ((), (), None)
-            if not same_timebase(dt, own):
-                raise TimebaseError(f"nodes {first} to {last - 1} have dt = {own}, but the first has dt = {dt}.")
-            dt = own if dt is None or dt is True else dt
-            shards.append(_write_nodes(path, p, stacks, members, cones))
-        data = {"dt": _stated(0 if dt is None else dt), "cones": cones.encoded, "shards": shards}
-        network = ShardedNetwork.of(path, data)
-        for p, (first, last) in enumerate(pairwise(cuts)):
-            report(f"links of shard {p + 1} of {count}")
-            if last > first:
-                shards[p]["files"] |= _write_links(network, p, whole.links(first, last))
+    shares = share_out(whole, parts, partition)
+    plan = plan_of(whole, shares)
+    notes = Unfinished.begin(path, plan, resume=resume)
+    with Reporter(progress) as report, _by_shards(whole, shares, path, report) as ordered:
+        run = _Write(path, shares, ordered, notes, report)
+        data = run.nodes(digest(plan))
+        run.links(data)
         write_manifest(path, FORMAT, data)
+    notes.end()
     return path
 
 
-def _read_source(source: Any) -> _Given | _Asked:
-    if isinstance(source, (tuple, list)):
-        if len(source) != 2:
-            raise DataError(f"source has {len(source)} items; give two, nodes and coupling.")
-        stacks, members, dt = gather(source[0], "source[0]")
-        model = NetworkModel(stacks, members, Matrix(sp.csr_array((0, 0))), 0 if dt is None else dt)
-        W = read_coupling(source[1], model)
-        _require_doubles(W, "source[1]")
-        return _Given(model.with_coupling(Matrix(sp.csr_array(W.values))))
-    if not _is_source(source):
-        raise DataError(
-            f"source is {found(source)}; give (nodes, coupling), or an object with n_nodes, nodes(first, last) and "
-            "links(first, last)."
-        )
-    return _Asked(source, whole_number(source.n_nodes, "source.n_nodes", least=1))
+class _Write:
+    """One write: nodes of all shards, then links, which lead to nodes of any."""
 
+    def __init__(self, path: Path, parts: Parts, ordered: Shards, notes: Unfinished, report: Reporter) -> None:
+        self.path, self.parts, self.ordered, self.notes, self.report = path, parts, ordered, notes, report
+        self.cones = ConeTable()
 
-def _is_source(source: Any) -> bool:
-    try:
-        return callable(source.nodes) and callable(source.links) and source.n_nodes is not None
-    except Exception:  # noqa: BLE001  (attributes run code of the object, which may raise anything)
-        return False
+    def nodes(self, about: str) -> dict[str, Any]:
+        """Write the nodes of every shard that is not kept; what the manifest states of all."""
+        kept = self._kept("nodes", about)
+        self.ordered.take_nodes(set(kept))
+        shards, dt = [], None
+        for p, (first, last) in enumerate(self.parts.ends):
+            self.report(f"nodes of shard {p + 1} of {len(self.parts)}")
+            if p in kept:
+                own, shard = self._again(kept[p])
+            else:
+                stacks, members, own = self.ordered.nodes(p) if last > first else ((), (), None)
+                shard = _write_nodes(self.path, p, stacks, members, self.cones)
+                if self.parts.order is not None and last > first:
+                    shard["files"] |= write_arrays(self.path, p, {"numbers": self.parts.order[first:last]})
+                note = {"dt": _stated(own), "cones": list(self.cones.encoded), **shard}
+                self.notes.keep("nodes", p, about, note)
+            if not same_timebase(dt, own):
+                raise TimebaseError(f"nodes {first} to {last - 1} have dt = {own}, but the first has dt = {dt}.")
+            dt = own if dt is None or dt is True else dt
+            shards.append(shard)
+        return {"dt": _stated(0 if dt is None else dt), "cones": self.cones.encoded, "shards": shards}
 
+    def links(self, data: dict[str, Any]) -> None:
+        """Write the links of every shard that is not kept."""
+        network, about = ShardedNetwork.of(self.path, data), digest(data)
+        kept = self._kept("links", about)
+        self.ordered.take_links(set(kept))
+        for p, (first, last) in enumerate(self.parts.ends):
+            self.report(f"links of shard {p + 1} of {len(self.parts)}")
+            if last == first:
+                continue
+            if p not in kept:
+                kept[p] = _write_links(network, p, self.ordered.links(p))
+                self.notes.keep("links", p, about, kept[p])
+        for p, found in kept.items():  # not before, for the notes are about the nodes alone
+            shard = data["shards"][p]
+            shard["files"] |= found["files"]
+            if "exact" in found:
+                shard["exact"] = shard.get("exact", {}) | found["exact"]
 
-def _require_doubles(M: Matrix, name: str) -> None:
-    if not M.is_double:
-        raise DataError(f"{name} holds a number that no double is equal to; shards hold doubles. Round it yourself.")
+    def _kept(self, kind: str, about: str) -> dict[int, dict[str, Any]]:
+        notes = {p: self.notes.kept(kind, p, about) for p in range(len(self.parts))}
+        return {p: note for p, note in notes.items() if note is not None}
+
+    def _again(self, note: dict[str, Any]) -> tuple[Timebase, dict[str, Any]]:
+        """The time and the entry of a shard that was written before, with the cones in the table of now."""
+        places = [self.cones.place(decode_cone(runs, MOST)) for runs in note.pop("cones")]
+        for stack in note["stacks"]:
+            stack.update({key: places[stack[key]] for key in "XUY"})
+        return read_time(note.pop("dt")), note
 
 
 def _stated(dt: Timebase) -> Any:
@@ -211,43 +240,59 @@ def _stated(dt: Timebase) -> Any:
 def _write_nodes(
     path: Path, p: int, stacks: tuple[NodeStack, ...], members: tuple[Index, ...], cones: ConeTable
 ) -> dict[str, Any]:
-    arrays = {}
+    arrays, exact = {}, {}
     for g, (s, index) in enumerate(zip(stacks, members, strict=True)):
         for name in BLOCKS:
             M: Matrix = getattr(s, name)
-            _require_doubles(M, f"{name} of nodes in shard {p}")
             if not M.is_zero:
-                alike = bool((M.values == M.values[0]).all())  # equal matrices need one proof
-                arrays[f"{name}{g}"] = M.values[:1] if alike else M.values
+                M = M[:1] if are_equal(M) else M  # equal matrices need one proof
+                arrays[f"{name}{g}"], exact[f"{name}{g}"] = M.values, entries_beside(M)
         if len(stacks) > 1:
             arrays[f"members{g}"] = index
     entries = [{"nodes": len(s), "X": cones.place(s.X), "U": cones.place(s.U), "Y": cones.place(s.Y)} for s in stacks]
-    return {"nodes": sum(map(len, stacks)), "stacks": entries, "files": write_arrays(path, p, arrays)}
+    files = _write_files(path, p, arrays, "nodes", exact)
+    return {"nodes": sum(map(len, stacks)), "stacks": entries, **files}
 
 
-def _write_links(network: ShardedNetwork, p: int, WT: sp.csr_array) -> dict[str, Any]:
+def _write_files(
+    path: Path, p: int, arrays: dict[str, Any], kind: str, exact: dict[str, Entries]
+) -> dict[str, Any]:
+    """The arrays of a shard, and the numbers in them that are no doubles."""
+    out: dict[str, Any] = {"files": write_arrays(path, p, arrays)}
+    beside = {name: entries for name, entries in exact.items() if entries}
+    if beside:
+        out["exact"] = {kind: write_text(shard_folder(path, p) / exact_file(kind), beside)}
+    return out
+
+
+def _write_links(network: ShardedNetwork, p: int, WT: Matrix) -> dict[str, Any]:
     """The links of a shard, and the nodes elsewhere that they lead to."""
     own, outputs, total = network.own(p, 2), network.own(p, 3), int(network.starts[2][-1])
-    shape = total, outputs.stop - outputs.start
-    if WT.shape != shape[::-1]:
-        nodes = network.own(p, 0)
-        raise ConeMismatchError(
-            f"the links of nodes {nodes.start} to {nodes.stop - 1} are {WT.shape[1]} x {WT.shape[0]}, but there are "
-            f"{shape[0]} inputs in all, and these nodes have {shape[1]} outputs."
-        )
-    targets = WT.indices.astype(np.int64)
+    nodes = network.own(p, 0)
+    require_size(WT, nodes.start, nodes.stop, total, outputs.stop - outputs.start)
+    values, indptr, targets = _entries(WT)
     inside = (targets >= own.start) & (targets < own.stop)
     away, where = np.unique(targets[~inside], return_inverse=True)
-    nodes = network.nodes_of(away)
-    halo = np.unique(nodes)
+    fed = network.nodes_of(away)
+    halo = fed[np.diff(fed, prepend=-1) > 0]
     _, first, sizes = network.receivers(halo)
-    at = np.searchsorted(halo, nodes)
+    at = np.searchsorted(halo, fed)
     local = np.where(inside, targets - own.start, 0)
     begin = (own.stop - own.start) + np.cumsum(sizes) - sizes
     local[~inside] = (begin[at] + away - first[at])[where]
     width = (own.stop - own.start) + int(sizes.sum())
-    kind = np.int32 if max(width, WT.nnz) < 2**31 else np.int64
-    out = sp.csr_array((WT.data, local.astype(kind), WT.indptr.astype(kind)), shape=(shape[1], width))
+    kind = np.int32 if max(width, len(targets)) < 2**31 else np.int64
+    places = np.arange(len(targets))
+    out = sp.csr_array((places, local.astype(kind), indptr.astype(kind)), shape=(len(indptr) - 1, width))
     out.sort_indices()
-    arrays = {"weights": out.data, "targets": out.indices, "indptr": out.indptr, "halo": halo}
-    return write_arrays(network.folder, p, arrays)
+    values = values[out.data]
+    arrays = {"weights": values.values, "targets": out.indices, "indptr": out.indptr, "halo": halo}
+    return _write_files(network.folder, p, arrays, "links", {"weights": entries_beside(values)})
+
+
+def _entries(WT: Matrix) -> tuple[Matrix, Index, Index]:
+    """The entries of W' row by row, where rows begin, and columns."""
+    if WT.is_sparse:
+        return Matrix(WT.values.data), WT.values.indptr, WT.values.indices.astype(np.int64)
+    rows, columns, values = entries_of(WT)
+    return values, np.searchsorted(rows, np.arange(WT.shape[0] + 1)), columns
