@@ -35,6 +35,8 @@ HIDDEN_IMPORTS = {
     "flint": "takes a sixth of what this package adds to `import control`, and most verdicts need no exact solve",
     "mpi4py": "starts MPI, and is installed by who runs networks in shards on many machines",
     "highspy": "takes a tenth of what this package adds to `import control`, and Theorems 1 and 2 solve no program",
+    "pyarrow.parquet": "an extra, for networks in tables",
+    "pymetis": "an extra, for partitions of networks",
 }
 
 # Above this length a file is likely to hold two ideas.  Longer ones need a reason.
@@ -105,7 +107,8 @@ def modules_after(statement: str) -> set[str]:
 def test_import_brings_no_solver_and_no_pictures():
     extra = modules_after("import control_kpos") - modules_after("import control")
     packages = {name.split(".")[0] for name in extra if not name.startswith("_")}
-    assert not packages & {"cvxpy", "flint", "highspy", "mpi4py", "networkx", "IPython", "pandas", "tqdm"}
+    optional = {"mpi4py", "distributed", "dask", "pyarrow", "pymetis"}
+    assert not packages & ({"cvxpy", "flint", "highspy", "networkx", "IPython", "pandas", "tqdm"} | optional)
     assert not {name for name in extra if name.startswith("matplotlib")}
     assert "control_kpos.plotting" not in extra
 

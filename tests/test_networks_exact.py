@@ -112,6 +112,13 @@ def test_thirds_need_fractions():
     assert unstable.certificate.status is Status.REFUTED and unstable.certificate.check()
 
 
+@pytest.mark.parametrize("tiny", [Fraction(1, 10**400), Fraction(-1, 10**400)])
+def test_a_weight_of_which_the_closest_double_is_zero(tiny):
+    certificate = kp.feedback_interconnect([lag(1.0), lag(1.0)], [[0, tiny], [0.25, 0]]).certificate
+    assert certificate.status == ("PROVED" if tiny > 0 else "REFUTED")
+    assert certificate.check()
+
+
 def test_changed_exact_data_fail_their_check():
     W = ONES - TINY
     good = kp.feedback_interconnect([lag(3)] * 3, W).certificate

@@ -181,6 +181,11 @@ def _between(name: str, model: NetworkModel, g: tuple[int, int]) -> str:
     return name if len(model.receivers.cones) == 1 else f"{name} [stack {g[1]} to {g[0]}]"
 
 
+def _nonzero(M: Matrix) -> Any:
+    """Doubles that are not zero where M is not; the closest one to a fraction may be."""
+    return M.values if M.is_double else abs(M.values) + M.radius
+
+
 def _blocks_by_stacks(
     model: NetworkModel, couplings: list[Matrix]
 ) -> Iterator[tuple[tuple[int, int], tuple[Index, Index], list[Matrix]]]:
@@ -189,7 +194,7 @@ def _blocks_by_stacks(
     Nodes j are receivers of the links, the stacks of targets places in the cones of these.
     """
     to = model.receivers
-    pairs = [nonzero_blocks(W.values, to.owners, model.owners(2)) for W in couplings]
+    pairs = [nonzero_blocks(_nonzero(W), to.owners, model.owners(2)) for W in couplings]
     target_nodes, source_nodes = pairs[0]
     if len(pairs) > 1:
         width = model.n_nodes

@@ -2,6 +2,7 @@
 
 from .certificate import ShardedCertificate, check
 from .certifying import certify
+from .tables import parquet
 from .writing import write
 
-__all__ = ["ShardedCertificate", "certify", "check", "write"]
+__all__ = ["ShardedCertificate", "certify", "check", "parquet", "write"]

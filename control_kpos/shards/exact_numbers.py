@@ -26,7 +26,7 @@ Entries = list[list[Any]]
 
 def entries_beside(M: Matrix) -> Entries:
     """Places and text of the numbers of a dense matrix or stack that are no doubles."""
-    if M.is_double:
+    if M.radius is None:
         return []
     places = np.flatnonzero(M.radius)
     flat = M.fractions().ravel()
@@ -42,6 +42,7 @@ def are_equal(M: Matrix) -> bool:
 
 def _read(values: NDArray[np.float64], entries: Any) -> tuple[NDArray[np.int64], list[Fraction]]:
     """Places, ascending, and exact values of entries that fit to the doubles in their places."""
+    places, exact = np.zeros(0, dtype=np.int64), []
     try:
         places = np.array([place for place, _ in entries], dtype=np.int64)
         exact = [number(text) for _, text in entries]

@@ -122,9 +122,7 @@ def read_manifest(folder: Path, form: str, name: str = MANIFEST) -> dict[str, An
     """
     path = folder / name
     if not path.exists():
-        raise CertificateFileError(
-            f"the folder {folder} has no {name}: nothing was written there, or not to the end."
-        )
+        raise CertificateFileError(f"the folder {folder} has no {name}: nothing was written there, or not to the end.")
     try:
         require_regular(path)
         content = parse(path.read_text(encoding="utf-8"))

@@ -95,9 +95,7 @@ class ShardedNetwork:
 
     def _require_sense(self) -> None:
         if set(self.data) != _DATA or any(
-            set(s) - {"exact"} != _SHARD
-            or not isinstance(s["files"], dict)
-            or not {*s.get("exact", {})} <= _EXACT
+            set(s) - {"exact"} != _SHARD or not isinstance(s["files"], dict) or not {*s.get("exact", {})} <= _EXACT
             for s in self.data["shards"]
         ):
             raise CertificateFileError("it has other entries.")
@@ -218,7 +216,7 @@ class ShardedNetwork:
         if not exact:
             return Matrix(sp.csr_array(WT.T))
         try:
-            return with_weights(WT, exact.get("weights"))
+            return with_weights(WT, exact.get("weights", []))
         except CertificateFileError as error:
             raise CertificateFileError(f"the links of {shard_folder(self.folder, p)} are damaged: {error}") from None
 

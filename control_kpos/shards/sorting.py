@@ -6,7 +6,7 @@ from its own files.  In memory are one piece of the source, one shard, and some 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from ..exact.matrix import Matrix
 from ..networks.blocks import Index
 from ..networks.model import BLOCKS, same_timebase
 from ..networks.nodes import NodeStack, Timebase
-from ..progress import Reporter
 from .folders import append
 from .network import ConeTable
 from .partition import Parts
@@ -38,14 +37,15 @@ class Sorted:
     parts : Parts
     place : Path
         A folder for the files, which are of no use afterwards.
-    report : Reporter
+    report : callable
     """
 
-    def __init__(self, source: Pieces, parts: Parts, place: Path, report: Reporter) -> None:
+    def __init__(self, source: Pieces, parts: Parts, place: Path, report: Callable[[str], None]) -> None:
         self.source, self.parts, self.place, self.report = source, parts, place, report
         self.sizes = Sizes.unknown(source.n_nodes)
         self.kinds: dict[tuple[int, int, int], NodeStack] = {}
-        self.cones, self.dt = ConeTable(), None
+        self.cones = ConeTable()
+        self.dt: Timebase = None
         place.mkdir(parents=True, exist_ok=True)
 
     @cached_property
@@ -90,7 +90,7 @@ class Sorted:
     def _require_time(self, dt: Timebase, node: int) -> None:
         if not same_timebase(self.dt, dt):
             raise TimebaseError(f"node {node} has dt = {dt}, but the first has dt = {self.dt}.")
-        self.dt = dt if self.dt is None or self.dt is True else self.dt
+        self.dt = dt if dt is not None and (self.dt is None or self.dt is True) else self.dt
 
     def _kind(self, stack: NodeStack) -> int:
         """The number of the nodes with these cones, and so of these sizes."""
@@ -190,7 +190,7 @@ def _of_nodes(stack: NodeStack) -> np.dtype[Any]:
 
 
 def _stack_of(data: NDArray[np.float64], like: NodeStack, dt: Timebase) -> NodeStack:
-    parts = dict(_blocks(data, like))
+    parts: dict[str, Any] = dict(_blocks(data, like))
     return NodeStack(**parts, X=like.X, U=like.U, Y=like.Y, dt=dt)
 
 

@@ -79,7 +79,10 @@ class Pieces(Protocol):
     n_nodes : int
     """
 
-    n_nodes: int
+    @property
+    def n_nodes(self) -> int:
+        """All nodes."""
+        ...
 
     def node_pieces(self) -> Iterator[tuple[Index, NodeStack, Timebase]]:
         """Node numbers and these nodes, each node once."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -29,6 +29,8 @@ from .partition import Parts, share_out
 from .sorting import Sorted
 from .sources import Asked, Given, Nodes, Pieces, read_source, require_size
 from .unfinished import Unfinished, plan_of
+
+Say = Callable[[str], None]
 
 # Where pieces of a source are sorted, inside the folder.
 _ASIDE = ".sorting"
@@ -72,7 +74,7 @@ class _InOrder:
 
 
 @contextmanager
-def _by_shards(source: Given | Asked | Pieces, parts: Parts, path: Path, report: Reporter) -> Iterator[Shards]:
+def _by_shards(source: Given | Asked | Pieces, parts: Parts, path: Path, report: Say) -> Iterator[Shards]:
     if isinstance(source, Given):
         yield _InOrder(source if parts.order is None else source.reordered(parts.order), parts)
     elif isinstance(source, Asked) and parts.order is None:
@@ -177,7 +179,7 @@ def write(
 class _Write:
     """One write: nodes of all shards, then links, which lead to nodes of any."""
 
-    def __init__(self, path: Path, parts: Parts, ordered: Shards, notes: Unfinished, report: Reporter) -> None:
+    def __init__(self, path: Path, parts: Parts, ordered: Shards, notes: Unfinished, report: Say) -> None:
         self.path, self.parts, self.ordered, self.notes, self.report = path, parts, ordered, notes, report
         self.cones = ConeTable()
 
@@ -199,7 +201,7 @@ class _Write:
                 self.notes.keep("nodes", p, about, note)
             if not same_timebase(dt, own):
                 raise TimebaseError(f"nodes {first} to {last - 1} have dt = {own}, but the first has dt = {dt}.")
-            dt = own if dt is None or dt is True else dt
+            dt = own if own is not None and (dt is None or dt is True) else dt
             shards.append(shard)
         return {"dt": _stated(0 if dt is None else dt), "cones": self.cones.encoded, "shards": shards}
 
@@ -254,9 +256,7 @@ def _write_nodes(
     return {"nodes": sum(map(len, stacks)), "stacks": entries, **files}
 
 
-def _write_files(
-    path: Path, p: int, arrays: dict[str, Any], kind: str, exact: dict[str, Entries]
-) -> dict[str, Any]:
+def _write_files(path: Path, p: int, arrays: dict[str, Any], kind: str, exact: dict[str, Entries]) -> dict[str, Any]:
     """The arrays of a shard, and the numbers in them that are no doubles."""
     out: dict[str, Any] = {"files": write_arrays(path, p, arrays)}
     beside = {name: entries for name, entries in exact.items() if entries}
