@@ -2,10 +2,13 @@
 
 import tempfile
 from functools import cache
+from pathlib import Path
 
 import control as ct
 import malformed_nonlinear
 import numpy as np
+import pyarrow
+from pyarrow import parquet
 
 import control_kpos as kp
 
@@ -44,6 +47,22 @@ NEW = object()  # stands for a folder
 
 def in_shards(source, folder, **more):
     return kp.shards.write(source, tempfile.mkdtemp() if folder is NEW else folder, **more)
+
+
+@cache
+def in_tables():
+    place = Path(tempfile.mkdtemp())
+    home = {"A": [[-2.0]], "B": [[1.0]], "C": [[1.0]], "kind": ["home"]}
+    for name, table in (("nodes", home), ("links", {"source": [0], "target": [0], "weight": [0.5]})):
+        parquet.write_table(pyarrow.table(table), place / name)
+    return place
+
+
+def of_tables(nodes, links, **more):
+    nodes, links = (
+        in_tables() / name if given is NEW else given for name, given in (("nodes", nodes), ("links", links))
+    )
+    return kp.shards.write(kp.shards.parquet(nodes, links, **more), Path(tempfile.mkdtemp()) / "network")
 
 
 @cache
@@ -114,6 +133,22 @@ CALLS |= {  # networks
     ),
     "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": NEW, "parts": 2, "progress": None}),
     "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "client": None, "progress": None}),
+    "shards.write": (
+        in_shards,
+        {
+            "source": ([SIMPLE] * 3, RING),
+            "folder": NEW,
+            "parts": 2,
+            "partition": [0, 1, 0],
+            "resume": False,
+            "progress": None,
+        },
+    ),
+    "shards.parquet": (
+        of_tables,
+        {"nodes": NEW, "links": NEW, "X": kp.orthant(1), "U": None, "Y": {"home": kp.orthant(1)}, "dt": 0},
+    ),
+    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "progress": None}),
     "shards.check": (shards_again, {"out": NEW, "executor": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (

@@ -30,7 +30,7 @@ OTHER_NAMES = {
 }
 # Errors of the operating system are what they are.
 ALSO = {"load_certificate": OSError, "Certificate.save": OSError}
-ALSO |= dict.fromkeys(["shards.write", "shards.certify", "shards.check"], OSError)
+ALSO |= dict.fromkeys(["shards.write", "shards.parquet", "shards.certify", "shards.check"], OSError)
 # Called with lines of text: what a callable makes of them is its own business.
 CALLABLES = {"progress", "solver", "constraints", "objective"}
 
