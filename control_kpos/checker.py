@@ -1,6 +1,7 @@
 """Check a certificate in the format kpos-certificate/1 without control_kpos: exact arithmetic, standard library only.
 
     python -m control_kpos.checker FILE      or, with this file alone,      python checker.py FILE
+    python checker.py FOLDER [--shard N] [--network FOLDER]      a certificate in shards, all of them or the N-th only
 
 Exit status 0: PROVED, 1: REFUTED, undecided or not proven, 2: unreadable or without a proof.  The page
 certificate_format describes the files.  Each claim below is one function; its docstring states what is proven and by
@@ -14,13 +15,15 @@ import hashlib
 import json
 import re
 import sys
-from collections.abc import Callable
+from array import array as packed
+from bisect import bisect
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import reduce
-from itertools import pairwise
+from functools import partial, reduce
+from itertools import accumulate, groupby, pairwise
 from itertools import product as pairs
-from math import factorial, gcd, lcm
+from math import factorial, gcd, isfinite, lcm, prod
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +33,7 @@ Node = tuple[range, range, range]  # its states, inputs and outputs
 Polynomial = list[int]  # coefficients, the highest power first, up to a positive factor
 Json = Any
 
+NONE: Any = 0  # integers stay integers in sums
 DOUBLE = re.compile(r"(-?0x[0-9a-f]{1,30})(?:\.([0-9a-f]{0,30}))?p([+-][0-9]{1,4})")
 HEXADECIMAL = re.compile(r"(-?0x[0-9a-f]{1,20000})(?:/(0x[0-9a-f]{1,20000}))?")
 DECIMAL = re.compile(r"-?[0-9]{1,4000}(\.[0-9]{1,4000}|/[0-9]{1,4000})?")
@@ -247,14 +251,14 @@ def total(*terms: tuple[Fraction | int, Vector]) -> Vector:
     out: Vector = {}
     for c, x in terms:
         for i, a in x.items():
-            out[i] = out.get(i, Fraction(0)) + c * a
+            out[i] = out.get(i, 0) + c * a
     return {i: a for i, a in out.items() if a}
 
 
 def dot(f: Vector, x: Vector) -> Fraction:
     """f'x."""
     short, long = (f, x) if len(f) < len(x) else (x, f)
-    return sum((a * long[i] for i, a in short.items() if i in long), Fraction(0))
+    return sum((a * long[i] for i, a in short.items() if i in long), NONE)
 
 
 def image(M: Matrix, x: Vector) -> Vector:
@@ -431,6 +435,7 @@ class System:
     discrete: bool
     radius: Matrix  # the bounds on the entries of Jacobians around A
     nodes: list[Node]
+    unit: Any = 1  # the matrices, and rates, are multiplied by this
 
     def cones(self) -> tuple[Cone, Cone, Cone]:
         """X, U and Y."""
@@ -594,7 +599,7 @@ def decay_rate_or_none(e: Said) -> Fraction:
 
 def decreases(s: System, v: Vector, q: Vector, *rates: Fraction) -> None:
     """v'x > 0,  (v'A - q'C) x < 0,  (v'A - q'C) x + rate v'x <= 0."""
-    drift = total((1, pullback(v, s.A)), (-s.discrete, v), (-1, pullback(q, s.C)))
+    drift = total((1, pullback(v, s.A)), (-s.discrete * s.unit, v), (-1, pullback(q, s.C)))
     need(all(dot(v, x) > 0 for x in s.X.rays), "v'x > 0")
     need(all(dot(drift, x) < 0 for x in s.X.rays), "(v'A - q'C) x < 0")
     for rate in rates:
@@ -603,8 +608,14 @@ def decreases(s: System, v: Vector, q: Vector, *rates: Fraction) -> None:
 
 def supplied(s: System, v: Vector, q: Vector, r: Vector) -> None:
     """v'B u <= r'u + q'D u."""
-    excess = total((1, pullback(v, s.B)), (-1, r), (-1, pullback(q, s.D)))
+    excess = total((1, pullback(v, s.B)), (-s.unit, r), (-1, pullback(q, s.D)))
     need(all(dot(excess, u) <= 0 for u in s.U.rays), "v'B u <= r'u + q'D u")
+
+
+def balance(s: System, q: Vector, r: Vector) -> None:
+    """q'y + r'W y <= 0."""
+    received = total((s.unit, q), (1, pullback(r, s.W)))
+    need(all(dot(received, y) <= 0 for y in s.Y.rays), "q'y + r'W y <= 0")
 
 
 def stable(s: System, e: Said) -> str:
@@ -825,10 +836,15 @@ def loop(s: System, e: Said) -> tuple[Vector, Vector]:
         return {}, {}
     parts = [array(x) if "array" in x else fractions(x) for x in sequence(e["loop_weights"])]
     p, t = (entries(x, C.dim) for x, C in zip(parts, (s.Y, s.U), strict=True))
-    direct, around = total((1, pullback(p, s.D)), (-1, t)), total((1, pullback(t, s.W)), (-1, p))
+    contracts(s, p, t)
+    return p, t
+
+
+def contracts(s: System, p: Vector, t: Vector) -> None:
+    """p'y > 0,  p'D u <= t'u,  t'W y < p'y."""
+    direct, around = total((1, pullback(p, s.D)), (-s.unit, t)), total((1, pullback(t, s.W)), (-s.unit, p))
     need(all(dot(p, y) > 0 and dot(around, y) < 0 for y in s.Y.rays), "t'W y < p'y")
     need(all(dot(direct, u) <= 0 for u in s.U.rays), "p'D u <= t'u")
-    return p, t
 
 
 def balanced(s: System, e: Said, sigma: list[Fraction]) -> tuple[Vector, Vector]:
@@ -844,8 +860,7 @@ def balanced(s: System, e: Said, sigma: list[Fraction]) -> tuple[Vector, Vector]
         scaled.append({i: c * part[i] for c, node in places for i in node[kind] if part[i]})
     V, R, Q = scaled
     supplied(s, V, Q, R)
-    received = total((1, Q), (1, pullback(R, s.W)))
-    need(all(dot(received, y) <= 0 for y in s.Y.rays), "Q'y + R'W y <= 0")
+    balance(s, Q, R)
     return V, Q
 
 
@@ -2821,6 +2836,406 @@ def not_from_data(e: Said, limit: int) -> None:
         no_feedback(Said(vertices | {"rate": {"double": 0}, "gain_bound": None, "free": free}), limit)
 
 
+# -- networks in shards: folders of arrays, of which one shard with its halo is read at a time
+
+Numbers = Any  # an array of them
+KINDS = {"<f8": "d", "<i4": "i", "<i8": "q"}
+# Nodes of a shard that need not have a byte in its files.
+FREE_NODES = 10**6
+
+
+@dataclass
+class Faced(Cone):
+    """A cone with its facets; facets and generators are vectors of integers."""
+
+    faces: list[Vector]
+
+
+@dataclass
+class Shards:
+    """A network in shards: what its manifest states, the cones, and how much precedes every shard.
+
+    `starts` are the nodes, states, inputs and outputs before each, and those of all.
+    """
+
+    folder: Path
+    data: Json
+    cones: list[Faced]
+    starts: list[list[int]]
+    discrete: bool
+
+    def files(self, p: int) -> Json:
+        """What the manifest states of the files of a shard."""
+        return self.data["shards"][p]["files"]
+
+    def stacks(self, p: int) -> list[tuple[int, list[Faced]]]:
+        """The stacks of a shard: how many nodes, and X, U and Y."""
+        return [(t["nodes"], [self.cones[t[name]] for name in "XUY"]) for t in self.data["shards"][p]["stacks"]]
+
+    def count(self, p: int, kind: int) -> int:
+        """How many nodes, states, inputs or outputs a shard has."""
+        return self.starts[kind][p + 1] - self.starts[kind][p]
+
+    def read(self, p: int, name: str, kinds: str, *shapes: list[int]) -> Numbers:
+        """An array of a shard."""
+        return numbers(place_of(self.folder, p, name), self.files(p)[name], kinds, *shapes)
+
+
+def place_of(folder: Path, p: int, name: str) -> Path:
+    """The file of an array."""
+    return folder / f"shard-{p:05d}" / f"{name}.npy"
+
+
+def manifest(folder: Path, form: str, *keys: str) -> tuple[Json, int]:
+    """The data of a manifest, and its length."""
+    c, length = parsed(folder / "manifest.json")
+    expect(c.keys() == {"format", "digest", "data"} and c["format"] == form, f"{folder} is not in the format {form}")
+    expect(c["digest"] == digest(c["data"]), f"the data of {folder} have not the stated digest")
+    expect(c["data"].keys() == set(keys), f"the manifest of {folder} has other entries")
+    return c["data"], length
+
+
+def numbers(path: Path, entry: Json, kinds: str, *shapes: list[int]) -> Numbers:
+    """The numbers in a .npy file of one of these types and shapes, once its size and its digest are as stated."""
+    expect(entry.keys() == {"dtype", "shape", "sha256"}, f"{path} is not described")
+    kind, shape = KINDS[entry["dtype"]], [index(n) for n in entry["shape"]]
+    expect(kind in kinds and shape in shapes, f"{path} has not the type and the size of its shard")
+    out = packed(kind)
+    expect(path.is_file(), f"{path} is missing, or no regular file")
+    expect(path.stat().st_size <= 1000 + prod(shape) * out.itemsize, f"{path} is longer than stated")
+    data = path.read_bytes()
+    expect(hashlib.sha256(data).hexdigest() == entry["sha256"], f"{path} is not the file that its manifest is about")
+    begin = 10 + int.from_bytes(data[8:10], "little")
+    about = f"{{'descr': '{entry['dtype']}', 'fortran_order': False, 'shape': {tuple(shape)}, }}"
+    expect(data[:8] == b"\x93NUMPY\x01\x00", f"{path} is of another format")
+    expect(data[10:begin].decode().rstrip() == about, f"{path} says something else of itself")
+    out.frombytes(memoryview(data)[begin:])
+    expect(len(out) == prod(shape), f"{path} is shorter than stated")
+    if sys.byteorder == "big":
+        out.byteswap()
+    return out
+
+
+def stated_double(text: Json) -> float:
+    """A double that is finite and not negative, as float.hex writes it."""
+    x = float.fromhex(text)
+    expect(x.hex() == text and 0 <= x < float("inf"), f"{text} is no rate, and no step of time")
+    return x
+
+
+def in_integers(x: Vector) -> Any:
+    """A positive multiple."""
+    unit = lcm(*(a.denominator for a in x.values()))
+    return {i: int(a * unit) for i, a in x.items()}
+
+
+def shards_in(folder: Path) -> Shards:
+    """The network in a folder, as far as its manifest says; nothing else is opened."""
+    d, limit = manifest(folder, "kpos-shards/1", "dt", "cones", "shards")
+    discrete = d["dt"] if d["dt"] is None or type(d["dt"]) is bool else stated_double(d["dt"])
+    cones, limit = list[Faced](), limit + 20_000
+    for o in d["cones"]:
+        C = cone({"cone": listing(o)}, limit)
+        rays, faces = ([in_integers(x) for x in part] for part in (C.rays, facets(C, limit)))
+        cones.append(Faced(C.dim, rays, [], [], faces))
+        limit -= C.dim
+    out = Shards(folder, d, cones, [[0], [0], [0], [0]], bool(discrete))
+    for p, s in enumerate(d["shards"]):
+        expect(s.keys() == {"nodes", "stacks", "files"}, f"shard {p} has other entries")
+        stacks = [(t.keys(), [index(t[name]) for name in ("nodes", *"XUY")]) for t in s["stacks"]]
+        expect(all(keys == {"nodes", *"XUY"} and t[0] > 0 for keys, t in stacks), f"shard {p} has other stacks")
+        expect(sum(t[0] for _, t in stacks) == index(s["nodes"]), f"shard {p} has not the nodes of its stacks")
+        needed = {f"members{g}" for g in range(len(stacks))} if len(stacks) > 1 else set[str]()
+        needed |= {"weights", "targets", "indptr", "halo"} if stacks else set()
+        free = {f"{name}{g}" for name in "ABCD" for g in range(len(stacks))}
+        expect(needed <= s["files"].keys() <= needed | free, f"shard {p} has other files")
+        sizes = [sum(n * C[kind].dim for n, C in out.stacks(p)) for kind in range(3)]
+        for ends, n in zip(out.starts, (s["nodes"], *sizes), strict=True):
+            ends.append(ends[-1] + n)
+    expect(out.starts[0][-1] > 0, "there is no node")
+    return out
+
+
+@dataclass
+class Layout:
+    """For every node of a shard: its stack, its place there, and where its states, inputs and outputs begin."""
+
+    stacks: Numbers
+    places: Numbers
+    starts: list[Numbers]
+
+
+def layout(net: Shards, p: int) -> Layout:
+    """Where the nodes of a shard are; their number is bounded by the bytes of its files."""
+    n, stacks = net.count(p, 0), net.stacks(p)
+    paths = [place_of(net.folder, p, name) for name in net.files(p)]
+    expect(n <= FREE_NODES + sum(path.stat().st_size for path in paths), f"shard {p} has absurdly many nodes")
+    if len(stacks) == 1:
+        of, places = packed("q", bytes(8 * n)), packed("q", range(n))
+    else:
+        members = [net.read(p, f"members{g}", "iq", [size]) for g, (size, _) in enumerate(stacks)]
+        of, places = packed("q", [-1] * n), packed("q", bytes(8 * n))
+        for g, part in enumerate(members):
+            for i, j in enumerate(part):
+                expect(j >= 0 > of[j], f"the stacks of shard {p} do not share out its nodes")
+                of[j], places[j] = g, i
+    starts = [packed("q", accumulate((stacks[g][1][kind].dim for g in of), initial=0)) for kind in range(3)]
+    return Layout(of, places, starts)
+
+
+@dataclass
+class Shard:
+    """A shard with its halo.
+
+    Column c of its links is an input of node `owners[c]`: those of the shard, then those of the halo.  `firsts` is the
+    first column of each of these nodes, `heard` its cone.  `away`: the inputs of the halo by shard and place.
+    """
+
+    net: Shards
+    p: int
+    layout: Layout
+    blocks: list[dict[str, Numbers]]
+    links: tuple[Numbers, Numbers, Numbers]
+    owners: Numbers
+    firsts: Numbers
+    heard: list[Faced]
+    away: dict[int, Numbers]
+
+
+def shard_with_halo(net: Shards, p: int) -> Shard:
+    """A shard from its files, and from those that say where the inputs of the halo are."""
+    own, blocks = layout(net, p), list[dict[str, Numbers]]()
+    for g, (size, cones) in enumerate(net.stacks(p)):
+        sides = [(name, [cones[kind].dim for kind in SIGNALS[name]]) for name in "ABCD" if f"{name}{g}" in net.files(p)]
+        blocks.append({name: net.read(p, f"{name}{g}", "d", [size, *mn], [1, *mn]) for name, mn in sides})
+    owners = packed("q", (j for j, (a, b) in enumerate(pairwise(own.starts[1])) for _ in range(a, b)))
+    firsts, away = own.starts[1][:-1], dict[int, Numbers]()
+    heard = [net.stacks(p)[g][1][1] for g in own.stacks]
+    halo = net.read(p, "halo", "iq", [index(*net.files(p)["halo"]["shape"])])
+    expect(all(a < b for a, b in pairwise(halo)), f"the halo of shard {p} is not in order")
+    expect(all(0 <= j < net.starts[0][-1] for j in halo), f"the halo of shard {p} has nodes that are not there")
+    for k, nodes in groupby(halo, lambda j: bisect(net.starts[0], j) - 1):
+        expect(k != p, f"the halo of shard {p} has nodes of its own")
+        there, stacks, away[k] = layout(net, k), net.stacks(k), packed("q")
+        for j in (node - net.starts[0][k] for node in nodes):
+            places = range(there.starts[1][j], there.starts[1][j + 1])
+            firsts.append(len(owners))
+            owners.extend([len(heard)] * len(places))
+            heard.append(stacks[there.stacks[j]][1][1])
+            away[k].extend(places)
+    ends = net.read(p, "indptr", "iq", [net.count(p, 3) + 1])
+    expect(ends[0] == 0 and all(a <= b for a, b in pairwise(ends)), f"the links of shard {p} are not in order")
+    targets, weights = (net.read(p, name, kind, [ends[-1]]) for name, kind in (("targets", "iq"), ("weights", "d")))
+    expect(all(0 <= c < len(owners) for c in targets), f"links of shard {p} lead nowhere")
+    rows = (targets[a:b] for a, b in pairwise(ends))
+    expect(all(c < d for row in rows for c, d in pairwise(row)), f"links of shard {p} are not in order")
+    return Shard(net, p, own, blocks, (ends, targets, weights), owners, firsts, heard, away)
+
+
+def unit_of(*arrays: Numbers) -> int:
+    """The least power of two that makes integers of doubles."""
+    return max((x.as_integer_ratio()[1] for part in arrays for x in part), default=1)
+
+
+def multiplied(unit: int, x: float) -> Any:
+    """A double times such a number."""
+    a, b = x.as_integer_ratio()
+    return a * (unit // b)
+
+
+def at_places(x: Numbers, places: range, convert: Callable[[float], Any]) -> Vector:
+    """The vector of these entries."""
+    return {i: convert(x[k]) for i, k in enumerate(places) if x[k]}
+
+
+Heard = dict[int, tuple[int, int]]  # for an input: its column among the links, and its place in the cone of its node
+
+
+def node_systems(s: Shard, closed: bool, rate: float = 0.0) -> Iterator[tuple[System, Heard]]:
+    """The nodes of a shard with their links, each as a network: a node and its halo.  The inputs of the halo follow.
+
+    In integers, as multiples of a unit; with their own links `closed` in fractions.
+    """
+    net, (ends, targets, weights), (_, inputs, outputs) = s.net, s.links, s.layout.starts
+    unit = 1 if closed else unit_of([rate], weights, *(M for part in s.blocks for M in part.values()))
+    convert: Callable[[float], Any] = Fraction if closed else partial(multiplied, unit)
+    stacks = net.stacks(s.p)
+    for j, (g, i) in enumerate(zip(s.layout.stacks, s.layout.places, strict=True)):
+        size, cones = stacks[g]
+        X, U, Y = cones
+        parts = dict[str, Matrix]()
+        for name in "ABCD":
+            m, n = (cones[kind].dim for kind in SIGNALS[name])
+            M, first = s.blocks[g].get(name), i * m * n
+            if M is not None:
+                first = first if len(M) == size * m * n else 0
+            parts[name] = [
+                {} if M is None else at_places(M, range(first + k, first + m * n, n), convert) for k in range(n)
+            ]
+        W, heard, known = Matrix(), Heard(), dict[int, int]()
+        for a, b in pairwise(ends[outputs[j] : outputs[j + 1] + 1]):
+            W.append({})
+            for c, w in zip(targets[a:b], weights[a:b], strict=True):
+                own = s.owners[c] == j
+                k = c - inputs[j] if own else known.setdefault(c, U.dim + len(known))
+                heard[k] = c, c - s.firsts[s.owners[c]]
+                if w:
+                    W[-1][k] = convert(w)
+        node = range(X.dim), range(U.dim), range(Y.dim)
+        nodes = [node, (range(0), range(U.dim, U.dim + len(known)), range(0))]
+        out = System(**parts, W=W, X=X, U=U, Y=Y, discrete=net.discrete, radius=[], nodes=nodes, unit=unit)
+        yield own_links_closed(out) if closed and any(k < U.dim for w in W for k in w) else out, heard
+
+
+def kept_inside(s: System, heard: Heard, shard: Shard) -> None:
+    """A node is positive, and (I): its links map Y into the U of the nodes that they lead to; by facets h.
+
+    h'B u, h'C x, h'D u, h'W y >= 0;  h'A x >= 0 where h'x = 0, in discrete time everywhere.
+    """
+    for name, (to, of) in SIGNALS.items():
+        for x in s.cones()[of].rays:
+            parts = dict[int, Vector]()
+            for i, a in image(getattr(s, name), x).items():
+                where = (shard.owners[heard[i][0]], heard[i][1]) if name == "W" else (-1, i)
+                parts.setdefault(where[0], {})[where[1]] = a
+            for k, y in parts.items():
+                target: Any = shard.heard[k] if name == "W" else s.cones()[to]
+                faces = (h for h in target.faces if name != "A" or s.discrete or dot(h, x) == 0)
+                need(all(dot(h, y) >= 0 for h in faces), f"{name} maps a cone into the other")
+
+
+@dataclass
+class InShards:
+    """A certificate in shards: its folder, what its manifest states, and the network."""
+
+    folder: Path
+    data: Json
+    net: Shards
+
+    def has_weights(self) -> bool:
+        """Whether p and t are there: then algebraic loops are proven to contract, at every node."""
+        return any("p" in s.get("files", ()) for s in self.data["shards"])
+
+    def vector(self, p: int, name: str) -> Numbers:
+        """v, r, q, p or t of a shard, in the order of its nodes."""
+        size = self.net.count(p, {"v": 1, "r": 2, "q": 3, "p": 3, "t": 2}[name])
+        out = numbers(place_of(self.folder, p, name), self.data["shards"][p]["files"][name], "d", [size])
+        need(all(map(isfinite, out)), f"{name} of shard {p} is finite")
+        return out
+
+    def at_inputs(self, s: Shard, name: str) -> Numbers:
+        """r or t at the inputs of a shard and of its halo."""
+        out = self.vector(s.p, name)
+        for k, places in s.away.items():
+            there = self.vector(k, name)
+            out.extend([there[i] for i in places])
+        return out
+
+
+def certificate_in_shards(folder: Path, network: Path | None) -> InShards:
+    """The certificate in a folder, and the network that it is about, which may have been moved."""
+    d, _ = manifest(folder, "kpos-shards-certificate/1", "network", "status", "refuted", "reason", "shards")
+    expect(d["network"].keys() == {"folder", "digest"}, f"the manifest of {folder} names no network")
+    net = shards_in(folder / d["network"]["folder"] if network is None else network)
+    expect(digest(net.data) == d["network"]["digest"], f"{net.folder} is not the network of this certificate")
+    expect(type(d["reason"]) is str, "the reason is no text")
+    expect(len(d["shards"]) == (len(net.data["shards"]) if d["status"] == "PROVED" else 0), "there are other shards")
+    out = InShards(folder, d, net)
+    names = {*"vrq"} | ({*"pt"} if out.has_weights() else set[str]())
+    for p, s in enumerate(d["shards"]):
+        filled = net.count(p, 0) > 0
+        expect(s.keys() == ({"rate", "files"} if filled else set()), f"shard {p} has other entries")
+        expect(not filled or s["files"].keys() == names, f"shard {p} has other vectors")
+    return out
+
+
+def proven_shard(c: InShards, p: int) -> float:
+    """Theorem 4 for the nodes of a shard, with r and t at its halo; the rate that is proven for them.
+
+    Positive nodes, (I) for the links that leave them, (II), (III') and the loops, as for `network` with sigma = 1.
+    No sum in these is divided between shards, so that a network is proven if all of its shards are, with the least of
+    their rates.  Links of nodes to themselves may be closed: that changes neither the closed loop nor other nodes.
+    """
+    rate = stated_double(c.data["shards"][p]["rate"])
+    s, v, q = shard_with_halo(c.net, p), c.vector(p, "v"), c.vector(p, "q")
+    vectors = {"v": v, "q": q, "r": c.at_inputs(s, "r")}
+    if c.has_weights():
+        vectors |= {"p": c.vector(p, "p"), "t": c.at_inputs(s, "t")}
+    try:
+        proven_nodes(s, vectors, rate, closed=False)
+    except Wrong:
+        need(has_own_links(s), "as it is, and no node has a link to itself that could be closed")
+        proven_nodes(s, vectors, rate, closed=True)
+    return rate
+
+
+def proven_nodes(s: Shard, vectors: dict[str, Numbers], rate: float, *, closed: bool) -> None:
+    """Every node, with its own part of the vectors, and that of the inputs that it feeds."""
+    unit = unit_of(*vectors.values())
+    convert = partial(multiplied, unit)
+    for j, (node, heard) in enumerate(node_systems(s, closed, rate)):
+        kept_inside(node, heard, s)
+        states, inputs, outputs = (range(*ends[j : j + 2]) for ends in s.layout.starts)
+        v, q = at_places(vectors["v"], states, convert), at_places(vectors["q"], outputs, convert)
+        r, t = (at_inputs(vectors[name], inputs, heard, convert) if name in vectors else {} for name in "rt")
+        if "p" in vectors:
+            contracts(node, at_places(vectors["p"], outputs, convert), t)
+        need("p" in vectors or not any(node.D), "there are weights for the algebraic loops")
+        supplied(node, v, q, r)
+        balance(node, q, r)
+        decreases(node, v, q, Fraction(rate) * node.unit)
+
+
+def at_inputs(x: Numbers, own: range, heard: Heard, convert: Callable[[float], Any]) -> Vector:
+    """The entries at the inputs of a node, and at those that it feeds."""
+    return at_places(x, own, convert) | {k: convert(x[c]) for k, (c, _) in heard.items()}
+
+
+def has_own_links(s: Shard) -> bool:
+    """Some node has a link to itself that is not 0."""
+    return any(k < len(node.B) for node, _ in node_systems(s, closed=False) for w in node.W for k in w)
+
+
+def leaving(s: Shard, *, closed: bool) -> bool:
+    """Some node is not positive, or some link leaves the cones."""
+    try:
+        for node, heard in node_systems(s, closed):
+            kept_inside(node, heard, s)
+    except Wrong:
+        return True
+    return False
+
+
+def refuted_shards(c: InShards) -> str:
+    """A node that is not positive or a link that leaves the cones, in the shard that is named, also if own links of
+    nodes are closed; what is shown, in words.
+
+    A witness of growth, about all shards, has its place here.
+    """
+    p = index(c.data["refuted"])
+    expect(c.net.count(p, 0) > 0, "the shard that is named has no nodes")
+    s = shard_with_halo(c.net, p)
+    need(leaving(s, closed=False), f"no node or link of shard {p} leaves its cones")
+    need(not has_own_links(s) or leaving(s, closed=True), f"shard {p} is positive once links to themselves are closed")
+    return f"a node or a link of shard {p} leaves its cones"
+
+
+def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tuple[str, str]:
+    """The status that a certificate in shards proves, of all or of one of them, and what it says, in words."""
+    c = certificate_in_shards(folder, None if network is None else Path(network))
+    status, parts = c.data["status"], range(len(c.net.data["shards"]))
+    expect(shard is None or shard in parts, f"there is no shard {shard}")
+    need(status in ("PROVED", "REFUTED"), f"the certificate itself says {status}")
+    if status == "REFUTED":
+        return status, refuted_shards(c)
+    expect(c.data["refuted"] is None, "a shard is refuted in what is proven")
+    chosen = [p for p in parts if shard in (None, p) and c.net.count(p, 0)]
+    rate = min((proven_shard(c, p) for p in chosen), default=float("inf"))
+    if shard is None:
+        return status, f"network of {c.net.starts[0][-1]} nodes in {len(parts)} shards, decay rate {rate}"
+    return status, f"shard {shard} of {len(parts)}, decay rate {rate}; the network is proven if all shards are"
+
+
 # -- files
 
 PROOFS: dict[str, Callable[[System, Said], str | None]] = {
@@ -3030,33 +3445,56 @@ def whole(text: str) -> int:
     return int(text)
 
 
-def main(path: str | Path) -> int:
-    """Say what a file proves, and return the exit status."""
+def parsed(path: Path) -> tuple[Json, int]:
+    """The JSON data in a file, and how long they are."""
+    expect(path.is_file(), f"{path.name} is not a regular file, or does not exist")
+    text = path.read_text(encoding="utf-8")
+    c = json.loads(text, parse_float=whole, parse_constant=whole, parse_int=whole, object_pairs_hook=unique)
+    json.dumps(c, ensure_ascii=False).encode()  # refuses halves of pairs of characters, which nobody could print
+    return c, len(text)
+
+
+def digest(data: Json) -> str:
+    """SHA-256 of the data as JSON with sorted keys and without blanks."""
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"))
+    return "sha256:" + hashlib.sha256(text.encode()).hexdigest()
+
+
+def in_file(path: Path) -> tuple[str, str]:
+    """The status that a file proves, and of what, in words."""
+    expect(path.is_file(), "it is not a regular file, or does not exist")
+    with path.open("rb") as file:
+        zipped = file.read(2) == b"PK"
+    expect(not zipped, "an archive (.npz); python -m control_kpos check reads it, or save the certificate as .json")
+    c, length = parsed(path)
+    expect(c["format"] == "kpos-certificate/1" and c.keys() <= KEYS, "of another format")
+    expect(c["digest"] == digest(c["data"]), "the data have not the stated digest")
+    note = verify(c, length + 20_000)
+    return c["status"], c["claim"] + (note and f" ({note})")
+
+
+def main(path: str | Path, shard: int | None = None, network: str | Path | None = None) -> int:
+    """Say what a file or a folder proves, and return the exit status."""
+    path = Path(path)
     try:
-        expect(Path(path).is_file(), "it is not a regular file, or does not exist")
-        with Path(path).open("rb") as file:
-            packed = file.read(2) == b"PK"
-        expect(not packed, "an archive (.npz); python -m control_kpos check reads it, or save the certificate as .json")
-        text = Path(path).read_text(encoding="utf-8")
-        c = json.loads(text, parse_float=whole, parse_constant=whole, parse_int=whole, object_pairs_hook=unique)
-        json.dumps(c, ensure_ascii=False).encode()  # refuses halves of pairs of characters, which nobody could print
-        expect(c["format"] == "kpos-certificate/1" and c.keys() <= KEYS, "of another format")
-        data = json.dumps(c["data"], sort_keys=True, separators=(",", ":"))
-        digest = "sha256:" + hashlib.sha256(data.encode()).hexdigest()
-        expect(c["digest"] == digest, "the data have not the stated digest")
-        note = verify(c, len(text) + 20_000)
+        status, claim = in_shards(path, shard, network) if path.is_dir() else in_file(path)
     except Wrong as reason:
         print(f"WRONG      {path}: not proven: {str(reason)[:200]}")
         return 1
     except Exception as reason:  # noqa: BLE001 - whatever a hostile file provokes
         print(f"UNREADABLE {path}: {type(reason).__name__}: {str(reason)[:200]}")
         return 2
-    print(f"{c['status']:10} {path}: {c['claim']}{note and f' ({note})'}")
-    return 0 if c["status"] == "PROVED" else 1
+    print(f"{status:10} {path}: {claim}")
+    return 0 if status == "PROVED" else 1
 
 
 if __name__ == "__main__":
-    if len(sys.argv) != 2 or sys.argv[1] in ("-h", "--help"):
+    words = sys.argv[2:]
+    said = dict(zip(words[::2], words[1::2], strict=False))
+    shard = said.get("--shard", "0")
+    if sys.argv[1:2] in ([], ["-h"], ["--help"]) or not (2 * len(said) == len(words) and shard.isdecimal()):
+        words = ["?"]
+    if {*words[::2]} - {"--shard", "--network"}:
         print(__doc__)
         sys.exit(2)
-    sys.exit(main(sys.argv[1]))
+    sys.exit(main(sys.argv[1], int(shard) if "--shard" in said else None, said.get("--network")))
