@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial, reduce
-from itertools import accumulate, groupby, pairwise
+from itertools import accumulate, groupby, pairwise, repeat
 from itertools import product as pairs
 from math import factorial, gcd, isfinite, lcm, prod
 from pathlib import Path
@@ -355,10 +355,10 @@ def facets(C: Cone, limit: int) -> list[Vector]:
 
     Of a simplicial factor the rows of the inverse.
     """
-    out = list[Vector]()
+    out, inverses = list[Vector](), by_generator(C)
     for places, numbers in C.factors:
         simplicial = len(places) == len(numbers)
-        rays, inverse = ([part[k] for k in numbers] for part in (C.rays, by_generator(C)))
+        rays, inverse = ([part[k] for k in numbers] for part in (C.rays, inverses))
         out += inverse if simplicial else dual(places, rays, limit)
     return out
 
@@ -2840,8 +2840,10 @@ def not_from_data(e: Said, limit: int) -> None:
 
 Numbers = Any  # an array of them
 KINDS = {"<f8": "d", "<i4": "i", "<i8": "q"}
-# Nodes of a shard that need not have a byte in its files.
-FREE_NODES = 10**6
+# Bytes before the numbers.
+HEAD = 128
+# Nodes, states, inputs and outputs of a shard that need not have a byte in its files.
+FREE_SIZES = 4_000_000
 
 
 @dataclass
@@ -2864,6 +2866,11 @@ class Shards:
     starts: list[list[int]]
     discrete: bool
 
+    def nodes(self) -> int:
+        """How many there are in all."""
+        *_, total = self.starts[0]
+        return total
+
     def files(self, p: int) -> Json:
         """What the manifest states of the files of a shard."""
         return self.data["shards"][p]["files"]
@@ -2872,13 +2879,14 @@ class Shards:
         """The stacks of a shard: how many nodes, and X, U and Y."""
         return [(t["nodes"], [self.cones[t[name]] for name in "XUY"]) for t in self.data["shards"][p]["stacks"]]
 
-    def count(self, p: int, kind: int) -> int:
-        """How many nodes, states, inputs or outputs a shard has."""
-        return self.starts[kind][p + 1] - self.starts[kind][p]
-
     def read(self, p: int, name: str, kinds: str, *shapes: list[int]) -> Numbers:
         """An array of a shard."""
         return numbers(place_of(self.folder, p, name), self.files(p)[name], kinds, *shapes)
+
+
+def count(net: Shards, p: int, kind: int) -> int:
+    """How many nodes (kind 0), states, inputs or outputs a shard has."""
+    return net.starts[kind][p + 1] - net.starts[kind][p]
 
 
 def place_of(folder: Path, p: int, name: str) -> Path:
@@ -2902,15 +2910,12 @@ def numbers(path: Path, entry: Json, kinds: str, *shapes: list[int]) -> Numbers:
     expect(kind in kinds and shape in shapes, f"{path} has not the type and the size of its shard")
     out = packed(kind)
     expect(path.is_file(), f"{path} is missing, or no regular file")
-    expect(path.stat().st_size <= 1000 + prod(shape) * out.itemsize, f"{path} is longer than stated")
+    expect(path.stat().st_size == HEAD + prod(shape) * out.itemsize, f"{path} has not the size that is stated")
     data = path.read_bytes()
     expect(hashlib.sha256(data).hexdigest() == entry["sha256"], f"{path} is not the file that its manifest is about")
-    begin = 10 + int.from_bytes(data[8:10], "little")
     about = f"{{'descr': '{entry['dtype']}', 'fortran_order': False, 'shape': {tuple(shape)}, }}"
-    expect(data[:8] == b"\x93NUMPY\x01\x00", f"{path} is of another format")
-    expect(data[10:begin].decode().rstrip() == about, f"{path} says something else of itself")
-    out.frombytes(memoryview(data)[begin:])
-    expect(len(out) == prod(shape), f"{path} is shorter than stated")
+    expect(data[:HEAD] == b"\x93NUMPY\x01\x00v\x00%-117s\n" % about.encode(), f"{path} says something else of itself")
+    out.frombytes(memoryview(data)[HEAD:])
     if sys.byteorder == "big":
         out.byteswap()
     return out
@@ -2939,7 +2944,8 @@ def shards_in(folder: Path) -> Shards:
         rays, faces = ([in_integers(x) for x in part] for part in (C.rays, facets(C, limit)))
         cones.append(Faced(C.dim, rays, [], [], faces))
         limit -= C.dim
-    out = Shards(folder, d, cones, [[0], [0], [0], [0]], bool(discrete))
+    out = Shards(folder, d, cones, [], bool(discrete))
+    totals = list[list[int]]()
     for p, s in enumerate(d["shards"]):
         expect(s.keys() == {"nodes", "stacks", "files"}, f"shard {p} has other entries")
         stacks = [(t.keys(), [index(t[name]) for name in ("nodes", *"XUY")]) for t in s["stacks"]]
@@ -2950,9 +2956,9 @@ def shards_in(folder: Path) -> Shards:
         free = {f"{name}{g}" for name in "ABCD" for g in range(len(stacks))}
         expect(needed <= s["files"].keys() <= needed | free, f"shard {p} has other files")
         sizes = [sum(n * C[kind].dim for n, C in out.stacks(p)) for kind in range(3)]
-        for ends, n in zip(out.starts, (s["nodes"], *sizes), strict=True):
-            ends.append(ends[-1] + n)
-    expect(out.starts[0][-1] > 0, "there is no node")
+        totals.append([s["nodes"], *sizes])
+    out.starts = [list(accumulate(part, initial=0)) for part in zip(*totals, strict=True)]
+    expect(out.nodes() > 0, "there is no node")
     return out
 
 
@@ -2966,19 +2972,16 @@ class Layout:
 
 
 def layout(net: Shards, p: int) -> Layout:
-    """Where the nodes of a shard are; their number is bounded by the bytes of its files."""
-    n, stacks = net.count(p, 0), net.stacks(p)
-    paths = [place_of(net.folder, p, name) for name in net.files(p)]
-    expect(n <= FREE_NODES + sum(path.stat().st_size for path in paths), f"shard {p} has absurdly many nodes")
-    if len(stacks) == 1:
-        of, places = packed("q", bytes(8 * n)), packed("q", range(n))
-    else:
+    """Where the nodes of a shard are, whose sizes are bounded by the bytes of its files."""
+    n, stacks = count(net, p, 0), net.stacks(p)
+    room = sum((place_of(net.folder, p, name).stat().st_size for name in net.files(p)), FREE_SIZES)
+    expect(sum(count(net, p, kind) for kind in range(4)) <= room, f"the sizes of shard {p} are absurd for its files")
+    of, places = packed("q", repeat(0, n)), packed("q", range(n))
+    if len(stacks) != 1:
         members = [net.read(p, f"members{g}", "iq", [size]) for g, (size, _) in enumerate(stacks)]
-        of, places = packed("q", [-1] * n), packed("q", bytes(8 * n))
-        for g, part in enumerate(members):
-            for i, j in enumerate(part):
-                expect(j >= 0 > of[j], f"the stacks of shard {p} do not share out its nodes")
-                of[j], places[j] = g, i
+        nodes = sorted((j, g, i) for g, part in enumerate(members) for i, j in enumerate(part))
+        expect([j for j, _, _ in nodes] == list(range(n)), f"the stacks of shard {p} do not share out its nodes")
+        of, places = (packed("q", (node[k] for node in nodes)) for k in (1, 2))
     starts = [packed("q", accumulate((stacks[g][1][kind].dim for g in of), initial=0)) for kind in range(3)]
     return Layout(of, places, starts)
 
@@ -3004,16 +3007,17 @@ class Shard:
 
 def shard_with_halo(net: Shards, p: int) -> Shard:
     """A shard from its files, and from those that say where the inputs of the halo are."""
-    own, blocks = layout(net, p), list[dict[str, Numbers]]()
-    for g, (size, cones) in enumerate(net.stacks(p)):
+    own, stacks, blocks = layout(net, p), net.stacks(p), list[dict[str, Numbers]]()
+    for g, (size, cones) in enumerate(stacks):
         sides = [(name, [cones[kind].dim for kind in SIGNALS[name]]) for name in "ABCD" if f"{name}{g}" in net.files(p)]
         blocks.append({name: net.read(p, f"{name}{g}", "d", [size, *mn], [1, *mn]) for name, mn in sides})
     owners = packed("q", (j for j, (a, b) in enumerate(pairwise(own.starts[1])) for _ in range(a, b)))
-    firsts, away = own.starts[1][:-1], dict[int, Numbers]()
-    heard = [net.stacks(p)[g][1][1] for g in own.stacks]
+    firsts, away = own.starts[1][:], dict[int, Numbers]()
+    firsts.pop()
+    heard = [stacks[g][1][1] for g in own.stacks]
     halo = net.read(p, "halo", "iq", [index(*net.files(p)["halo"]["shape"])])
     expect(all(a < b for a, b in pairwise(halo)), f"the halo of shard {p} is not in order")
-    expect(all(0 <= j < net.starts[0][-1] for j in halo), f"the halo of shard {p} has nodes that are not there")
+    expect(all(0 <= j < net.nodes() for j in halo), f"the halo of shard {p} has nodes that are not there")
     for k, nodes in groupby(halo, lambda j: bisect(net.starts[0], j) - 1):
         expect(k != p, f"the halo of shard {p} has nodes of its own")
         there, stacks, away[k] = layout(net, k), net.stacks(k), packed("q")
@@ -3023,9 +3027,9 @@ def shard_with_halo(net: Shards, p: int) -> Shard:
             owners.extend([len(heard)] * len(places))
             heard.append(stacks[there.stacks[j]][1][1])
             away[k].extend(places)
-    ends = net.read(p, "indptr", "iq", [net.count(p, 3) + 1])
+    ends = net.read(p, "indptr", "iq", [count(net, p, 3) + 1])
     expect(ends[0] == 0 and all(a <= b for a, b in pairwise(ends)), f"the links of shard {p} are not in order")
-    targets, weights = (net.read(p, name, kind, [ends[-1]]) for name, kind in (("targets", "iq"), ("weights", "d")))
+    targets, weights = (net.read(p, name, kind, [max(ends)]) for name, kind in (("targets", "iq"), ("weights", "d")))
     expect(all(0 <= c < len(owners) for c in targets), f"links of shard {p} lead nowhere")
     rows = (targets[a:b] for a, b in pairwise(ends))
     expect(all(c < d for row in rows for c, d in pairwise(row)), f"links of shard {p} are not in order")
@@ -3096,7 +3100,7 @@ def kept_inside(s: System, heard: Heard, shard: Shard) -> None:
         for x in s.cones()[of].rays:
             parts = dict[int, Vector]()
             for i, a in image(getattr(s, name), x).items():
-                where = (shard.owners[heard[i][0]], heard[i][1]) if name == "W" else (-1, i)
+                where = (shard.owners[heard[i][0]], heard[i][1]) if name == "W" else (0, i)
                 parts.setdefault(where[0], {})[where[1]] = a
             for k, y in parts.items():
                 target: Any = shard.heard[k] if name == "W" else s.cones()[to]
@@ -3112,13 +3116,9 @@ class InShards:
     data: Json
     net: Shards
 
-    def has_weights(self) -> bool:
-        """Whether p and t are there: then algebraic loops are proven to contract, at every node."""
-        return any("p" in s.get("files", ()) for s in self.data["shards"])
-
     def vector(self, p: int, name: str) -> Numbers:
         """v, r, q, p or t of a shard, in the order of its nodes."""
-        size = self.net.count(p, {"v": 1, "r": 2, "q": 3, "p": 3, "t": 2}[name])
+        size = count(self.net, p, {"v": 1, "r": 2, "q": 3, "p": 3, "t": 2}[name])
         out = numbers(place_of(self.folder, p, name), self.data["shards"][p]["files"][name], "d", [size])
         need(all(map(isfinite, out)), f"{name} of shard {p} is finite")
         return out
@@ -3132,6 +3132,11 @@ class InShards:
         return out
 
 
+def has_weights(c: InShards) -> bool:
+    """Whether p and t are there: then algebraic loops are proven to contract, at every node."""
+    return any("p" in s.get("files", ()) for s in c.data["shards"])
+
+
 def certificate_in_shards(folder: Path, network: Path | None) -> InShards:
     """The certificate in a folder, and the network that it is about, which may have been moved."""
     d, _ = manifest(folder, "kpos-shards-certificate/1", "network", "status", "refuted", "reason", "shards")
@@ -3141,9 +3146,9 @@ def certificate_in_shards(folder: Path, network: Path | None) -> InShards:
     expect(type(d["reason"]) is str, "the reason is no text")
     expect(len(d["shards"]) == (len(net.data["shards"]) if d["status"] == "PROVED" else 0), "there are other shards")
     out = InShards(folder, d, net)
-    names = {*"vrq"} | ({*"pt"} if out.has_weights() else set[str]())
+    names = {*"vrq"} | ({*"pt"} if has_weights(out) else set[str]())
     for p, s in enumerate(d["shards"]):
-        filled = net.count(p, 0) > 0
+        filled = count(net, p, 0) > 0
         expect(s.keys() == ({"rate", "files"} if filled else set()), f"shard {p} has other entries")
         expect(not filled or s["files"].keys() == names, f"shard {p} has other vectors")
     return out
@@ -3159,12 +3164,11 @@ def proven_shard(c: InShards, p: int) -> float:
     rate = stated_double(c.data["shards"][p]["rate"])
     s, v, q = shard_with_halo(c.net, p), c.vector(p, "v"), c.vector(p, "q")
     vectors = {"v": v, "q": q, "r": c.at_inputs(s, "r")}
-    if c.has_weights():
+    if has_weights(c):
         vectors |= {"p": c.vector(p, "p"), "t": c.at_inputs(s, "t")}
     try:
         proven_nodes(s, vectors, rate, closed=False)
     except Wrong:
-        need(has_own_links(s), "as it is, and no node has a link to itself that could be closed")
         proven_nodes(s, vectors, rate, closed=True)
     return rate
 
@@ -3183,17 +3187,12 @@ def proven_nodes(s: Shard, vectors: dict[str, Numbers], rate: float, *, closed: 
         need("p" in vectors or not any(node.D), "there are weights for the algebraic loops")
         supplied(node, v, q, r)
         balance(node, q, r)
-        decreases(node, v, q, Fraction(rate) * node.unit)
+        decreases(node, v, q, Fraction(rate) if closed else multiplied(node.unit, rate))
 
 
 def at_inputs(x: Numbers, own: range, heard: Heard, convert: Callable[[float], Any]) -> Vector:
     """The entries at the inputs of a node, and at those that it feeds."""
     return at_places(x, own, convert) | {k: convert(x[c]) for k, (c, _) in heard.items()}
-
-
-def has_own_links(s: Shard) -> bool:
-    """Some node has a link to itself that is not 0."""
-    return any(k < len(node.B) for node, _ in node_systems(s, closed=False) for w in node.W for k in w)
 
 
 def leaving(s: Shard, *, closed: bool) -> bool:
@@ -3213,10 +3212,9 @@ def refuted_shards(c: InShards) -> str:
     A witness of growth, about all shards, has its place here.
     """
     p = index(c.data["refuted"])
-    expect(c.net.count(p, 0) > 0, "the shard that is named has no nodes")
     s = shard_with_halo(c.net, p)
     need(leaving(s, closed=False), f"no node or link of shard {p} leaves its cones")
-    need(not has_own_links(s) or leaving(s, closed=True), f"shard {p} is positive once links to themselves are closed")
+    need(leaving(s, closed=True), f"shard {p} is positive once links of nodes to themselves are closed")
     return f"a node or a link of shard {p} leaves its cones"
 
 
@@ -3225,15 +3223,16 @@ def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tu
     c = certificate_in_shards(folder, None if network is None else Path(network))
     status, parts = c.data["status"], range(len(c.net.data["shards"]))
     expect(shard is None or shard in parts, f"there is no shard {shard}")
-    need(status in ("PROVED", "REFUTED"), f"the certificate itself says {status}")
+    expect(status in ("PROVED", "REFUTED", "UNDECIDED"), "the status is none")
+    need(status != "UNDECIDED", "the certificate itself says UNDECIDED")
     if status == "REFUTED":
         return status, refuted_shards(c)
     expect(c.data["refuted"] is None, "a shard is refuted in what is proven")
-    chosen = [p for p in parts if shard in (None, p) and c.net.count(p, 0)]
+    chosen = [p for p in parts if shard in (None, p) and count(c.net, p, 0)]
     rate = min((proven_shard(c, p) for p in chosen), default=float("inf"))
-    if shard is None:
-        return status, f"network of {c.net.starts[0][-1]} nodes in {len(parts)} shards, decay rate {rate}"
-    return status, f"shard {shard} of {len(parts)}, decay rate {rate}; the network is proven if all shards are"
+    whole = {None: f"network of {c.net.nodes()} nodes in {len(parts)} shards, decay rate {rate}"}
+    one = f"shard {shard} of {len(parts)}, decay rate {rate}; the network is proven if all shards are"
+    return status, whole.get(shard, one)
 
 
 # -- files
