@@ -6,6 +6,7 @@ from pathlib import Path
 
 import checker_shards
 import pytest
+import shards_by_hand
 import tampering
 
 from control_kpos import checker
@@ -25,7 +26,7 @@ def outcome(path, shard, names=None):
 def test_cases_by_hand(name, tmp_path, monkeypatch):
     monkeypatch.setattr(checker, "FREE_SIZES", 0)
     case, shard, expected = checker_shards.CASES[name]
-    assert outcome(checker_shards.write(tmp_path / "net", case), shard) == expected
+    assert outcome(shards_by_hand.write(tmp_path / "net", case), shard) == expected
 
 
 # -- every operator of this part of the checker matters; the others are changed in test_checker
@@ -44,7 +45,7 @@ def folders(tmp_path_factory):
     """The folder of every case, its shard and what is expected."""
     place = tmp_path_factory.mktemp("cases")
     cases = enumerate(checker_shards.CASES.values())
-    return [(checker_shards.write(place / str(k), case), shard, expected) for k, (case, shard, expected) in cases]
+    return [(shards_by_hand.write(place / str(k), case), shard, expected) for k, (case, shard, expected) in cases]
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="nothing stops what runs for ever")
