@@ -2843,7 +2843,7 @@ KINDS = {"<f8": "d", "<i4": "i", "<i8": "q"}
 # Bytes before the numbers.
 HEAD = 128
 # Nodes, states, inputs and outputs of a shard that need not have a byte in its files.
-FREE_SIZES = 4_000_000
+FREE_SIZES = 10_000_000
 
 
 @dataclass

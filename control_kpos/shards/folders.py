@@ -146,6 +146,8 @@ def read_array(path: Path, entry: Any, *, verify: bool) -> NDArray[Any]:
     try:
         if not isinstance(entry, dict) or set(entry) != _ENTRY or entry["dtype"] not in _KINDS:
             raise CertificateFileError("the manifest says nothing of it that can be understood.")
+        if any(type(n) is not int for n in entry["shape"]):
+            raise CertificateFileError("the manifest states no shape.")
         require_regular(path)
         with open(path, "rb") as stream:
             if verify and _digest_of(stream) != entry["sha256"]:

@@ -30,10 +30,23 @@ FORMAT = "kpos-shards/1"
 _SIZES = ("states", "inputs", "outputs")
 # Sizes in a manifest that no network has.
 MOST = 2**48
+# Dimensions of all cones in a manifest together.
+_DIMENSIONS = 10**6
+# Nodes, states, inputs and outputs of a shard that need not have a byte in its files.
+_FREE_SIZES = 10**7
 _STACK = {"nodes", "X", "U", "Y"}
 _SHARD = {"nodes", "stacks", "files"}
 _EXACT = {"nodes", "links"}
 _DATA = {"dt", "cones", "shards"}
+_LINKS = {"indptr", "targets", "weights", "halo"}
+
+
+def stated_double(text: str) -> float:
+    """A number as `float.hex` writes it, neither infinite nor below 0; ValueError otherwise."""
+    number = float.fromhex(text)
+    if number.hex() != text or not 0 <= number < np.inf:
+        raise ValueError(f"{text} is not a number that may stand there")
+    return number
 
 
 class ConeTable:
@@ -66,14 +79,17 @@ class ShardedNetwork:
     data : dict
         What the manifest states.
     cones : tuple of Cone
+    bounded : bool
+        True where the sizes of a shard need the bytes of its files: for manifests of unknown origin.
     """
 
     folder: Path
     data: dict[str, Any]
     cones: tuple[Cone, ...]
+    bounded: bool = False
 
     @classmethod
-    def open(cls, folder: Path) -> ShardedNetwork:
+    def open(cls, folder: Path, *, bounded: bool = False) -> ShardedNetwork:
         """The network in a folder.
 
         Raises
@@ -81,13 +97,17 @@ class ShardedNetwork:
         CertificateFileError
             The manifest is missing, damaged, or describes no network.
         """
-        return cls.of(folder, read_manifest(folder, FORMAT))
+        return cls.of(folder, read_manifest(folder, FORMAT), bounded=bounded)
 
     @classmethod
-    def of(cls, folder: Path, data: dict[str, Any]) -> ShardedNetwork:
+    def of(cls, folder: Path, data: dict[str, Any], *, bounded: bool = False) -> ShardedNetwork:
         """The network that a manifest describes."""
         try:
-            out = cls(folder, data, tuple(decode_cone(runs, MOST) for runs in data["cones"]))
+            cones, room = list[Cone](), _DIMENSIONS if bounded else MOST
+            for runs in data["cones"]:
+                cones.append(decode_cone(runs, room))
+                room -= cones[-1].dim
+            out = cls(folder, data, tuple(cones), bounded)
             out._require_sense()
         except (KposError, KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise CertificateFileError(f"the manifest of {folder} describes no network: {error}") from None
@@ -107,10 +127,18 @@ class ShardedNetwork:
             sum(t["nodes"] for t in s["stacks"]) != s["nodes"] for s in self.data["shards"]
         ):
             raise CertificateFileError("its stacks have not the nodes of their shards.")
-        if not self.n_nodes or any(t[key] >= len(self.cones) for t in stacks for key in "XUY"):
+        if not stacks or any(t[key] >= len(self.cones) for t in stacks for key in "XUY"):
             raise CertificateFileError("it has no nodes, or cones that are not there.")
-        if self.dt is not None and not 0 <= self.dt < np.inf:
-            raise CertificateFileError("dt is no time base.")
+        if sum(t["nodes"] * sum(self.cones[t[key]].dim + 1 for key in "XUY") for t in stacks) >= MOST:
+            raise CertificateFileError("its sizes are absurd.")
+        for s in self.data["shards"]:
+            count, names = len(s["stacks"]), set(s["files"])
+            needed = _LINKS if count else set[str]()
+            needed = needed | {f"members{g}" for g in range(count) if count > 1}
+            if not needed <= names or names - needed - {f"{name}{g}" for name in BLOCKS for g in range(count)}:
+                raise CertificateFileError("its shards have other files.")
+        if not (self.data["dt"] is None or isinstance(self.data["dt"], bool)):
+            stated_double(self.data["dt"])
 
     @cached_property
     def dt(self) -> Timebase:
@@ -185,6 +213,8 @@ class ShardedNetwork:
     def members(self, p: int, *, verify: bool = False) -> list[Index]:
         """The places of the nodes of every stack among those of the shard."""
         shard = self.data["shards"][p]
+        if self.bounded:
+            self._require_room(p)
         if len(shard["stacks"]) == 1:
             return [np.arange(shard["nodes"])]
         out = [self.array(p, f"members{g}", verify=verify) for g in range(len(shard["stacks"]))]
@@ -193,6 +223,13 @@ class ShardedNetwork:
         if not whole or not np.array_equal(np.sort(np.concatenate(out)), np.arange(shard["nodes"])):
             raise CertificateFileError(f"the stacks of {shard_folder(self.folder, p)} do not share out its nodes.")
         return out
+
+    def _require_room(self, p: int) -> None:
+        """Refuse sizes for which the files of a shard are too short, before memory is asked for."""
+        sizes = sum(int(starts[p + 1] - starts[p]) for starts in self.starts)
+        paths = [shard_folder(self.folder, p) / f"{name}.npy" for name in self.data["shards"][p]["files"]]
+        if sizes > _FREE_SIZES and sizes > _FREE_SIZES + sum(path.stat().st_size for path in paths if path.exists()):
+            raise CertificateFileError(f"the sizes of {shard_folder(self.folder, p)} are absurd for its files.")
 
     def model(self, p: int, *, verify: bool = False) -> NetworkModel:
         """A shard as a model; with `verify` its files are compared with their digests."""
@@ -339,7 +376,7 @@ def exact_file(kind: str) -> str:
 
 def read_time(dt: Any) -> Timebase:
     """The time that a manifest states."""
-    return float.fromhex(dt) if isinstance(dt, str) else dt if dt is None or isinstance(dt, bool) else int(dt)
+    return float.fromhex(dt) if isinstance(dt, str) else dt
 
 
 def ranges(first: Index, sizes: Index) -> Index:
