@@ -15,8 +15,8 @@ from control_kpos.exact.signs import (
     UNKNOWN,
     BilinearForms,
     _decide,
-    _row_norms,
 )
+from control_kpos.exact.sizes import row_norms
 
 doubles = st.one_of(
     st.integers(-3, 3).map(float),
@@ -278,14 +278,14 @@ def test_norms_are_not_too_small_and_hardly_too_large(count, size):
     rows = np.vstack([np.full(count, size), np.zeros(count), np.append(size, np.zeros(count - 1))])
     exact = [Fraction(size) * Fraction(np.sqrt(count)), Fraction(0), Fraction(size)]  # roots of squares, mostly
     for m in (Matrix(rows), Matrix(sp.csr_array(rows))):
-        found, radius = _row_norms(m)
+        found, radius = row_norms(m)
         spread = 1 if m.is_sparse or count > 16 else Fraction(np.sqrt(count))
         assert not np.any(radius)
         for value, norm in zip(found.tolist(), exact, strict=True):
             assert (
                 norm * (1 + Fraction(1, 2 * 10**9)) + tiny / 2 <= Fraction(value) <= norm * margin * spread + 2 * tiny
             )
-    empty = _row_norms(Matrix(sp.csr_array((2, count))))[0]
+    empty = row_norms(Matrix(sp.csr_array((2, count))))[0]
     assert empty.shape == (2,) and (empty > 0).all() and (empty < 1e-300).all()
 
 

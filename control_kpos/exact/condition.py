@@ -41,24 +41,34 @@ class Condition:
         signs = self.forms.signs(self.where)
         return signs.data if self.forms.is_sparse else signs
 
-    @cached_property
+    @property
     def _failing(self) -> NDArray[np.bool_]:
-        bad = np.logical_and.reduce([self._signs != sign for sign in _ALLOWED[self.relation]])
+        first, *others = _ALLOWED[self.relation]
+        bad = self._signs != first
+        for sign in others:
+            bad &= self._signs != sign
         return bad if self.where is None else bad & self.where
 
     def verdict(self) -> bool | None:
         """True if proven everywhere, False if proven to fail somewhere, None if unknown."""
+        return self._verdict
+
+    @cached_property
+    def _verdict(self) -> bool | None:
         outside = (
             self.forms.is_sparse
             and self.relation in "<>"
             and self.forms.pattern.nnz < np.prod(self.forms.pattern.shape)
         )
-        if outside or (self._failing & (self._signs != UNKNOWN)).any():
-            return False
-        return None if self._failing.any() else True
+        failing = self._failing
+        if not outside and not failing.any():
+            return True
+        return False if outside or (failing & (self._signs != UNKNOWN)).any() else None
 
     def worst_violation(self) -> tuple[int, ...] | None:
         """Index of the proven violation of largest relative size, or None."""
+        if self.verdict() is True:
+            return None
         bad = self._failing & (self._signs != UNKNOWN)
         if not bad.any():
             return None

@@ -14,8 +14,8 @@ Comparisons are written so that NaN and infinity count as undecided.  Nothing he
 
 from __future__ import annotations
 
-from functools import cached_property, reduce
-from itertools import product
+from collections.abc import Iterator
+from functools import cached_property
 from math import prod
 from typing import Any
 
@@ -23,6 +23,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from .distinct import distinct
 from .matrix import (
     Integers,
     Matrix,
@@ -31,15 +32,25 @@ from .matrix import (
     integers_of_doubles,
     is_sparse,
 )
-from .rounding import RADIUS_FACTOR, SMALLEST_NORMAL, SUM_FACTOR, chain_constants, sum_factor
+from .rounding import RADIUS_FACTOR, SMALLEST_NORMAL, chain_constants
+from .sizes import (
+    SHORT_ROWS,
+    SMALL,
+    absolute,
+    dense_if_small,
+    finite,
+    frobenius,
+    nonzero,
+    row_length,
+    row_norms,
+    times,
+)
 from .sparse_integers import SparseIntegers, columns_as_integers, csr_integers
 
 UNKNOWN = 2
 # Multiplications of integers after which exact arithmetic gives up (about a minute).
 EXACT_LIMIT = 3 * 10**8
 _CHUNK = 10**6
-_SMALL = 4096
-_SHORT = 16
 
 
 class BilinearForms:
@@ -59,13 +70,21 @@ class BilinearForms:
     relative size |z| / (|l|'|M||r|) is below about 1e-15.
     """
 
+    # The operand that multiplies the product of the others.
+    _multiplied_last = -1
+
     def __init__(self, left: Matrix, middle: Matrix | None, right: Matrix) -> None:
         self.is_sparse = all(m.is_sparse for m in (left, middle, right) if m is not None)
         if not self.is_sparse:
-            left, right = _dense_if_small(left), _dense_if_small(right)
-            middle = None if middle is None else _dense_if_small(middle)
+            left, right = dense_if_small(left), dense_if_small(right)
+            middle = None if middle is None else dense_if_small(middle)
         self.left, self.middle, self.right = left, middle, right
         self._operands = [m for m in (left, middle, right) if m is not None]
+        self._is_double = all(m.is_double for m in self._operands)
+
+    def pieces(self) -> Iterator[tuple[slice, BilinearForms]]:
+        """The forms on pieces of a long stack, made one after the other: of this one, all at once."""
+        yield slice(None), self
 
     @cached_property
     def values(self) -> Any:
@@ -82,17 +101,17 @@ class BilinearForms:
     @cached_property
     def pattern(self) -> sp.csr_array:
         """Positions of a sparse result where some product of entries may not be zero."""
-        if self._smallest_product > SMALLEST_NORMAL and all(m.radius is None for m in self._operands):
+        if self._smallest_product > SMALLEST_NORMAL and self._is_double:
             out = sp.csr_array(self._summed_sizes)
         else:
-            out = sp.csr_array(self._product(*(_nonzero(m) for m in self._operands)))
+            out = sp.csr_array(self._product(*(nonzero(m) for m in self._operands)))
         out.sort_indices()
         return out
 
     @cached_property
     def _summed_sizes(self) -> Any:
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            return self._product(*(_sizes(m.values) for m in self._operands))
+            return self._product(*(absolute(m.values) for m in self._operands))
 
     @cached_property
     def _smallest_product(self) -> float:
@@ -139,18 +158,19 @@ class BilinearForms:
         """
         z = self.values.data if self.is_sparse else self.values
         out = np.full(z.shape, UNKNOWN, dtype=np.int8)
-        if not (self._is_small or any(m.is_sparse for m in self._operands)):
+        if not self._is_small and not any(m.is_sparse for m in self._operands):
             _decide(out, z, self._norm_bound())  # the norm of a large sparse matrix decides nothing
         open_ = _unknown(out, where)
-        if open_.any() and all(_finite(m) for m in self._operands):
+        if open_.any() and self._is_finite:
             _decide(out, z, self._entry_bound())
             open_ = _unknown(out, where)
             if open_.any():
-                magnitudes = self.magnitudes.data if self.is_sparse else self.magnitudes
-                exact = (out == UNKNOWN) & (magnitudes <= self._exactness_limit())
-                out[exact] = np.sign(z[exact]).astype(np.int8)
-                if not self.is_sparse and _unknown(out, where).any():
+                if not self.is_sparse:
                     out[self._structure() == 0] = 0
+                if _unknown(out, where).any():
+                    magnitudes = self.magnitudes.data if self.is_sparse else self.magnitudes
+                    exact = (out == UNKNOWN) & (magnitudes <= self._exactness_limit())
+                    out[exact] = np.sign(z[exact]).astype(np.int8)
                 open_ = _unknown(out, where)
                 if integers and open_.any():
                     self._decide_by_integers(out, open_)
@@ -161,25 +181,31 @@ class BilinearForms:
     # -- floating point with a bound
 
     @property
+    def _is_finite(self) -> bool:
+        return all(finite(m) for m in self._operands)
+
+    @property
     def _is_small(self) -> bool:
         """True if the products of the entrywise bound take less time than norms; its zeros, signs and margins too."""
-        return self.left.shape[-1] * self.right.shape[-1] <= _SMALL and self.values.size <= _SMALL
+        width = self.left.shape[-1] * self.right.shape[-1]
+        in_rows = len(self.left.shape) == 3 and self.left.shape[-2] == 1 and len(self.right.shape) == 2
+        return (width <= SMALL and self.values.size <= SMALL) or (in_rows and width <= SHORT_ROWS)
 
     @cached_property
     def _ends_in_identity(self) -> bool:
         """True if the rows r_i are the unit vectors, and the forms the entries of l'M."""
         R, n = self.right.values, self.right.shape[-1]
-        if self.middle is None or not self.right.is_sparse or not self.right.is_double or R.shape != (n, n):
+        if not self.right.is_sparse or not self.right.is_double or R.shape != (n, n) or self.middle is None:
             return False
         unit = R.nnz == n and bool((R.data == 1).all()) and np.array_equal(R.indices, np.arange(n))
         return unit and np.array_equal(R.indptr, np.arange(n + 1))
 
     def _product(self, *factors: Any) -> Any:
         *head, right = factors
-        out = head[0] @ head[1] if len(head) == 2 else head[0]
+        out = times(head[0], head[1]) if len(head) == 2 else head[0]
         if self._ends_in_identity:
             return out
-        return out @ (right.T if is_sparse(right) else np.swapaxes(right, -1, -2))
+        return times(out, right.T if is_sparse(right) else np.swapaxes(right, -1, -2))
 
     def _on_pattern(self, z: sp.csr_array) -> sp.csr_array:
         z = sp.csr_array(z)
@@ -195,8 +221,8 @@ class BilinearForms:
     def _lengths(self) -> tuple[int, int]:
         """Bounds on the number of terms in the inner sums over a and over b."""
         if self.middle is None:
-            return 0, min(_row_length(self.left), _row_length(self.right))
-        return min(_row_length(self.left), self.middle.column_length), _row_length(self.right)
+            return 0, min(row_length(self.left), row_length(self.right))
+        return min(row_length(self.left), self.middle.column_length), row_length(self.right)
 
     @cached_property
     def _constants(self) -> tuple[float, float, float]:
@@ -209,13 +235,13 @@ class BilinearForms:
     def _norm_bound(self) -> NDArray[np.float64]:
         """Bound on |fl(z) - z| through Euclidean norms: no matrix product."""
         with np.errstate(over="ignore", invalid="ignore", under="ignore"):
-            nl, dl = _row_norms(self.left)
-            nr, dr = _row_norms(self.right)
-            nm, dm = (1.0, 0.0) if self.middle is None else _frobenius(self.middle)
+            nl, dl = row_norms(self.left)
+            nr, dr = row_norms(self.right)
+            nm, dm = (1.0, 0.0) if self.middle is None else frobenius(self.middle)
             nl, dl, nr, dr = nl[..., :, None], dl[..., :, None], nr[..., None, :], dr[..., None, :]
             g, inner, outer = self._constants  # |r|_1 <= sqrt(length) |r|_2
             bound = (g * nl * nm + inner * np.sqrt(self._lengths[1])) * nr + outer
-            if any(m.radius is not None for m in self._operands):
+            if not self._is_double:
                 bound = bound + RADIUS_FACTOR * (dl * nm * nr + (nl + dl) * dm * nr + (nl + dl) * (nm + dm) * dr)
             return bound
 
@@ -229,26 +255,28 @@ class BilinearForms:
                 bound = g * self.magnitudes.data + (lost if len(lost) == 1 else lost[self.pattern.indices])
             else:
                 bound = g * self.magnitudes + lost[..., None, :]
+            if self._is_double:
+                return bound
             done: list[Any] = []
             for i, m in enumerate(self._operands):
                 if m.radius is not None:
-                    rest = [_sizes(k.values) for k in self._operands[i + 1 :]]
+                    rest = [absolute(k.values) for k in self._operands[i + 1 :]]
                     more = self._product(*done, m.radius, *rest)
                     bound = bound + RADIUS_FACTOR * (self._on_pattern(more).data if self.is_sparse else dense(more))
-                done.append(_sizes(m.values) if m.radius is None else abs(m.values) + m.radius)
+                done.append(absolute(m.values) if m.radius is None else abs(m.values) + m.radius)
             return bound
 
     def _structure(self) -> NDArray[np.float64]:
         """Number of products of nonzero entries in each form; 0 proves a zero."""
-        return dense(self._product(*(_nonzero(m) for m in self._operands)))
+        return dense(self._product(*(nonzero(m) for m in self._operands)))
 
     def _exactness_limit(self) -> float:
         """Magnitude up to which the floating point result is exact; negative if that cannot be said."""
-        if not all(m.is_double for m in self._operands):
+        if not self._is_double:
             return -1.0
         units = granularity(*(m.values.data if m.is_sparse else m.values for m in self._operands))
         unit = sum(units)
-        if min(unit, unit - units[-1]) < -1000 or unit > 900:
+        if min(unit, unit - units[self._multiplied_last]) < -1000 or unit > 900:
             return -1.0
         return float(np.ldexp(1.0, unit + 52))
 
@@ -266,7 +294,7 @@ class BilinearForms:
         width = self.right.shape[-1]
         cost = len(index[0]) * width * (self.left.shape[-1] if out.ndim > 2 else 1)
         if out.ndim == 2 and self.middle is not None:
-            cost += len(np.unique(index[0])) * self.left.shape[-1] * width
+            cost += len(distinct(index[0])) * self.left.shape[-1] * width
         if cost > EXACT_LIMIT:
             return
         out[index] = self._stacked(index) if out.ndim > 2 else self._plane(*index)
@@ -303,7 +331,7 @@ class BilinearForms:
         rows, k = np.unique(k, return_inverse=True)
         columns, i = (i, np.arange(len(i))) if (np.diff(i) > 0).all() else np.unique(i, return_inverse=True)
         right = csr_integers(self.right, columns)
-        middle = None if self.middle is None else columns_as_integers(self.middle, np.unique(right.indices))
+        middle = None if self.middle is None else columns_as_integers(self.middle, distinct(right.indices))
         step = max(1, _CHUNK // self._row_work(middle))
         parts = []
         for start in range(0, len(rows), step):
@@ -320,39 +348,14 @@ class BilinearForms:
     def _row_work(self, middle: SparseIntegers | None) -> int:
         """Most multiplications that a row of `left` takes."""
         if middle is None:
-            return _row_length(self.left)
-        return _row_length(self.left) * int(np.diff(middle.indptr).max(initial=1)) + 1
-
-
-def _dense_if_small(m: Matrix) -> Matrix:
-    """Sparse operands below the size where their overhead pays, as dense ones."""
-    return m.kept_dense if m.is_sparse and m.shape[0] * m.shape[1] <= _SMALL else m
-
-
-def _sizes(values: Any) -> Any:
-    """Absolute values; a sparse matrix shares its places, which are not to be written to."""
-    if not is_sparse(values):
-        return abs(values)
-    return sp.csr_array((np.abs(values.data), values.indices, values.indptr), shape=values.shape)
-
-
-def _nonzero(m: Matrix) -> Any:
-    """Ones where the exact entry may be nonzero."""
-    if m.is_sparse:
-        reach = abs(m.values) if m.radius is None else abs(m.values) + m.radius
-        return sp.csr_array((np.ones(reach.nnz), reach.indices, reach.indptr), m.shape)
-    kind = m.values != 0 if m.radius is None else (m.values != 0) | (m.radius != 0)
-    return kind.astype(np.float64)
-
-
-def _finite(m: Matrix) -> bool:
-    return bool(np.isfinite(m.values.data if m.is_sparse else m.values).all())
+            return row_length(self.left)
+        return row_length(self.left) * int(np.diff(middle.indptr).max(initial=1)) + 1
 
 
 def _decide(out: NDArray[np.int8], z: NDArray[np.float64], bound: NDArray[np.float64]) -> None:
     with np.errstate(invalid="ignore", over="ignore"):
-        out[z > bound] = 1
-        out[z < -bound] = -1
+        np.copyto(out, 1, where=z > bound)
+        np.copyto(out, -1, where=z < -bound)
         # the bounds hold where nothing overflowed; overflow on the way to z leaves it, and the sum, infinite or NaN
         if not np.isfinite(z.sum()):
             out[~np.isfinite(z)] = UNKNOWN
@@ -362,49 +365,6 @@ def _unknown(out: NDArray[np.int8], where: NDArray[np.bool_] | None) -> NDArray[
     """Entries that matter and are not decided."""
     open_ = out == UNKNOWN
     return open_ if where is None else open_ & where
-
-
-def _row_length(m: Matrix) -> int:
-    return int(np.diff(m.values.indptr).max(initial=0)) if is_sparse(m.values) else m.shape[-1]
-
-
-def _norm(values: NDArray[np.float64], axes: tuple[int, ...]) -> NDArray[np.float64]:
-    """Bound on the Euclidean norm over trailing axes, at most the root of their size too large.
-
-    Square roots are correctly rounded (IEEE 754), as sums and products are.
-    """
-    sizes = values.shape[len(values.shape) - len(axes) :]
-    count = prod(sizes)
-    if 0 < count <= _SHORT:  # numpy reduces short axes slowly
-        entries = (np.abs(values[(..., *index)]) for index in product(*map(range, sizes)))
-        return reduce(np.maximum, entries) * (np.sqrt(count) * SUM_FACTOR) + SMALLEST_NORMAL
-    top = np.abs(values).max(axis=axes, keepdims=True, initial=0.0)
-    scaled = np.divide(values, top, out=np.zeros_like(values), where=top > 0)
-    total = np.sqrt(np.square(scaled).sum(axis=axes)) * sum_factor(count)
-    return total * top.reshape(total.shape) + SMALLEST_NORMAL
-
-
-def _row_norms(m: Matrix) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Norms of the rows, and of their radii."""
-    sizes = [
-        _sparse_row_norms(part) if is_sparse(part) else _norm(part, (-1,))
-        for part in (m.values, m.radius)
-        if part is not None
-    ]
-    return sizes[0], sizes[1] if len(sizes) > 1 else np.zeros_like(sizes[0])
-
-
-def _sparse_row_norms(rows: sp.csr_array) -> NDArray[np.float64]:
-    top = abs(rows).max(axis=1).toarray().ravel() if rows.nnz else np.zeros(rows.shape[0])
-    return top * np.sqrt(np.diff(rows.indptr)) * SUM_FACTOR + SMALLEST_NORMAL
-
-
-def _frobenius(m: Matrix) -> tuple[Any, Any]:
-    if is_sparse(m.values):
-        return _norm(m.values.data, (-1,)), 0.0 if m.radius is None else _norm(m.radius.data, (-1,))
-    shape = m.shape[:-2] + (1, 1)
-    size = _norm(m.values, (-2, -1)).reshape(shape)
-    return size, np.zeros(shape) if m.radius is None else _norm(m.radius, (-2, -1)).reshape(shape)
 
 
 def _stack_rows(m: Matrix, batch: tuple[NDArray[np.intp], ...], row: NDArray[np.intp]) -> Integers:

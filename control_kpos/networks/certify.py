@@ -214,7 +214,9 @@ def supply_rates(model: NetworkModel, v: Floats) -> Data:
 def lower_outputs(model: NetworkModel, r: Floats) -> Floats:
     """-W'r, less a few units in the last place in the order of Y*."""
     longest = int(np.diff(model.WT.indptr).max(initial=0)) + max(s.sizes[2] for s in model.stacks)
-    return -inwards(model, "Y", model.WT @ r, abs(model.WT) @ np.abs(r), longest, dual=True)
+    value, positive = model.WT @ r, model.WT.data.min(initial=0.0) >= 0 and r.min(initial=0.0) >= 0
+    size = value if positive else abs(model.WT) @ np.abs(r)
+    return -inwards(model, "Y", value, size, longest, dual=True)
 
 
 def moved(model: NetworkModel, name: str, terms: Sequence[tuple[str, Floats]], *, dual: bool) -> Floats:
@@ -245,15 +247,15 @@ def shifted(cone: Cone, value: Floats, size: Floats, count: int, *, dual: bool) 
     return value + units * size
 
 
+@np.errstate(all="ignore")
 def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) -> float:
     """min over nodes and generators of -(v'A - q'C)x / v'x, less the error bound of the kernel; may be negative."""
     rate = np.inf
     for s, v_g, q_g in zip(model.stacks, model.split(v, 0), model.split(q, 2), strict=True):
-        forms = on.decrease_forms(s, v_g, q_g, 0.0, discrete)
         room, rays = 16 * (2 * (s.sizes[0] + s.sizes[2]) + 24) * HALF_ULP, s.rays[0].values
-        with np.errstate(all="ignore"):
-            value, gross = (np.einsum("jn,kn->jk", f(v_g.values), f(rays))[:, None] for f in (np.asarray, np.abs))
-            first = (-forms.values - room * forms.magnitudes) / value
+        for part, forms in on.decrease_forms(s, v_g, q_g, 0.0, discrete).pieces():
+            value, gross = (f(v_g.values[part]) @ f(rays).T for f in (np.asarray, np.abs))
+            first = (-forms.values - room * forms.magnitudes)[:, 0] / value
             # the rate term adds rate * |v|'|x| to the size of the numbers
             rate = min(rate, float((first - room * np.abs(first) * gross / value).min(initial=np.inf)))
     return rate if np.isfinite(rate) else 0.0
@@ -290,7 +292,7 @@ def _coupling_witness(
     model: NetworkModel, pair: tuple[Index, Index] | None, place: tuple[int, ...]
 ) -> CouplingViolation:
     if pair is None:  # an entry of W
-        entry = place[-1]
+        entry = place[0]
         row = int(np.searchsorted(model.W.indptr, entry, side="right")) - 1
         column = int(model.W.indices[entry])
         j, k = int(model.receivers.owners[row]), int(model.owners(2)[column])

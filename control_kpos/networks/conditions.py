@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from fractions import Fraction
-from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from ..cones import Cone, Orthant
 from ..errors import UndecidedError
 from ..exact.condition import Condition
+from ..exact.distinct import distinct
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
+from ..exact.stacks import Joined, forms_on, stacked
 from ..proof.inclusion import MEANING, NAMES
 from ..theorems.decay_rates import Rate, at_rate
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
@@ -33,50 +33,11 @@ COUPLING, BALANCE = "h'W y >= 0", "sigma q'y + sum sigma r'W y <= 0"
 LINKS_WITHIN = "h'(W_upper - W_lower) y >= 0"
 LOOP_WEIGHT, LOOP_DIRECT, LOOP_COUPLING = "p'y > 0", "(p'D - t') u <= 0", "(t'W - p') y < 0"
 
-
 # What other shards send to inputs: bounds, and the inputs that they go to.
 Heard: TypeAlias = "tuple[Matrix, Index] | None"
 
-# Stacks are proven this many nodes at a time, so that the numbers stay in the caches.
-_CHUNK = 2**15
 # Entries up to which generators that are not doubles are written out.
 _EXACT_ENTRIES = 10**6
-
-
-class StackedForms(BilinearForms):
-    """Bilinear forms on a long stack, evaluated piece by piece."""
-
-    def __init__(self, left: Matrix, middle: Matrix | None, right: Matrix) -> None:
-        super().__init__(left, middle, right)
-        operands = (left, middle, right)
-        count = max(m.shape[0] for m in operands if m is not None and len(m.shape) == 3)
-        self._pieces = []
-        for start in range(0, count, _CHUNK):
-            part = slice(start, start + _CHUNK)
-            cut = [m if m is None or len(m.shape) < 3 or m.shape[0] == 1 else m[part] for m in operands]
-            self._pieces.append((part, BilinearForms(cut[0], cut[1], cut[2])))  # type: ignore[arg-type]
-
-    @cached_property
-    def values(self) -> Any:
-        """See `BilinearForms`."""
-        return np.concatenate([forms.values for _, forms in self._pieces])
-
-    @cached_property
-    def magnitudes(self) -> Any:
-        """See `BilinearForms`."""
-        return np.concatenate([forms.magnitudes for _, forms in self._pieces])
-
-    def signs(self, where: NDArray[np.bool_] | None = None, *, integers: bool = True) -> Any:
-        """See `BilinearForms`."""
-        chosen = [None if where is None else where[part] for part, _ in self._pieces]
-        parts = zip(chosen, self._pieces, strict=True)
-        return np.concatenate([forms.signs(wanted, integers=integers) for wanted, (_, forms) in parts])
-
-
-def stacked(left: Matrix, middle: Matrix | None, right: Matrix) -> BilinearForms:
-    """Bilinear forms on stacks of any length."""
-    count = max((m.shape[0] for m in (left, middle, right) if m is not None and len(m.shape) == 3), default=0)
-    return (StackedForms if count > 2 * _CHUNK else BilinearForms)(left, middle, right)
 
 
 def titled(name: str, model: NetworkModel, g: int) -> str:
@@ -84,9 +45,9 @@ def titled(name: str, model: NetworkModel, g: int) -> str:
     return name if len(model.stacks) == 1 else f"{name} [stack {g}]"
 
 
-def beside(*vectors: Matrix) -> Matrix:
+def beside(*vectors: Matrix) -> Joined:
     """Vectors of every node, (N, size) each, beside each other as one row of every node, (N, 1, sum of sizes)."""
-    return Matrix.join(vectors, -1)[:, None, :]
+    return Joined([v[:, None, :] for v in vectors], -1)
 
 
 def after(*vectors: Matrix) -> Matrix:
@@ -123,7 +84,8 @@ def coupling_by_pairs(model: NetworkModel) -> list[tuple[Condition, tuple[Index,
     """The same with the nodes j and k of the blocks; None if the condition is about the entries of W."""
     receiving = model.receivers.cones
     if all(isinstance(c, Orthant) for c in (*receiving, *(s.Y for s in model.stacks))) and model.coupling.is_sparse:
-        forms = BilinearForms(Matrix(np.ones((1, 1))), None, Matrix(model.coupling.values.data[:, None]))
+        one = Matrix(np.ones((1, 1)))
+        forms = stacked(one, Matrix(model.coupling.values.data[:, None, None]), one)
         return [(Condition(COUPLING, forms, ">="), None)]
     out = []
     for g, (j, k), (blocks,) in _blocks_by_stacks(model, [model.coupling]):
@@ -198,11 +160,11 @@ def _blocks_by_stacks(
     target_nodes, source_nodes = pairs[0]
     if len(pairs) > 1:
         width = model.n_nodes
-        places = np.unique(np.concatenate([j.astype(np.int64) * width + k for j, k in pairs]))
+        places = distinct(np.concatenate([j.astype(np.int64) * width + k for j, k in pairs]))
         target_nodes, source_nodes = places // width, places % width
     u0, y0 = to.starts, model.offsets[2]
     key = to.kinds[target_nodes] * len(model.stacks) + model.home[0][source_nodes]
-    for pair in np.unique(key).tolist():
+    for pair in distinct(key).tolist():
         gj, gk = divmod(pair, len(model.stacks))
         j, k = target_nodes[key == pair], source_nodes[key == pair]
         rows = u0[j][:, None] + np.arange(to.cones[gj].dim)
@@ -230,7 +192,7 @@ def decrease_forms(s: NodeStack, v: Matrix, q: Matrix, rate: Rate, discrete: boo
     if not q.is_zero:
         left.append(-q)
         middle.append(s.C)
-    return stacked(beside(*left), Matrix.join(middle, -2), s.rays[0])
+    return stacked(beside(*left), Joined(middle, -2), s.rays[0])
 
 
 def decrease(
@@ -250,13 +212,13 @@ def supply(model: NetworkModel, g: int, v: Matrix, q: Matrix, r: Matrix, name: s
     if not s.D.is_zero:
         left.append(-q)
         middle.append(s.D)
-    return Condition(titled(name, model, g), stacked(beside(*left), Matrix.join(middle, -2), s.rays[1]), "<=")
+    return Condition(titled(name, model, g), stacked(beside(*left), Joined(middle, -2), s.rays[1]), "<=")
 
 
 def loop_direct(model: NetworkModel, g: int, p: Matrix, t: Matrix) -> Condition:
     """(p_j'D_j - t_j') u <= 0 on the generators of U_j."""
     s = model.stacks[g]
-    middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[1])[None])], -2)
+    middle = Joined([s.D, Matrix(-np.eye(s.sizes[1])[None])], -2)
     return Condition(titled(LOOP_DIRECT, model, g), stacked(beside(p, t), middle, s.rays[1]), "<=")
 
 
@@ -308,7 +270,8 @@ def balance_forms(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | Non
         weights = np.array(list(map(Fraction, sigma.tolist())))[_nodes(model)]
         left, sigma = Matrix.from_fractions(left.fractions() * weights), None
     if sigma is None:
-        return BilinearForms(left, _sent_and_received(model), generators)
+        rates, through = Joined([q[None, :], r[None, :]], -1), Joined([_identity(model), model.coupling], -2)
+        return forms_on(rates, through, generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
     weights = sigma[_nodes(model)][None, :]
     diagonal = Matrix(sp.csr_array(sp.diags_array(left.values[0])))
@@ -346,7 +309,11 @@ def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Matrix) -> Bili
 
 def _sent_and_received(model: NetworkModel) -> Matrix:
     """[I; W]: y to y and W y."""
-    return Matrix.join([Matrix.identity(model.totals[2], sparse=True), model.coupling], -2)
+    return Matrix.join([_identity(model), model.coupling], -2)
+
+
+def _identity(model: NetworkModel) -> Matrix:
+    return Matrix.identity(model.totals[2], sparse=True)
 
 
 def _nodes(model: NetworkModel) -> Index:
@@ -363,7 +330,7 @@ def loop_gain(model: NetworkModel, p: Matrix, t: Matrix) -> Iterator[Condition]:
     """p and t prove that the algebraic loop u = W D u contracts: rho(W D) < 1."""
     for g, (p_g, t_g) in enumerate(zip(model.split(p, 2), model.split(t, 1), strict=True)):
         s = model.stacks[g]
-        yield Condition(titled(LOOP_WEIGHT, model, g), BilinearForms(beside(p_g), None, s.rays[2]), ">")
+        yield Condition(titled(LOOP_WEIGHT, model, g), stacked(beside(p_g), None, s.rays[2]), ">")
         yield loop_direct(model, g, p_g, t_g)
     yield Condition(LOOP_COUPLING, balance_forms(model, -p, t, None), "<")
 
@@ -371,7 +338,7 @@ def loop_gain(model: NetworkModel, p: Matrix, t: Matrix) -> Iterator[Condition]:
 def motion(
     model: NetworkModel, x: Matrix, u: Matrix, y: Matrix, rate: float, heard: Heard = None
 ) -> Iterator[Condition]:
-    """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y; see `received`."""
+    """x in X with A_cl x - rate x in X, by u <= W y and y <= C x + D u in the orders of U and Y; see `received`."""
     xs, us, ys = (model.split(part, kind) for kind, part in enumerate((x, u, y)))
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
         yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, beside(x_g)), ">=")
@@ -380,10 +347,10 @@ def motion(
         if rate:
             row.append(x_g)
             middle.append(Matrix(-rate * np.eye(s.sizes[0])[None]))
-        forms = stacked(facets(s.X), Matrix.join(middle, -1), beside(*row))
+        forms = stacked(facets(s.X), Joined(middle, -1), beside(*row))
         yield Condition(titled("h'(A x + B u - rate x) >= 0", model, g), forms, ">=")
         if s.sizes[2]:
-            middle = Matrix.join([s.C, s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
+            middle = Joined([s.C, s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
             forms = stacked(facets(s.Y), middle, beside(x_g, u_g, y_g))
             yield Condition(titled("h'(C x + D u - y) >= 0", model, g), forms, ">=")
     yield received(model, u, y, heard)
@@ -392,7 +359,7 @@ def motion(
 def emitted(model: NetworkModel, y: Matrix) -> list[Condition]:
     """y in Y: h'y >= 0 for every facet h of every Y_j."""
     parts = enumerate(zip(model.stacks, model.split(y, 2), strict=True))
-    forms = [(g, BilinearForms(facets(s.Y), None, beside(y_g))) for g, (s, y_g) in parts]
+    forms = [(g, stacked(facets(s.Y), None, beside(y_g))) for g, (s, y_g) in parts]
     return [Condition(titled("h'y >= 0", model, g), form, ">=") for g, form in forms]
 
 

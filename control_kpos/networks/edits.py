@@ -21,6 +21,7 @@ import scipy.sparse as sp
 from ..cones import Cone
 from ..errors import ConeMismatchError, DataError, ShapeError, TimebaseError
 from ..exact.condition import all_hold
+from ..exact.distinct import distinct
 from ..exact.intake import exact_matrix, found, items, whole_number
 from ..exact.matrix import Matrix
 from ..proof.certificate import Status, exactly
@@ -111,7 +112,7 @@ def _links(model: NetworkModel, node: int, incoming: bool) -> dict[int, Matrix]:
     """Blocks of the links into (or out of) a node, by the number of the other end."""
     matrix, own, other = (model.W, 1, 2) if incoming else (model.WT, 2, 1)
     rows = _places(model, node, own)
-    ends = np.unique(np.searchsorted(model.offsets[other], matrix[rows].indices, side="right") - 1)
+    ends = distinct(np.searchsorted(model.offsets[other], matrix[rows].indices, side="right") - 1)
     out = {}
     for end in ends.tolist():
         columns = _places(model, end, other)

@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from ..cones import Cone, Orthant, ProductCone, product
 from ..errors import DataError
+from ..exact.distinct import distinct
 from ..exact.matrix import Matrix
 from ..proof import weights as proofs
 from ..proof.certificate import exactly
@@ -83,7 +84,7 @@ def rebuild(contents: dict[str, Any]) -> NetworkModel:
         raise DataError("sizes and stack are not whole numbers.")
     sizes, stack = contents["sizes"].astype(np.intp), contents["stack"].astype(np.intp)
     cones, names = contents["cones"], contents.get("names")
-    if stack.ndim != 1 or sizes.shape != (len(stack), 3) or not np.array_equal(np.unique(stack), np.arange(len(cones))):
+    if stack.ndim != 1 or sizes.shape != (len(stack), 3) or not np.array_equal(distinct(stack), np.arange(len(cones))):
         raise DataError("sizes and stack do not describe nodes.")
     named = isinstance(names, tuple) and len(names) == len(stack) and all(isinstance(name, str) for name in names)
     if names is not None and not named:

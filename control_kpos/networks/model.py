@@ -131,9 +131,12 @@ class NetworkModel:
     @cached_property
     def offsets(self) -> tuple[Index, Index, Index]:
         """Places where the states, inputs and outputs of node j begin; N + 1 entries each."""
-        out = []
+        out, count = [], self.n_nodes
+        if self.is_ordered:
+            x, u, y = (frozen(size * np.arange(count + 1)) for size in self.stacks[0].sizes)
+            return x, u, y
         for kind in range(3):
-            size = np.zeros(self.n_nodes, dtype=np.intp)
+            size = np.zeros(count, dtype=np.intp)
             for s, index in zip(self.stacks, self.members, strict=True):
                 size[index] = s.sizes[kind]
             out.append(frozen(np.concatenate([[0], np.cumsum(size)])))

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from ..exact.distinct import distinct
 from ..exact.matrix import Integers, Matrix
 from .blocks import Index, take_blocks
 from .coupling import entries_of, from_entries
@@ -33,7 +34,7 @@ def own_links(model: NetworkModel) -> tuple[Index, tuple[Index, Index, Matrix], 
     if values.is_double:
         own &= values.values != 0
     parts = [(rows[chosen], columns[chosen], values[chosen]) for chosen in (own, ~own)]
-    return np.unique(model.receivers.owners[rows[own]]), parts[0], parts[1]
+    return distinct(model.receivers.owners[rows[own]]), parts[0], parts[1]
 
 
 def has_own_links(model: NetworkModel) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..cards import about, floored
 from ..exact.condition import Condition
+from ..exact.distinct import distinct
 from ..exact.matrix import Matrix
 from ..exact.products import exact_product
 from ..exact.signs import BilinearForms
@@ -228,7 +229,7 @@ def refute(model: NetworkModel, w: Any, loop: LoopWeights) -> list[Condition] | 
         for g, (y, u) in enumerate(zip(model.split(all_y, 2), model.split(all_u, 1), strict=True)):
             s = model.stacks[g]
             middle = Matrix.join([s.D, Matrix(-np.eye(s.sizes[2])[None])], -1)
-            forms = BilinearForms(on.facets(s.Y), middle, on.beside(u, y))
+            forms = on.stacked(on.facets(s.Y), middle, on.beside(u, y))
             out.append(Condition(on.titled("h'(D u - y) >= 0", model, g), forms, ">="))
         return [*out, on.received(model, all_u, all_y)]
     return None
@@ -281,7 +282,7 @@ def coupling_violation(model: NetworkModel, target: int, source: int, facet: int
 
 def nodes_in_loop(model: NetworkModel, y: Matrix) -> Index:
     """The nodes with outputs that are not 0."""
-    return np.unique(model.owners(2)[y.values != 0])
+    return distinct(model.owners(2)[y.values != 0])
 
 
 def node_supply(model: NetworkModel, certificate: Any, node: int) -> tuple[Matrix, Matrix]:

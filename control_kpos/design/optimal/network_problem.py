@@ -20,6 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ...exact.condition import Condition
+from ...exact.distinct import distinct
 from ...exact.layers import height, repeated, sparse_product, tower
 from ...exact.matrix import Matrix
 from ...exact.rounding import HALF_ULP, error_factor, underflow
@@ -116,7 +117,7 @@ class NetworkCost(LinearCost):
         h, x = (sp.csr_array(M.values[[k]]) for M, k in ((self.cones.facets, facet), (self.cones.rays, generator)))
         rows = np.concatenate([k * n + h.indices for k in range(height(self.A, n))])
         acting = np.concatenate([k * n + h.indices for k in range(height(self.B, n))])
-        blocks = np.unique(self.owner[np.unique(sp.csr_array(self.B.values[acting]).indices)])
+        blocks = distinct(self.owner[distinct(sp.csr_array(self.B.values[acting]).indices)])
         columns = np.flatnonzero(np.isin(self.owner, blocks))
         A, B, limits = (
             Matrix(np.asarray(sp.csr_array(M.values[i])[:, j].toarray()))

@@ -15,6 +15,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from ...exact.distinct import distinct
 from ..blocks import Floats, Index
 from ..model import NetworkModel
 from .descent import (
@@ -100,7 +101,7 @@ def neighbourhood(links: sp.csr_array, seeds: Index, reach: int) -> NDArray[np.b
     mask[seeds] = True
     front, count = seeds, len(seeds)
     for _ in range(_STEPS):
-        reached = np.unique(links[front].indices)
+        reached = distinct(links[front].indices)
         front = reached[~mask[reached]]
         count += front.size
         if not front.size or count > reach:

@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from ...cards import floored
 from ...errors import DataError
 from ...exact.condition import Condition, all_hold
+from ...exact.distinct import distinct
 from ...exact.intake import whole_number
 from ...exact.matrix import Matrix
 from ...exact.rows import frozen
@@ -406,7 +407,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
             return f"at {self._place(int(w.vertices[inner.node]))} {inner}. {_CONES}"
         scope = "This choice is a member: the network itself is refuted."
         if isinstance(inner, NetworkInstability):
-            alive = np.unique(self.model.owners(0)[np.asarray(inner.x) != 0])
+            alive = distinct(self.model.owners(0)[np.asarray(inner.x) != 0])
             j = int(alive[0])
             if len(alive) == 1 and not np.any(np.asarray(inner.u)[self.model.owners(1) == j]):
                 return (

@@ -1,0 +1,250 @@
+"""Bilinear forms z_jki = l_jk' M_j r_ji on long stacks of small matrices: piece by piece, in the cheapest order.
+
+Three orders of the products, all within the lemma of `rounding`:
+
+- k generators and facets that are the same for all matrices of a stack: M_j, written as one row, times the matrix of
+  all products of entries of l_k and r_i; one product of matrices for the whole stack.  A term meets one rounding in
+  the product of its entries of l and r, and as many as M_j has entries in the rest.
+- one row l_j for every matrix of the stack: its sums entry by entry, then one product with all r_i.
+- stacked products as numpy has them.
+
+Nothing is kept of a piece but its signs and its forms, so that a stack takes the memory of its own data.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import prod
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .matrix import Matrix
+from .rounding import SMALLEST_NORMAL, error_factor, underflow
+from .signs import BilinearForms
+from .sizes import absolute, finite, row_length, times
+
+# Stacks are proven this many matrices at a time, so that the numbers stay in the caches.
+PIECE = 2**15
+# Products of entries of l and r for one matrix up to which these are formed, and one product is made of all.
+_AT_ONCE = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Matrices beside each other (axis -1) or below each other (-2), joined only where that is needed.
+
+    Attributes
+    ----------
+    parts : sequence of Matrix, shapes (r, c); or (N, r, c), and (1, r, c) for the same at every place of a stack
+    axis : int
+    shape : tuple of int
+    """
+
+    parts: Sequence[Matrix]
+    axis: int
+    shape: tuple[int, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        shape = list(max(part.shape for part in self.parts))
+        shape[self.axis] = sum(part.shape[self.axis] for part in self.parts)
+        object.__setattr__(self, "shape", tuple(shape))
+
+    @property
+    def whole(self) -> Matrix:
+        """The matrix, or the stack."""
+        return Matrix.join(self.parts, self.axis)
+
+
+Operand: TypeAlias = "Matrix | Joined"
+
+
+def _cut(m: Any, part: slice) -> Any:
+    """A piece of a stack; what is the same for all of it stays."""
+    if isinstance(m, Joined):
+        return Joined([_cut(own, part) for own in m.parts], m.axis)
+    return m if m is None or len(m.shape) < 3 or m.shape[0] == 1 else m[part]
+
+
+class StackedForms(BilinearForms):
+    """Bilinear forms on a long stack, evaluated piece by piece; dense.
+
+    Parameters
+    ----------
+    left, middle, right : as for `BilinearForms`
+        At least one is a stack (N, r, c), or a `Joined` of such.
+    """
+
+    def __init__(self, left: Operand, middle: Operand | None, right: Operand) -> None:
+        self.is_sparse = False
+        self._given = left, middle, right
+        self.count = max(m.shape[0] for m in self._given if m is not None and len(m.shape) == 3)
+        self.shape = self.count, left.shape[-2], right.shape[-2]
+
+    def pieces(self) -> Iterator[tuple[slice, BilinearForms]]:
+        """The forms on pieces of the stack, made one after the other."""
+        left, middle, right = self._given
+        for start in range(0, self.count, PIECE):
+            part = slice(start, start + PIECE)
+            yield part, forms_on(_cut(left, part), _cut(middle, part), _cut(right, part))
+
+    @cached_property
+    def values(self) -> Any:
+        """See `BilinearForms`."""
+        return self._gathered("values")
+
+    @property
+    def magnitudes(self) -> Any:  # type: ignore[override]
+        """See `BilinearForms`; not kept."""
+        return self._gathered("magnitudes")
+
+    def _gathered(self, name: str) -> NDArray[np.float64]:
+        out = np.empty(self.shape)
+        for part, forms in self.pieces():
+            out[part] = getattr(forms, name)
+        return out
+
+    def enclosure(self, *, exactly: bool = False) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """See `BilinearForms`."""
+        low, high = np.empty(self.shape), np.empty(self.shape)
+        for part, forms in self.pieces():
+            low[part], high[part] = forms.enclosure(exactly=exactly)
+        return low, high
+
+    def signs(self, where: NDArray[np.bool_] | None = None, *, integers: bool = True) -> Any:
+        """See `BilinearForms`; the forms are kept from the same pass."""
+        signs, values = np.empty(self.shape, dtype=np.int8), np.empty(self.shape)
+        for part, forms in self.pieces():
+            signs[part] = forms.signs(None if where is None else where[part], integers=integers)
+            values[part] = forms.values
+        vars(self).setdefault("values", values)
+        return signs
+
+
+class _AtOnce(BilinearForms):
+    """Forms of facets and generators that are the same for all matrices of a stack: z_j = (l (x) r) vec M_j.
+
+    The products of entries of l and r do not overflow or underflow, which `fits` says of them, so that nothing is lost
+    that M_j could multiply.
+    """
+
+    _multiplied_last = 1
+
+    @staticmethod
+    def fits(left: Matrix, middle: Matrix | None, right: Matrix) -> bool:
+        """True if the forms are of this kind, and less work than stacked products."""
+        operands = [m for m in (left, middle, right) if m is not None]
+        if [len(m.shape) for m in operands] != [2, 3, 2] or any(m.is_sparse for m in operands):
+            return False
+        if not (left.is_double and right.is_double) or left.values.size * right.values.size > _AT_ONCE:
+            return False
+        products = np.abs(np.multiply.outer(_nonzero_entries(left), _nonzero_entries(right)))
+        return bool(np.all((products >= SMALLEST_NORMAL) & np.isfinite(products)))
+
+    def _product(self, *factors: Any) -> Any:
+        left, middle, right = factors
+        if _is_identity(left) and _is_identity(right):
+            return middle
+        z = middle.reshape(len(middle), prod(middle.shape[1:])) @ np.kron(left, right).T
+        return z.reshape(len(middle), len(left), len(right))
+
+    @cached_property
+    def _constants(self) -> tuple[float, float, float]:
+        entries = prod(self._operands[1].shape[1:])
+        return error_factor(entries + 1), 0.0, underflow(entries)
+
+    @property
+    def _is_small(self) -> bool:
+        return True
+
+
+def _is_identity(values: NDArray[np.float64]) -> bool:
+    rows, columns = values.shape
+    return rows == columns and np.array_equal(values, np.eye(rows))
+
+
+def _nonzero_entries(m: Matrix) -> NDArray[np.float64]:
+    values = np.asarray(m.values)
+    return values[values != 0]
+
+
+class _Summed(BilinearForms):
+    """Forms (l_1'M_1 + l_2'M_2 + ...) r, whose parts are joined for integers alone; all in doubles.
+
+    A term of l_t'M_t meets as many roundings as l_t has entries, and one in the sum for each other part at the most:
+    no more than with all of them joined.
+    """
+
+    def __init__(self, left: Joined, middle: Joined, right: Matrix) -> None:
+        self.is_sparse, self._is_double = False, True
+        self._joined, self.right = (left, middle), right
+
+    @staticmethod
+    def fits(left: Operand, middle: Operand | None, right: Operand) -> bool:
+        """True if rows l and matrices M have parts of the same sizes, in doubles."""
+        if not (isinstance(left, Joined) and isinstance(middle, Joined) and isinstance(right, Matrix)):
+            return False
+        match = [part.shape[-1] for part in left.parts] == [part.shape[-2] for part in middle.parts]
+        known = all(part.is_double for part in (*left.parts, *middle.parts, right))
+        return match and known and left.axis == -1 and middle.axis == -2 and left.shape[-2] == 1
+
+    @cached_property
+    def left(self) -> Matrix:  # type: ignore[override]
+        return self._joined[0].whole
+
+    @cached_property
+    def middle(self) -> Matrix:  # type: ignore[override]
+        return self._joined[1].whole
+
+    @cached_property
+    def _operands(self) -> list[Matrix]:  # type: ignore[override]
+        return [self.left, self.middle, self.right]
+
+    @cached_property
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
+    def values(self) -> Any:
+        """See `BilinearForms`."""
+        return self._summed(lambda values: values)
+
+    @cached_property
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
+    def _summed_sizes(self) -> Any:
+        return self._summed(absolute)
+
+    def _summed(self, of: Callable[[Any], Any]) -> Any:
+        total = None
+        for row, block in zip(*(joined.parts for joined in self._joined), strict=True):
+            M = block.values if len(block.shape) == 2 or len(block.values) > 1 else block.values[0]
+            term = times(of(row.values), of(M))
+            total = term if total is None else total + term
+        return total if self._ends_in_identity else times(total, of(self.right.values).T)
+
+    @cached_property
+    def _lengths(self) -> tuple[int, int]:
+        return sum(part.column_length for part in self._joined[1].parts), row_length(self.right)
+
+    @property
+    def _is_small(self) -> bool:
+        return True
+
+    @property
+    def _is_finite(self) -> bool:
+        return all(finite(part) for part in (*self._joined[0].parts, *self._joined[1].parts, self.right))
+
+
+def forms_on(left: Operand, middle: Operand | None, right: Operand) -> BilinearForms:
+    """Bilinear forms with their products in the cheapest order."""
+    if _Summed.fits(left, middle, right):
+        return _Summed(left, middle, right)  # type: ignore[arg-type]
+    l, m, r = (x.whole if isinstance(x, Joined) else x for x in (left, middle, right))
+    with np.errstate(all="ignore"):
+        return (_AtOnce if _AtOnce.fits(l, m, r) else BilinearForms)(l, m, r)  # type: ignore[arg-type]
+
+
+def stacked(left: Operand, middle: Operand | None, right: Operand) -> BilinearForms:
+    """Bilinear forms on stacks of any length."""
+    count = max((m.shape[0] for m in (left, middle, right) if m is not None and len(m.shape) == 3), default=0)
+    return (StackedForms if count > 2 * PIECE else forms_on)(left, middle, right)
