@@ -55,16 +55,19 @@ class Budget:
 
     def left(self) -> float:
         """Operations left, by count and by clock; negative after the limit."""
-        return min(self.operations, self._left_by_clock())
+        return min(self.operations, self.left_by_clock())
 
-    def _left_by_clock(self) -> float:
+    def left_by_clock(self) -> float:
+        """Operations that the clock leaves; infinite without a time limit."""
         return (self.deadline - time.monotonic()) * SPEED if self.deadline < float("inf") else float("inf")
 
     def reason(self) -> str:
         """Which limit ends the search, as words for a message."""
-        if self._left_by_clock() < self.operations:
-            return f"the time limit of {self.time_limit:g} s"
-        return "the effort set for this search"
+        return self.clock() if self.left_by_clock() < self.operations else "the effort set for this search"
+
+    def clock(self) -> str:
+        """The time limit, as words for a message."""
+        return f"the time limit of {self.time_limit:g} s"
 
     def count(self, operations: float) -> None:
         """Count operations as spent, here and in every budget around this one."""
@@ -169,6 +172,20 @@ def begin(operations: float) -> bool:
         return False
     current.count(operations)
     return True
+
+
+def require_time(operations: float = 0.0) -> None:
+    """Raise OutOfBudgetError if a time limit has passed, or does not leave time for so many operations.
+
+    Counts nothing, so that without a time limit nothing changes: for steps of solves that a count does not end.
+
+    >>> with budget(100, time_limit=float("inf")):
+    ...     require_time(1e6)
+    """
+    current = _BUDGET.get()
+    if current is not None and not current.left_by_clock() > operations:
+        current.refused_by = current.refused_by or current.clock()
+        raise OutOfBudgetError(f"{current.clock()} does not allow the next step")
 
 
 def seconds_left() -> float:

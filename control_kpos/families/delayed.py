@@ -64,8 +64,8 @@ def delayed(
     max_delay : number, optional
         A decay rate for all delays of at most this one is proven besides.  In discrete time a number of steps.
     time_limit : float, optional
-        Seconds; what is not settled by then is UNDECIDED, and a rate is as good as it was found.  Networks take their
-        few solves, whatever it is.
+        Seconds; what is not settled by then is UNDECIDED, and a rate is as good as it was found.  Default: that of a
+        network.
 
     Returns
     -------
@@ -100,8 +100,7 @@ def delayed(
                     f"{'for which no rate is proven' if name == 'max_delay' else 'which has its own cones and time'}"
                     "; leave it out."
                 )
-        seconds(time_limit)
-        return delayed_network(A, A_delay)
+        return delayed_network(A, A_delay, time_limit=time_limit)
     is_system = isinstance(A, (StateSpace, System))
     if not is_system and isinstance(A, InputOutputSystem):
         raise DataError(f"A is {found(A)}; give a matrix, or a state-space system (control.ss makes one).")

@@ -30,6 +30,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix
 from ..exact.rows import frozen
 from ..proof.certificate import Certificate, ClaimWithRate, Fractions, Status, Vector, VectorPair, exactly
+from ..proof.in_time import unfinished
 from . import conditions as on
 from . import files
 from .model import NetworkModel
@@ -256,7 +257,7 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
             )
         if self.status is Status.REFUTED:
             return f"Not certified: {what} fails, {self._reason()}. {REMEDY[type(self.witness)]}"
-        return (
+        return unfinished(self) or (
             f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the "
             "edge of stability. "
             "Change the gains or links a little."

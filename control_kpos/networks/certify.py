@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..cones import Cone, Orthant
+from ..exact.budget import require_time
 from ..exact.condition import Condition, all_hold
 from ..exact.matrix import Matrix
 from ..exact.rounding import HALF_ULP
@@ -321,6 +322,7 @@ def algebraic_witness(model: NetworkModel) -> AlgebraicLoop | None:
     D = model.block_matrices[3]
     shift = 1e-3
     for step in range(2000):
+        require_time()
         ahead = D @ (model.W @ y)
         size = float(np.abs(ahead).max())
         if not np.isfinite(size) or size == 0:

@@ -14,19 +14,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from fractions import Fraction
-from functools import cached_property
-from typing import Any, Literal
+from functools import cached_property, partial
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from control import InputOutputSystem, StateSpace
 from numpy.typing import ArrayLike
 
 from ..cones import Cone
-from ..errors import NotProperConeError, TooLargeError
-from ..exact.intake import exact_number
+from ..errors import NotProperConeError, TooLargeError, UndecidedError
+from ..exact.intake import exact_matrix, exact_number, seconds
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..proof.certificate import Status, exactly
+from ..proof.in_time import in_time
 from ..systems.cones_of_connections import lies_in, opposite
 from ..systems.operations import as_gain
 from ..systems.reading import read_operand
@@ -50,6 +51,7 @@ from .responses import NetworkResponses
 from .witnesses import NetworkInstability
 
 _SIDES = ("inputs", "outputs")
+C = TypeVar("C")
 
 
 class ClosedLoopSystem(NetworkResponses):
@@ -64,8 +66,10 @@ class ClosedLoopSystem(NetworkResponses):
         certificate: NetworkCertificate | None = None,
         find: Callable[[NetworkModel], NetworkCertificate] | None = None,
         progress: Target = None,
+        time_limit: float | None = None,
     ) -> None:
         super().__init__(model, external=external, name=name, progress=progress)
+        self.time_limit = seconds(time_limit)
         self._find = certify if find is None else find
         if certificate is not None:
             self.__dict__["certificate"] = certificate
@@ -102,11 +106,14 @@ class ClosedLoopSystem(NetworkResponses):
 
     @cached_property
     def certificate(self) -> NetworkCertificate:
-        """Theorem 4 for this network: PROVED, or REFUTED with what breaks it."""
+        """Theorem 4 for this network: PROVED, or REFUTED with what breaks it; UNDECIDED if a time limit ends it."""
         with Reporter(self._progress) as report:
-            if self._find is certify:
-                return certify(self.model, report)
-            return self._find(self.model)
+            find = partial(certify, progress=report) if self._find is certify else self._find
+            return self._in_time(None, partial(find, self.model), lambda: NetworkCertificate.settle(model=self.model))
+
+    def _in_time(self, time_limit: Any, find: Callable[[], C], nothing: Callable[[], C]) -> C:
+        """What is found within the limit, or that of the network if none is given; else what proves nothing."""
+        return in_time(self.time_limit if time_limit is None else time_limit, find, nothing)
 
     # -- verdicts on the closed loop as one system
 
@@ -118,8 +125,13 @@ class ClosedLoopSystem(NetworkResponses):
             return known.status is not Status.UNDECIDED
         return positive_form(self.model) is not None
 
-    def is_cone_positive(self) -> bool:
+    def is_cone_positive(self, *, time_limit: float | None = None) -> bool:
         """Decide whether x stays in X and y in Y for all x(0) in X and w(t) in U.
+
+        Parameters
+        ----------
+        time_limit : float, optional
+            Seconds.  Default: that of the network.
 
         Returns
         -------
@@ -128,17 +140,28 @@ class ClosedLoopSystem(NetworkResponses):
         Raises
         ------
         UndecidedError
-            A network of more than `EXACT_STATES` states whose parts do not prove it, and rounding hides it.
+            A network of more than `EXACT_STATES` states whose parts do not prove it, and rounding hides it; or the time
+            limit ended the search.
 
         Notes
         -----
         Positive nodes, W Y in U and contracting algebraic loops suffice, in any number; otherwise Theorem 1 decides
         on the closed loop.  Supply rates play no role.
         """
-        return self._positive_by_parts or super().is_cone_positive()
+        if self._in_time(time_limit, lambda: self._positive_by_parts, lambda: False):
+            return True
+        found = self.cone_positivity(time_limit=time_limit)
+        if found.status is Status.UNDECIDED:
+            raise UndecidedError(f"{self.name}: {found.explain()}")
+        return bool(found)
 
-    def cone_positivity(self) -> PositivityCertificate:
+    def cone_positivity(self, *, time_limit: float | None = None) -> PositivityCertificate:
         """Theorem 1 for the closed loop from w to y, on the products X, U and Y.
+
+        Parameters
+        ----------
+        time_limit : float, optional
+            Seconds; what is not settled by then is UNDECIDED.  Default: that of the network.
 
         Returns
         -------
@@ -146,12 +169,22 @@ class ClosedLoopSystem(NetworkResponses):
             About the exact closed loop up to `EXACT_STATES` = 300 states, above that about its sparse matrices of
             doubles; UNDECIDED where only their rounding breaks what the parts of the network prove.
         """
+        return self._in_time(
+            time_limit, self._positivity, lambda: _without_witness(super(ClosedLoopSystem, self).cone_positivity())
+        )
+
+    def _positivity(self) -> PositivityCertificate:
         found = super().cone_positivity()
         if found.witness is None or self.loop.is_exact or not self._positive_by_parts:
             return found
-        return PositivityCertificate.settle(**{**found.data(), "witness": None})
+        return _without_witness(found)
 
-    def linear_lyapunov(self, rate: Literal["max"] | float | Fraction | str | None = None) -> LyapunovCertificate:
+    def linear_lyapunov(
+        self,
+        rate: Literal["max"] | float | Fraction | str | None = None,
+        *,
+        time_limit: float | None = None,
+    ) -> LyapunovCertificate:
         """Theorem 2 for the closed loop, as one system.
 
         Parameters
@@ -159,6 +192,8 @@ class ClosedLoopSystem(NetworkResponses):
         rate : "max" or number, optional
             A positive number: this decay rate is claimed too.  "max": the fastest decay rate that can be proven.
             Both factor A, so not for millions of states.
+        time_limit : float, optional
+            Seconds; what is not settled by then is UNDECIDED.  Default: that of the network.
 
         Returns
         -------
@@ -166,6 +201,13 @@ class ClosedLoopSystem(NetworkResponses):
             About the matrix that `cone_positivity` is about.  Above `EXACT_STATES` states v is that of `certificate`,
             sum sigma_j v_j'x_j, if that proves it.
         """
+        return self._in_time(
+            time_limit,
+            lambda: self._lyapunov(rate),
+            lambda: LyapunovCertificate.settle(positivity=self._positivity_of_states()),
+        )
+
+    def _lyapunov(self, rate: Any = None) -> LyapunovCertificate:
         known = None if rate is not None or self.loop.is_exact else self.certificate
         if not known or known.v is None or known.sigma is None:
             return super().linear_lyapunov(rate)
@@ -177,7 +219,9 @@ class ClosedLoopSystem(NetworkResponses):
     def _positivity_of_states(self) -> PositivityCertificate:
         return state_positivity(self.exact.A, self.X, discrete=self.model.discrete)
 
-    def dissipativity(self, q: ArrayLike | None = None, r: ArrayLike | None = None) -> DissipativityCertificate:
+    def dissipativity(
+        self, q: ArrayLike | None = None, r: ArrayLike | None = None, *, time_limit: float | None = None
+    ) -> DissipativityCertificate:
         """Theorem 3 for the closed loop from w to y, as one system.
 
         Parameters
@@ -185,6 +229,8 @@ class ClosedLoopSystem(NetworkResponses):
         q : array_like, shape (noutputs,), optional
         r : array_like, shape (ninputs,), optional
             What is not given is found.
+        time_limit : float, optional
+            Seconds; what is not settled by then is UNDECIDED.  Default: that of the network.
 
         Returns
         -------
@@ -196,9 +242,25 @@ class ClosedLoopSystem(NetworkResponses):
             More than `DENSE_STATES` = 5000 states: the search factors dense matrices.
         """
         self._require_moderate("dissipativity")
-        return super().dissipativity(q, r)
+        return self._in_time(
+            time_limit,
+            lambda: super(ClosedLoopSystem, self).dissipativity(q, r),
+            lambda: DissipativityCertificate.settle(
+                positivity=super(ClosedLoopSystem, self).cone_positivity(), q=self._supply(q)
+            ),
+        )
 
-    def gain(self, norm: Norm = "L1", e: ArrayLike | None = None, f: ArrayLike | None = None) -> float:
+    def _supply(self, q: Any) -> Any:
+        return -np.asarray(self.Y.dual.interior_point) if q is None else exact_matrix(q, "q", ndim=1)
+
+    def gain(
+        self,
+        norm: Norm = "L1",
+        e: ArrayLike | None = None,
+        f: ArrayLike | None = None,
+        *,
+        time_limit: float | None = None,
+    ) -> float:
         """Induced gain of the closed loop from w in U to y in Y; inf if it is not stable.
 
         Above `DENSE_STATES` = 5000 states "L2" is the upper bound that `control_kpos.structured_gain` proves.
@@ -209,6 +271,8 @@ class ClosedLoopSystem(NetworkResponses):
         e : array_like, shape (ninputs,), optional
         f : array_like, shape (noutputs,), optional
             Weights for general cones, see `control_kpos.gains.induced_gain`.
+        time_limit : float, optional
+            Seconds.  Default: that of the network.
 
         Returns
         -------
@@ -219,8 +283,14 @@ class ClosedLoopSystem(NetworkResponses):
         TooLargeError
             More than `DENSE_STATES` states, and another norm than "L2": the DC gain takes a dense matrix.
         UndecidedError
-            Nothing was proven.
+            Nothing was proven, or not within the time limit.
         """
+        found = self._in_time(time_limit, lambda: self._gain(norm, e, f), lambda: None)
+        if found is None:
+            raise UndecidedError(f"{self.name}: the gain is not known: the time limit ended the search; more may help.")
+        return found
+
+    def _gain(self, norm: Norm, e: Any, f: Any) -> float:
         if self.nstates > DENSE_STATES and norm == "L2" and e is None and f is None:
             return upper_gain(self._gain_at_scale("full"))
         self._require_moderate("gain")
@@ -339,7 +409,13 @@ class ClosedLoopSystem(NetworkResponses):
 
     def _joined(self, ports: Ports, name: str | None = None, certificate: NetworkCertificate | None = None) -> Any:
         external = ports.inputs, ports.outputs
-        return type(self)(ports.model, external=external, name=name, certificate=certificate, progress=self._progress)
+        more = {"name": name, "certificate": certificate, "progress": self._progress, "time_limit": self.time_limit}
+        return type(self)(ports.model, external=external, **more)
+
+
+def _without_witness(found: PositivityCertificate) -> PositivityCertificate:
+    """What is left of a verdict if its witness is not trusted."""
+    return PositivityCertificate.settle(**{**found.data(), "witness": None})
 
 
 def _places(key: Any, labels: Mapping[str, int]) -> Index:

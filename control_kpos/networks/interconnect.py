@@ -35,6 +35,7 @@ def feedback_interconnect(
     outputs: Sequence[int | str] | None = None,
     name: str | None = None,
     progress: Callable[[str], None] | bool | None = None,
+    time_limit: float | None = None,
 ) -> ConeNetwork:
     """Close the loop u = coupling @ y + w around many nodes, and decide Theorem 4.
 
@@ -68,6 +69,9 @@ def feedback_interconnect(
     progress : callable or bool, optional
         Receives lines about long work; True writes to standard error, False is silent.  Default: standard
         error if it is a terminal.
+    time_limit : float, optional
+        Seconds for each question about the network that is given no limit of its own, its certificate among them;
+        what is not settled by then is UNDECIDED, and says so.  Networks that are made of this one inherit it.
 
     Returns
     -------
@@ -111,14 +115,19 @@ def feedback_interconnect(
         if supply_rates is not None:
             raise DataError("supply_rates are for networks that are known exactly; leave them out here.")
         return UncertainNetwork(
-            spread(model), lower_ends(model, least), external=external, name=name, progress=progress
+            spread(model),
+            lower_ends(model, least),
+            external=external,
+            name=name,
+            progress=progress,
+            time_limit=time_limit,
         )
     find = None
     if supply_rates is not None:
         q, r = read_rates(model, supply_rates)
         find = partial(certify_rates, q=q, r=r)
 
-    return ConeNetwork(model, external=external, name=name, find=find, progress=progress)
+    return ConeNetwork(model, external=external, name=name, find=find, progress=progress, time_limit=time_limit)
 
 
 def with_lists(systems: Any) -> Any:

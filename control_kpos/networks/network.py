@@ -50,7 +50,7 @@ class ConeNetwork(ClosedLoopSystem):
         If it is known already.
     find : callable, optional
         Takes the model and returns its certificate, instead of `certify`.
-    progress : callable or bool, optional
+    progress, time_limit : optional
         As for `feedback_interconnect`.
 
     Attributes
@@ -61,6 +61,8 @@ class ConeNetwork(ClosedLoopSystem):
         Theorem 4: proof of positivity and stability, or what breaks them.  Found when first asked for.
     sparse_A, sparse_B, sparse_C, sparse_D : csr_array
         The closed loop from w to y.
+    time_limit : float or None
+        Seconds for each question that is given no limit of its own.
     X, U, Y : Cone
         Products of the nodes' cones; of those inputs and outputs that are external.
 
@@ -78,13 +80,15 @@ class ConeNetwork(ClosedLoopSystem):
 
     # -- the spectrum
 
-    def abscissa_certificate(self, relative: float = 1e-6) -> AbscissaCertificate:
+    def abscissa_certificate(self, relative: float = 1e-6, *, time_limit: float | None = None) -> AbscissaCertificate:
         """Proof of both sides of a bracket of the spectral abscissa; see `spectral_abscissa`.
 
         Parameters
         ----------
         relative : float
             Width of the bracket sought, relative to the abscissa.
+        time_limit : float, optional
+            Seconds; the bracket is as narrow as it was then, or UNDECIDED.  Default: that of the network.
 
         Returns
         -------
@@ -92,15 +96,21 @@ class ConeNetwork(ClosedLoopSystem):
         """
         relative = min(max(real_number(relative, "relative", positive=True), _NARROWEST), 1.0)
         with Reporter(self._progress) as report:
-            return bracket(self.model, relative, report)
+            return self._in_time(
+                time_limit,
+                lambda: bracket(self.model, relative, report),
+                lambda: AbscissaCertificate.settle(model=self.model),
+            )
 
-    def spectral_abscissa(self, relative: float = 1e-6) -> tuple[float, float]:
+    def spectral_abscissa(self, relative: float = 1e-6, *, time_limit: float | None = None) -> tuple[float, float]:
         """Bracket of the largest real part of the poles, both sides proven.
 
         Parameters
         ----------
         relative : float
             Width sought, relative to the abscissa (to a 2^-40 part of the size of A where the abscissa is smaller).
+        time_limit : float, optional
+            Seconds; the bracket is as narrow as it was then.  Default: that of the network.
 
         Returns
         -------
@@ -110,14 +120,14 @@ class ConeNetwork(ClosedLoopSystem):
         Raises
         ------
         UndecidedError
-            A side could not be proven; in particular if the network is not positive.
+            A side could not be proven, or not in time; in particular if the network is not positive.
 
         Notes
         -----
         Some ten pairs of solves with shifts that fall towards the abscissa.  In networks of moderate size, and where
         rounding leaves the bracket wide, both ends come from Perron vectors refined to as many digits as they need.
         """
-        certificate = self.abscissa_certificate(relative)
+        certificate = self.abscissa_certificate(relative, time_limit=time_limit)
         if not certificate:
             raise UndecidedError(f"{self.name}: {certificate.explain()}")
         return certificate.lower, certificate.upper
@@ -253,8 +263,8 @@ class ConeNetwork(ClosedLoopSystem):
         return self._edited(model, np.where(origin == node, -1, origin))
 
     def _edited(self, model: NetworkModel, origin: Index, external: tuple[Index, Index] | None = None) -> ConeNetwork:
-        certificate = inherited(self.certificate, model, origin)
-        return ConeNetwork(model, external=external, certificate=certificate, progress=self._progress)
+        certificate = self._in_time(None, lambda: inherited(self.certificate, model, origin), lambda: None)
+        return ConeNetwork(model, external=external, certificate=certificate, **self._runs())
 
     def copy(self, name: str | None = None, use_prefix_suffix: bool = True) -> ConeNetwork:
         """A network that shares the immutable data.
@@ -277,7 +287,11 @@ class ConeNetwork(ClosedLoopSystem):
 
     def _twin(self) -> ConeNetwork:
         """A network of the same data."""
-        return ConeNetwork(self.model, external=self._external, find=self._find, progress=self._progress)
+        return ConeNetwork(self.model, external=self._external, find=self._find, **self._runs())
+
+    def _runs(self) -> dict[str, Any]:
+        """What networks made of this one take over."""
+        return {"progress": self._progress, "time_limit": self.time_limit}
 
     def __repr__(self) -> str:
         return (

@@ -11,7 +11,8 @@ import scipy.sparse.linalg as spla
 from control import TimeResponseData
 from numpy.typing import ArrayLike, NDArray
 
-from ..errors import DataError, ShapeError, TooLargeError
+from ..errors import DataError, ShapeError, TooLargeError, UndecidedError
+from ..exact.budget import require_time
 from ..exact.intake import (
     dimensions,
     exact_matrix,
@@ -23,6 +24,7 @@ from ..exact.intake import (
 )
 from ..exact.matrix import dense
 from ..progress import Reporter
+from ..proof.in_time import in_time
 from .blocks import Floats, Index, converging
 from .certify import positive_form
 from .dense_on_demand import DenseOnDemand
@@ -40,13 +42,17 @@ _FINEST = 10_000
 class NetworkResponses(DenseOnDemand):
     """Poles and time responses; see `ConeNetwork`."""
 
-    def poles(self, k: int | None = None) -> NDArray[np.complex128]:
+    time_limit: float | None = None
+
+    def poles(self, k: int | None = None, *, time_limit: float | None = None) -> NDArray[np.complex128]:
         """Poles: all of a network of moderate size, or the k rightmost ones.
 
         Parameters
         ----------
         k : int, optional
             How many; all if not given, which needs a dense matrix.
+        time_limit : float, optional
+            Seconds.  Default: that of the network.
 
         Returns
         -------
@@ -57,7 +63,7 @@ class NetworkResponses(DenseOnDemand):
         TooLargeError
             All poles of a network with more than `DENSE_STATES` states.
         UndecidedError
-            LAPACK or ARPACK does not converge.
+            LAPACK or ARPACK does not converge, or the time limit ended the search.
 
         Notes
         -----
@@ -66,7 +72,16 @@ class NetworkResponses(DenseOnDemand):
         """
         if k is not None:
             k = whole_number(k, "k", least=1, most=self.nstates, outside=ShapeError)
+        limit = self.time_limit if time_limit is None else time_limit
+        found = in_time(limit, lambda: self._poles(k), lambda: None)
+        if found is None:
+            raise UndecidedError(f"{self.name}: the time limit ended the search for the poles; more may help.")
+        return found
+
+    def _poles(self, k: int | None) -> NDArray[np.complex128]:
         with converging("the poles"):
+            if k is None or self.nstates <= max(400, 2 * k + 2):
+                require_time(float(self.nstates) ** 3)
             if k is None:
                 return np.linalg.eigvals(self.A).astype(complex)
             if self.nstates <= max(400, 2 * k + 2):

@@ -23,6 +23,7 @@ from ..exact.condition import Condition
 from ..exact.intake import exact_matrix, items, require_shape
 from ..exact.matrix import Matrix
 from ..proof.certificate import Certificate, Status
+from ..proof.in_time import in_time, unfinished
 from .certificate import NetworkCertificate
 from .certify import certify_as_given
 from .coupling import entries_of, from_entries
@@ -113,7 +114,7 @@ class DelayedNetworkCertificate(Certificate):
                 "one at every node, also if they change in time. The decay rate depends on the delays; none is claimed."
             )
         if self.status is not Status.REFUTED:
-            return f"Undecided: for {what} neither a certificate nor a witness was found."
+            return unfinished(self) or f"Undecided: for {what} neither a certificate nor a witness was found."
         if isinstance(self.witness, NodeViolation | CouplingViolation):
             return (
                 f"Refuted: {what} is not positive part by part, {self.witness}. The last inputs of a node, as many as "
@@ -122,7 +123,7 @@ class DelayedNetworkCertificate(Certificate):
         return f"Refuted: no delays of these states make {what} stable: {self.network._reason()}."
 
 
-def delayed_network(net: ConeNetwork, A_delay: Any) -> DelayedNetworkCertificate:
+def delayed_network(net: ConeNetwork, A_delay: Any, *, time_limit: float | None = None) -> DelayedNetworkCertificate:
     """Decide whether a network with a delay in the states of its nodes is positive and stable; see `kp.delayed`.
 
     Parameters
@@ -130,6 +131,8 @@ def delayed_network(net: ConeNetwork, A_delay: Any) -> DelayedNetworkCertificate
     net : ConeNetwork
     A_delay : array_like, shape (N, n, n) or (n, n), or list of N matrices (n_j, n_j)
         A_dj of every node; (n, n) is the same for all.
+    time_limit : float, optional
+        Seconds.  Default: that of the network.
 
     Returns
     -------
@@ -141,9 +144,14 @@ def delayed_network(net: ConeNetwork, A_delay: Any) -> DelayedNetworkCertificate
         Blocks of another number or size than the nodes.
     """
     net.require_certain()
-    model = net.model
-    network = certify_as_given(with_delays(model, list(_blocks(A_delay, model))))
-    return DelayedNetworkCertificate.settle(network=network, witness=network.witness)
+    model = with_delays(net.model, list(_blocks(A_delay, net.model)))
+
+    def decided(network: NetworkCertificate) -> DelayedNetworkCertificate:
+        return DelayedNetworkCertificate.settle(network=network, witness=network.witness)
+
+    limit = net.time_limit if time_limit is None else time_limit
+    nothing = NetworkCertificate.settle(model=model)
+    return in_time(limit, lambda: decided(certify_as_given(model)), lambda: decided(nothing))
 
 
 def with_delays(model: NetworkModel, blocks: Sequence[Matrix]) -> NetworkModel:

@@ -29,6 +29,7 @@ from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Fractions, Status, Vector, exactly
 from ..proof.encoding import register_record
+from ..proof.in_time import unfinished
 from ..proof.inclusion import PositivityViolation
 from ..proof.weights import (
     Prover,
@@ -173,6 +174,8 @@ class DissipativityCertificate(ClaimOnPositivity):
         if self.refuted_by is not None:
             every = "any r" if self.r is None else "this supply rate"
             return f"Refuted for {every} ({supply}): there is {self.witness}. Enlarge r, or q."
+        if unfinished(self):
+            return unfinished(self)
         if not self.positivity:
             return f"Undecided, because positivity is: {self.positivity.explain()}"
         return (

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 
 from ..errors import DataError
+from ..exact.budget import require_time
 from ..exact.linalg import identity, solve_columns
 from ..exact.matrix import Matrix, dense
 from ..systems.system import System
@@ -148,6 +149,7 @@ def _solve(p: System, b: Floats, *, transposed: Any = False) -> Floats:
         with suppress(DataError):  # beyond the range of doubles
             return np.full(b.shape, np.nan) if x is None else Matrix.from_fractions(x).values
         return np.full(b.shape, np.inf)
+    require_time(n**3 / 10)
     S = dense(p.A.values) - np.eye(n) * p.discrete
     try:
         return np.asarray(np.linalg.solve(S.T if transposed else S, b), dtype=np.float64)
@@ -282,6 +284,7 @@ def _parts(G: Floats, blocks: Blocks) -> tuple[Index, Index]:
 
 def _perron(G: Floats, blocks: Blocks) -> Scaling:
     """Of blocks of single signals; their weights are found with a bound."""
+    require_time(float(len(G)) ** 3)
     values, vectors = map(np.real, np.linalg.eig(blocks.square(G)))
     first = int(np.argmax(values))
     return Scaling(np.ones(blocks.count), max(float(values[first]), 0.0), np.abs(vectors[:, first]))
@@ -326,6 +329,7 @@ class _Scaled(NamedTuple):
     def at(cls, t: Floats, G: Floats, blocks: Blocks) -> _Scaled:
         M = np.exp(t / 2)[blocks.outputs][:, None] * G / np.exp(t / 2)[blocks.inputs]
         q, m = M.shape
+        require_time(float(q + m) ** 3)
         H = np.zeros((q + m, q + m))
         H[:q, q:], H[q:, :q] = M, M.T
         values, V = np.linalg.eigh(H) if np.isfinite(H).all() else (np.full(q + m, np.inf), np.eye(q + m))

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..exact.budget import require_time
 from ..exact.sparse_integers import Floats
 
 
@@ -41,6 +42,7 @@ def bicgstab(
         return x, 0
     shadow, p, rho = r.copy(), r.copy(), dot(r, r)
     for count in range(1, limit + 1):
+        require_time()
         ahead = p - T @ p
         alpha = rho / dot(shadow, ahead)
         r -= alpha * ahead

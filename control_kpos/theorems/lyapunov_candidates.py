@@ -21,6 +21,7 @@ from scipy.linalg import lapack
 
 from ..cones import Cone
 from ..cones.polyhedral import has_open_facets
+from ..exact.budget import require_time
 from ..exact.matrix import Matrix, dense
 from ..exact.program import Block, Program
 
@@ -102,6 +103,7 @@ class ScaledProblem:
 
     def _solver(self, shift: float) -> Callable[[Vector, bool], Vector]:
         """Solves with S - shift I, or its transpose."""
+        require_time(0.0 if sp.issparse(self.S) else self.n**3 / 10)
         if sp.issparse(self.S):
             M = sp.csc_array(self.S - shift * sp.eye_array(self.n))
             try:

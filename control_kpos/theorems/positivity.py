@@ -29,6 +29,7 @@ from ..exact.matrix import Matrix
 from ..proof.certificate import Certificate, Status
 from ..proof.encoding import require_kinds
 from ..proof.generators_in_files import generator_proof
+from ..proof.in_time import unfinished
 from ..proof.inclusion import MEANING, NAMES, NO_MARGIN, GeneratorProof, Inclusion, PlaneViolation, PositivityViolation
 from ..proof.portable_cones import encode_generators, own_generators
 from ..proof.proposed_weights import prove
@@ -203,7 +204,8 @@ class PositivityCertificate(Certificate):
             return (
                 f"Not positive: {where} Choose another cone, or a feedback that turns the field inwards on this facet."
             )
-        return "Undecided: some signs could not be proven at this size. Give the data with fewer digits."
+        undecided = "Undecided: some signs could not be proven at this size. Give the data with fewer digits."
+        return unfinished(self) or undecided
 
 
 def state_positivity(

@@ -22,6 +22,7 @@ from ..exact.condition import all_hold
 from ..exact.intake import found
 from ..proof.answer import Answer
 from ..proof.certificate import Status
+from ..proof.in_time import in_time, unfinished
 from ..systems.system import System
 from .blocks import Blocks
 from .gain_candidates import DensePlant, Fields, from_above, from_below
@@ -35,7 +36,7 @@ Floats = NDArray[np.float64]
 _LARGEST = 5000
 
 
-def structured_gain(sys: Any, structure: Any = "full") -> StructuredGainCertificate:
+def structured_gain(sys: Any, structure: Any = "full", *, time_limit: float | None = None) -> StructuredGainCertificate:
     """Bound the L2 gain of a positive system, or its gain for blocks of uncertainty, from both sides with proof.
 
     Parameters
@@ -45,6 +46,8 @@ def structured_gain(sys: Any, structure: Any = "full") -> StructuredGainCertific
     structure : "full", "diagonal", list of int, or list of (inputs, outputs)
         "full": one block, so that the gain is the L2 gain, sigma_max(G(0)) (in discrete time G(1)).  Others: see
         `robust_margin`.
+    time_limit : float, optional
+        Seconds; what is not settled by then is UNDECIDED.
 
     Returns
     -------
@@ -77,6 +80,13 @@ def structured_gain(sys: Any, structure: Any = "full") -> StructuredGainCertific
     """
     if not isinstance(sys, (StateSpace, System)):
         raise DataError(f"sys is {found(sys)}; give a ConeStateSpace, or another control.StateSpace.")
+    own = getattr(sys, "time_limit", None)  # of networks
+    return in_time(
+        own if time_limit is None else time_limit, lambda: _found(sys, structure), lambda: _nothing(sys, structure)
+    )
+
+
+def _found(sys: Any, structure: Any) -> StructuredGainCertificate:
     at_scale = getattr(sys, "_gain_at_scale", None)  # of networks
     found_at_scale = None if at_scale is None else at_scale(structure)
     if found_at_scale is not None:
@@ -84,6 +94,18 @@ def structured_gain(sys: Any, structure: Any = "full") -> StructuredGainCertific
     system = System.read(sys)
     _require_moderate(system)
     return structured_gain_of(positivity_of(system), Blocks.read(structure, *system.sizes[1:]))
+
+
+def _nothing(sys: Any, structure: Any) -> StructuredGainCertificate:
+    """No bounds."""
+    system = System.read(sys)
+    return StructuredGainCertificate.settle(**_asked(positivity_of(system), Blocks.read(structure, *system.sizes[1:])))
+
+
+def _asked(positivity: PositivityCertificate, blocks: Blocks) -> Fields:
+    """What a certificate is about."""
+    ins, outs = (tuple(members.tolist()) for members in (blocks.inputs, blocks.outputs))
+    return {"positivity": positivity, "input_blocks": ins, "output_blocks": outs}
 
 
 def _require_moderate(system: System) -> None:
@@ -101,8 +123,7 @@ def structured_gain_of(positivity: PositivityCertificate, blocks: Blocks) -> Str
     """The bounds once positivity has been decided; see `structured_gain`."""
     p = positivity.system()
     require_orthants(p.U, p.Y)
-    ins, outs = (tuple(members.tolist()) for members in (blocks.inputs, blocks.outputs))
-    data = {"positivity": positivity, "input_blocks": ins, "output_blocks": outs}
+    data = _asked(positivity, blocks)
     stable = lyapunov_on(positivity)
     if not stable:
         return StructuredGainCertificate.settle(**data, witness=stable.witness)
@@ -191,7 +212,7 @@ class RobustMargin(Answer):
         return [("margin at least", floored(self.lower)), ("margin at most", raised(self.upper))]
 
 
-def robust_margin(sys: Any, structure: Any = None) -> RobustMargin:
+def robust_margin(sys: Any, structure: Any = None, *, time_limit: float | None = None) -> RobustMargin:
     """The largest gain of uncertainties in feedback, u = Delta y, that a positive system tolerates.
 
     Blocks Delta_b map the outputs of a block to its inputs; they are causal and may be nonlinear and change in time.
@@ -206,6 +227,8 @@ def robust_margin(sys: Any, structure: Any = None) -> RobustMargin:
         is 1 / sigma_max(G(0)).  [2, 1]: a block of the first two inputs and outputs, and one of the third.
         [([0, 1], [2]), ([2], [0, 1])]: the places of the inputs and outputs of every block, each in one.  The margin
         of blocks is that of their L2 gains.  In discrete time G(1) stands for G(0).
+    time_limit : float, optional
+        Seconds; what is not settled by then is UNDECIDED.
 
     Returns
     -------
@@ -232,7 +255,7 @@ def robust_margin(sys: Any, structure: Any = None) -> RobustMargin:
     >>> found.status.name, round(found.lower, 6), round(found.upper, 6)
     ('PROVED', 1.381966, 1.381966)
     """
-    return robust_margin_of(structured_gain(sys, "diagonal" if structure is None else structure))
+    return robust_margin_of(structured_gain(sys, "diagonal" if structure is None else structure, time_limit=time_limit))
 
 
 def _in_words(lower: float, upper: float) -> str:
@@ -250,7 +273,7 @@ def robust_margin_of(cert: StructuredGainCertificate) -> RobustMargin:
     if cert.status is Status.REFUTED:
         return RobustMargin(status=cert.status, certificate=cert, upper=0.0)
     if not cert:
-        return RobustMargin(status=cert.status, certificate=cert, message="No margin is proven.")
+        return RobustMargin(status=cert.status, certificate=cert, message=unfinished(cert) or "No margin is proven.")
     blocks = Blocks(np.array(cert.input_blocks), np.array(cert.output_blocks))
     moderate = len(cert.input_blocks) * len(cert.output_blocks) <= _LARGEST**2
     lower = float(np.nextafter(1 / cert.upper, 0)) if cert.upper else float("inf")

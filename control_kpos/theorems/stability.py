@@ -31,6 +31,7 @@ from ..exact.matrix import Integers, Matrix, bit_length
 from ..exact.signs import BilinearForms
 from ..proof.certificate import ClaimWithRate, Fractions, Status, Vector, exactly
 from ..proof.generators_in_files import growth_weights
+from ..proof.in_time import unfinished
 from ..proof.inclusion import NO_MARGIN, PositivityViolation
 from ..proof.portable_cones import own_generators
 from ..proof.weights import (
@@ -216,6 +217,8 @@ class LyapunovCertificate(ClaimOnPositivity, ClaimWithRate):
                 f"Scale-free margin {self.margin:.3g}; invariance has margin {self.positivity.margin:.3g}. "
                 "Stability on X implies stability in all of R^n, because X has interior."
             )
+        if unfinished(self):
+            return unfinished(self)
         if not self.positivity:
             return f"Undecided, because invariance is: {self.positivity.explain()}"
         if self.required_rate is not None:

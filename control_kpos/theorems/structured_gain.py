@@ -42,6 +42,7 @@ from ..exact.condition import Condition
 from ..exact.matrix import Matrix, dense
 from ..exact.signs import BilinearForms
 from ..proof.certificate import Status, Vector, exactly
+from ..proof.in_time import unfinished
 from ..proof.inclusion import PositivityViolation
 from ..proof.weights import Prover, drift
 from ..proof.weights import product as exact_product
@@ -211,7 +212,7 @@ class StructuredGainCertificate(ClaimOnPositivity):
         if self.refuted_by is not None:
             return f"Refuted: the system is positive, but not exponentially stable: there is {self.witness}."
         if not self:
-            return (
+            return unfinished(self) or (
                 "Undecided: no bound of the gain was proven; the system may be too close to the edge of stability, "
                 "or of positivity."
             )

@@ -14,9 +14,11 @@ import numpy as np
 
 from ...cards import floored, raised
 from ...errors import DataError, FalseClaimError
+from ...exact.budget import OutOfBudgetError
 from ...exact.condition import Condition
 from ...exact.matrix import Matrix
 from ...proof.certificate import Status
+from ...proof.in_time import unfinished
 from ...proof.weights import ProofOmittedError
 from .. import conditions as on
 from .. import files
@@ -118,7 +120,7 @@ class AbscissaCertificate(ClaimOnNetwork):
         what = "radius" if self.model.discrete else "abscissa"
         if self:
             return f"Proved: the spectral {what} lies in [{floored(self.lower, 12)}, {raised(self.upper, 12)}]."
-        return (
+        return unfinished(self) or (
             f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
             "certificate says what breaks it; otherwise the bracket may be too narrow for rounding, and a larger width "
             "may help."
@@ -145,7 +147,12 @@ def _of_positive(model: NetworkModel, relative: float, progress: Progress | None
     small = sum(model.totals[:2]) <= _REFINED_FIRST
     best, about = AbscissaCertificate.settle(model=model), None
     for step in (_refined, _proven) if small else (_proven, _refined):
-        found, about = step(model, relative, progress, loop, about)
+        try:
+            found, about = step(model, relative, progress, loop, about)
+        except OutOfBudgetError:
+            if not best:
+                raise
+            break
         if found and not (best and best.upper - best.lower <= found.upper - found.lower):
             best = found
         if best and best.upper - best.lower <= 2 * sought(model, relative, best.upper):

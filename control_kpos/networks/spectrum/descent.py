@@ -21,6 +21,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ...cones import Orthant
+from ...exact.budget import require_time
 from ..blocks import Floats, Index
 from ..model import NetworkModel
 from ..nodes import NodeStack
@@ -103,6 +104,7 @@ def descend(
     mu, below, best = start, -np.inf, None
     rise = scale * 2.0**-6
     for step in range(limit):
+        require_time()
         try_at = _solve_at(model, mu, c, d, best)
         if try_at is None:
             if best is None:  # no evidence that mu is too low: only that sweeps do not converge
@@ -229,6 +231,7 @@ def growing_part(model: NetworkModel, x: Floats, rate: float, rounds: int = 400)
         return x  # rounding to weights would cost digits
     weights = weigh(model, x)
     for _ in range(rounds):
+        require_time()
         x = combined(model, weights)
         if not np.any(x):
             return None

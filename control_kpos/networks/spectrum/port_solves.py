@@ -22,6 +22,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
+from ...exact.budget import require_time
 from ...theorems.krylov import bicgstab, dot
 from ...theorems.refinement import envelope
 from ..blocks import Floats, Index, inverse, multiply
@@ -80,6 +81,7 @@ class Loop:
         self, b: Floats, transposed: bool, tolerance: float = 1e-9, guess: Floats | None = None, near: bool = False
     ) -> Floats:
         """Solve r = T r + b, or r = T'r + b; the caller checks the result."""
+        require_time()
         T = self.TT if transposed else self.T
         if not T.nnz or not np.any(b):
             return b.copy()
@@ -105,6 +107,7 @@ class Loop:
         order = banded_order(self.model)
         if order is None or not np.isfinite(self.T.data).all():
             return None
+        require_time()
         size = self.T.shape[0]
         matrix = sp.csc_array(sp.eye_array(size, format="csr") - self.T)[order][:, order].tocsc()
         for threshold in (0.0, 1.0):  # M-matrices need no pivoting; anything else may
@@ -265,6 +268,7 @@ def sweep(
         r += term
     whole, before = size(b), size(term)
     for k in range(_SWEEPS):
+        require_time()
         term = T @ term
         r += term
         now = size(term)

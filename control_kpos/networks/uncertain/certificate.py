@@ -37,6 +37,7 @@ from ...exact.matrix import Matrix
 from ...exact.rows import frozen
 from ...exact.signs import BilinearForms
 from ...proof.certificate import Status, exactly
+from ...proof.in_time import unfinished
 from ...proof.weights import ProofOmittedError
 from .. import conditions as on
 from .. import files
@@ -360,7 +361,7 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
                 "nor excluded. Change the gains or links a little."
             )
         if not self.refuted_by:
-            return (
+            return unfinished(self) or (
                 f"Undecided: for {what} neither common vectors v, r, q of Theorem 4, or e, u, y, nor a witness "
                 "against them was found; it may be too close to the edge of stability. Change the gains or links a "
                 "little."

@@ -9,6 +9,7 @@ their ranges are rounded outwards, for refutations inwards.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from math import frexp, inf, ldexp
@@ -19,7 +20,9 @@ import scipy.sparse as sp
 
 from ...cards import floored, raised
 from ...errors import DataError
+from ...exact.budget import OutOfBudgetError, budget, ended_by, seconds_left
 from ...exact.intake import found as found_argument
+from ...exact.intake import seconds
 from ...exact.matrix import Matrix
 from ...proof.certificate import Status
 from ..conditions import same_numbers
@@ -37,6 +40,8 @@ from .witnesses import FailingMember, NoCommonVectors
 _WIDTH, _DIGITS = 1e-6, 30
 # Factors above this power of two are not tried.
 _LARGEST = 60
+# Part of the time for the bracket; the rest is for its proofs.
+_FOR_BRACKET = 0.6
 # Steps beside the bracket at which proofs and refutations in exact numbers are tried, relative to the factor.
 _BESIDE = (0.0, 1e-9, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3)
 
@@ -55,6 +60,8 @@ class LargestUncertainty(tuple[float, float]):
     scope : str
         What is refuted: "network", "positivity", "common vectors" (neither v nor e exist), "bounds" (the network of the
         bounds of ranges that change sign), or "" for nothing.
+    ended : str
+        The limit that ended the search, in words; "" if none did.
     """
 
     lower: float
@@ -62,6 +69,7 @@ class LargestUncertainty(tuple[float, float]):
     certificate: UncertainNetworkCertificate | None
     refutation: UncertainNetworkCertificate | None
     scope: str
+    ended: str
 
     def __new__(
         cls,
@@ -73,6 +81,7 @@ class LargestUncertainty(tuple[float, float]):
         self = super().__new__(cls, bounds)
         self.lower, self.upper = bounds
         self.certificate, self.refutation, self.scope = certificate, refutation, scope
+        self.ended = ""
         return self
 
     def __getnewargs__(self) -> tuple[Any, ...]:
@@ -108,11 +117,14 @@ class LargestUncertainty(tuple[float, float]):
             "": "nothing is refuted",
         }[self.scope]
         where = f"From the factor {raised(self.upper, 9)} on" if self.upper < inf else "At larger ones"
-        return f"{below}: ranges grow around their middles, vertices away from the first one. {where} {above}."
+        text = f"{below}: ranges grow around their middles, vertices away from the first one. {where} {above}."
+        return (
+            f"{text} {self.ended[0].upper()}{self.ended[1:]} ended the search; more may help." if self.ended else text
+        )
 
 
 @np.errstate(all="ignore")
-def largest_uncertainty(net: UncertainNetwork) -> LargestUncertainty:
+def largest_uncertainty(net: UncertainNetwork, *, time_limit: float | None = None) -> LargestUncertainty:
     """By which factor the uncertainty of a network may grow: proven from below, refuted from above.
 
     Parameters
@@ -121,6 +133,8 @@ def largest_uncertainty(net: UncertainNetwork) -> LargestUncertainty:
         As `feedback_interconnect` makes it of nodes with vertices, or with ranges.  At the factor 1 it is as it was
         given; at t ranges are t times as wide around their middles, and vertices t times as far from the first of their
         node, the nominal one.
+    time_limit : float, optional
+        Seconds; the pair is as close as it was proven by then.  Default: that of the network.
 
     Returns
     -------
@@ -154,38 +168,56 @@ def largest_uncertainty(net: UncertainNetwork) -> LargestUncertainty:
             f"net is {found_argument(net)}; give a network with vertices or ranges, as feedback_interconnect makes it "
             "of kp.stack(A=[A1, A2, ...]) or kp.interval(lower, upper)."
         )
-    closed = Searches(net.models, net.lower).closed
-    family = _Family(*(closed if closed is not None and len(closed[0]) == len(net.models) else (net.models, net.lower)))
-    low, high = _bracket(lambda t: any(tried.seems_proven() for tried in _searches(family, t, 0)))
-    proof = next(((t, c) for t, c in _proofs(family, low) if c is not None), (0.0, None))
-    if high == inf:
-        return LargestUncertainty((proof[0], inf), proof[1], None, "")
-    for t in _beside(high, up=True):
-        refuted, scope = _refutation(family, t, proof[0] if proof[1] else None)
-        if refuted is not None:
-            return LargestUncertainty((proof[0], t), proof[1], refuted, scope)
+    with budget(time_limit=seconds(net.time_limit if time_limit is None else time_limit)):
+        found = _found(net)
+        found.ended = ended_by()
+    return found
+
+
+def _found(net: UncertainNetwork) -> LargestUncertainty:
+    """Both sides, as far as the budget allows."""
+    low, high = 0.0, inf
+    proof: tuple[float, UncertainNetworkCertificate | None] = 0.0, None
+    with suppress(OutOfBudgetError):
+        closed = Searches(net.models, net.lower).closed
+        alike = closed is not None and len(closed[0]) == len(net.models)
+        family = _Family(*(closed if closed is not None and alike else (net.models, net.lower)))
+        with suppress(OutOfBudgetError), budget(time_limit=_FOR_BRACKET * seconds_left()):
+            for low, high in _brackets(lambda t: any(tried.seems_proven() for tried in _searches(family, t, 0))):
+                pass
+        proof = next(((t, c) for t, c in _proofs(family, low) if c is not None), proof)
+        for t in _beside(high, up=True) if high < inf else ():
+            refuted, scope = _refutation(family, t, proof[0] if proof[1] else None)
+            if refuted is not None:
+                return LargestUncertainty((proof[0], t), proof[1], refuted, scope)
     return LargestUncertainty((proof[0], inf), proof[1], None, "")
 
 
-def _bracket(holds: Callable[[float], bool]) -> tuple[float, float]:
-    """Factors with and without a proof, close to each other; (0, 0) if there is none, inf if there always is one."""
+def _brackets(holds: Callable[[float], bool]) -> Iterator[tuple[float, float]]:
+    """Factors with and without a proof, closer and closer; in the end (0, 0) if there is none, inf if always one."""
     if holds(1.0):
         low = 1.0
+        yield low, inf
         while holds(2 * low):
             low *= 2
+            yield low, inf
             if low > 2.0**_LARGEST:
-                return low, inf
+                return
         high = 2 * low
     else:
         low, high = 0.5, 1.0
+        yield 0.0, high
         while not holds(low):
             low, high = low / 2, low
+            yield 0.0, high
             if low < 2.0**-_LARGEST:
-                return (0.0, high) if holds(0.0) else (0.0, 0.0)
+                yield 0.0, high if holds(0.0) else 0.0
+                return
+    yield low, high
     while high - low > 0.25 * _WIDTH * high:
         middle = _short(0.5 * (low + high))
         low, high = (middle, high) if holds(middle) else (low, middle)
-    return low, high
+        yield low, high
 
 
 def _short(t: float) -> float:

@@ -35,7 +35,7 @@ class UncertainNetwork(ConeNetwork):
         The networks of the vertices; they share cones and links.
     lower : NetworkModel, optional
         The network of the lower ends of ranges.
-    external, name, progress
+    external, name, progress, time_limit
         As for `ConeNetwork`.
 
     Attributes
@@ -65,19 +65,23 @@ class UncertainNetwork(ConeNetwork):
         external: tuple[Index, Index] | None = None,
         name: str | None = None,
         progress: Any = None,
+        time_limit: float | None = None,
     ) -> None:
-        super().__init__(models[0], external=external, name=name, progress=progress)
+        super().__init__(models[0], external=external, name=name, progress=progress, time_limit=time_limit)
         self.models, self.lower = models, lower
 
     @cached_property
     def certificate(self) -> UncertainNetworkCertificate:  # type: ignore[override]
         """Theorem 4 with one v, r, q for all vertices: PROVED, or REFUTED with what breaks it."""
-        return certify_all(self.models, self.lower)
+        return self._in_time(None, lambda: certify_all(self.models, self.lower), self._nothing)
+
+    def _nothing(self) -> UncertainNetworkCertificate:
+        return UncertainNetworkCertificate.settle(model=self.models[0], vertices=self.models[1:], lower=self.lower)
 
     @cached_property
     def nominal(self) -> ConeNetwork:
         """The network with the first vertex of every node."""
-        return ConeNetwork(self.models[0], external=self._external, progress=self._progress)
+        return ConeNetwork(self.models[0], external=self._external, **self._runs())
 
     def member(self, choice: ArrayLike) -> ConeNetwork:
         """The network with one vertex for each node.
@@ -106,7 +110,7 @@ class UncertainNetwork(ConeNetwork):
             raise DataError(
                 f"choice[{j}] is {chosen[j]}, but {self.model.name_of(j)} has the vertices 0 to {most[j] - 1}."
             )
-        return ConeNetwork(member(self.models, chosen), external=self._external, progress=self._progress)
+        return ConeNetwork(member(self.models, chosen), external=self._external, **self._runs())
 
     # -- what is about one system
 
@@ -122,12 +126,12 @@ class UncertainNetwork(ConeNetwork):
         """Refused: there is no single closed loop."""
         return self.require_certain()
 
-    def is_cone_positive(self) -> bool:
+    def is_cone_positive(self, *, time_limit: float | None = None) -> bool:
         """Refused; see `exact`."""
         self.require_certain()
         return False
 
-    def abscissa_certificate(self, relative: float = 1e-6) -> Any:
+    def abscissa_certificate(self, relative: float = 1e-6, *, time_limit: float | None = None) -> Any:
         """Refused; see `exact`."""
         return self.require_certain()
 
@@ -155,9 +159,8 @@ class UncertainNetwork(ConeNetwork):
         W, least = read_ends(coupling, self.model)
         models, low = tuple(m.with_coupling(W) for m in self.models), self.lower or self.models[0]
         kept = has_ranges(coupling) or (self.lower is not None and self._ranges_in_nodes)
-        return UncertainNetwork(
-            models, low.with_coupling(least) if kept else None, external=self._external, progress=self._progress
-        )
+        lower = low.with_coupling(least) if kept else None
+        return UncertainNetwork(models, lower, external=self._external, **self._runs())
 
     @property
     def _ranges_in_nodes(self) -> bool:
@@ -167,10 +170,10 @@ class UncertainNetwork(ConeNetwork):
     @cached_property
     def lower_ends(self) -> ConeNetwork:
         """The network at the lower ends of all ranges, with the first vertices elsewhere."""
-        return ConeNetwork(self.lower or self.models[0], external=self._external, progress=self._progress)
+        return ConeNetwork(self.lower or self.models[0], external=self._external, **self._runs())
 
     def _twin(self) -> UncertainNetwork:
-        return UncertainNetwork(self.models, self.lower, external=self._external, progress=self._progress)
+        return UncertainNetwork(self.models, self.lower, external=self._external, **self._runs())
 
     def __repr__(self) -> str:
         known = known_by(len(self.models), self.lower)

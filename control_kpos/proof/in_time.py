@@ -1,0 +1,44 @@
+"""Certificates within a time limit: UNDECIDED, with the reason, if it ends the search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from ..exact.budget import OutOfBudgetError, budget, ended_by
+from ..exact.intake import seconds
+from .certificate import Status
+
+C = TypeVar("C")
+
+
+def in_time(time_limit: Any, find: Callable[[], C], nothing: Callable[[], C]) -> C:
+    """What is found within some seconds; else what proves nothing, with the limit as its reason.
+
+    Parameters
+    ----------
+    time_limit : float or None
+        Seconds, as the user gave them.  None: no limit but those around; what these end is not caught here.
+    find : callable
+        Returns a certificate or an answer; may raise OutOfBudgetError.
+    nothing : callable
+        Returns the same without a proof, in no time.
+    """
+    limit = seconds(time_limit)
+    if limit is None:
+        return find()
+    with budget(time_limit=limit):
+        try:
+            found, ended = find(), ended_by()
+        except OutOfBudgetError:
+            found, ended = None, ended_by()
+    found = nothing() if found is None else found
+    if ended and getattr(found, "status", None) is Status.UNDECIDED:
+        vars(found)["_ended"] = ended  # no part of the claim, of comparisons, or of files
+    return found
+
+
+def unfinished(found: Any) -> str:
+    """Which limit ended the search for a certificate, as a text in place of other reasons; empty if none did."""
+    limit = vars(found).get("_ended", "")
+    return f"Undecided: {limit} ended the search, or does not allow its next step; more may help." if limit else ""
