@@ -29,6 +29,7 @@ from ..exact.linalg import solve_exactly
 from ..exact.matrix import Index, Integers, bit_length
 from ..exact.rational_programs import exact_feasibility, primitive_fractions
 from ..exact.sparse_integers import Floats, SparseIntegers
+from .bordered import decide_bordered
 from .perron_root import approach
 from .refinement import Frame, Pair, Refined, Step, balancing_units, frames, moved, rational_multiple
 
@@ -241,8 +242,12 @@ def _decide_part(
     """`decide` for an irreducible part."""
     if cones.touches(part):
         facets, rays = cones.of(part)
-        solved = None if facets is None else _by_solution(N, facets, rays)
-        return solved or _by_program(N, rays)
+        if facets is not None:
+            refined = decide_bordered(N, facets, rays)
+            solved = _by_solution(N, facets, rays) if refined is None else Decision(*refined)
+            if solved is not None:
+                return solved
+        return _by_program(N, rays)
     if N.height == 1:
         return Decision(bool(N.data.size and N.data[0] < 0), np.array([1], dtype=object))
     memory = {} if memory is None else memory
