@@ -8,7 +8,8 @@ With K_j = (mu I - A_j)^{-1} and the transfer matrix G = D + C K B of all nodes 
 K-positive nodes make T = W G a nonnegative operator whose powers sum up iff mu exceeds the spectral
 abscissa.  Far from it a few sweeps r <- T'r + b do.  Near it, graphs of small bandwidth (rings, chains,
 ladders) are factored; the others (random graphs, where a factorisation fills in without bound) have
-few isolated eigenvalues next to 1 and are left to BiCGSTAB and GMRES.
+few isolated eigenvalues next to 1 and are left to BiCGSTAB and GMRES.  What BiCGSTAB does not solve on a graph that
+lies nearly in a plane (grids, roads) is factored too.
 """
 
 from __future__ import annotations
@@ -31,6 +32,9 @@ from ..model import NetworkModel
 # A factorisation in a banded order may take this many entries for each unknown, or this many in all.
 _ENVELOPE_PER_UNKNOWN = 40
 _ENVELOPE_TOTAL = 2 * 10**6
+# Unknowns up to which flat graphs are factored where Krylov methods do not end, and operations it takes per
+# size^(3/2).
+_FLAT, _FLAT_COST = 300_000, 30.0
 _SWEEPS = 60
 _ITERATIONS = 400
 # Part of a solution that its residual may be for it to show that there is none.
@@ -95,26 +99,39 @@ class Loop:
                 if grows:
                     self.iteration_limit = min(self.iteration_limit, _ITERATIONS // 8)
             if self.factors is not None:
-                return self._direct(T, b, transposed)
-            start = b if guess is None else guess
-            r, count = krylov(T, b, start, tolerance, self.iteration_limit - self.iterations)
-            self.iterations += count
-            return r
+                return self._direct(self.factors, T, b, transposed)
+            if "flat_factors" not in vars(self):
+                start = b if guess is None else guess
+                r, count = krylov(T, b, start, tolerance, self.iteration_limit - self.iterations)
+                self.iterations += count
+                if not is_flat(self.model) or norm(b - (r - T @ r)) <= tolerance * norm(b):
+                    return r
+            return self._direct(self.flat_factors, T, b, transposed) if self.flat_factors is not None else r
 
     @cached_property
     def factors(self) -> Any:
         """LU factors of I - T in a banded order, or None if the graph has none."""
         order = banded_order(self.model)
-        if order is None or not np.isfinite(self.T.data).all():
+        return None if order is None else self._factored(order, "NATURAL")
+
+    @cached_property
+    def flat_factors(self) -> Any:
+        """LU factors of I - T of a graph that lies nearly in a plane, in an order of least degrees, or None."""
+        size = self.T.shape[0]
+        require_time(_FLAT_COST * size**1.5)
+        return self._factored(np.arange(size), "MMD_AT_PLUS_A")
+
+    def _factored(self, order: Index, spec: str) -> Any:
+        """LU factors in an order, which may be changed further, and the order."""
+        if not np.isfinite(self.T.data).all():
             return None
         require_time()
-        size = self.T.shape[0]
-        matrix = sp.csc_array(sp.eye_array(size, format="csr") - self.T)[order][:, order].tocsc()
+        matrix = sp.csc_array(sp.eye_array(len(order), format="csr") - self.T)[order][:, order].tocsc()
         for threshold in (0.0, 1.0):  # M-matrices need no pivoting; anything else may
             try:
                 return spla.splu(
                     matrix,
-                    permc_spec="NATURAL",
+                    permc_spec=spec,
                     diag_pivot_thresh=threshold,
                     options={"SymmetricMode": threshold == 0.0},
                 ), order
@@ -122,8 +139,8 @@ class Loop:
                 continue
         return None
 
-    def _direct(self, T: sp.csr_array, b: Floats, transposed: bool) -> Floats:
-        lu, order = self.factors
+    def _direct(self, factors: Any, T: sp.csr_array, b: Floats, transposed: bool) -> Floats:
+        lu, order = factors
         r = np.empty_like(b)
         r[order] = lu.solve(b[order], "T" if transposed else "N")
         correction = np.empty_like(b)
@@ -204,8 +221,15 @@ def banded_order(model: NetworkModel) -> Index | None:
 
 def same_graph(model: NetworkModel, other: NetworkModel) -> None:
     """Let a network with links where another one has them take over the order that was found for it."""
-    if "_banded_order" in model.__dict__:
-        other.__dict__["_banded_order"] = model.__dict__["_banded_order"]
+    for known in ("_banded_order", "_is_flat"):
+        if known in model.__dict__:
+            other.__dict__[known] = model.__dict__[known]
+
+
+def is_flat(model: NetworkModel) -> bool:
+    """True if the graph has an envelope as graphs in a plane have it, where a factorisation fills in moderately."""
+    banded_order(model)
+    return model.__dict__.get("_is_flat", False)
 
 
 def _find_banded_order(model: NetworkModel) -> Index | None:
@@ -221,6 +245,7 @@ def _find_banded_order(model: NetworkModel) -> Index | None:
     if pattern.nnz > 12 * size + 1000:
         return None
     order, entries = envelope(pattern)
+    model.__dict__["_is_flat"] = entries <= size**1.5 and size <= _FLAT
     return order if entries <= max(_ENVELOPE_PER_UNKNOWN * size, _ENVELOPE_TOTAL) else None
 
 
