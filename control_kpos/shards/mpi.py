@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -87,13 +87,13 @@ class Ranks:
 
     def same(self, work: Callable[[], T]) -> T:
         """Do something on all ranks; if it fails on some, all raise the error of the first."""
+        out, error = None, None
         try:
             out = work()
-        except (KposError, OSError) as error:
-            self.agree(self.rank, error)
-            raise
-        self.agree()
-        return out
+        except (KposError, OSError) as caught:
+            error = caught
+        self.agree(None if error is None else self.rank, error)
+        return cast(T, out)
 
 
 @dataclass(frozen=True, eq=False)

@@ -170,24 +170,24 @@ class Team:
         """
         vectors = [self.shown(vector) for vector in sees]
         out: list[tuple[int, T]] = []
-        begun = time.monotonic()
+        ended, error, begun = None, None, time.monotonic()
         for p in self.shards:
             if what:
                 self.report(f"{what} of shard {p + 1} of {self.network.n_shards}{_pace(len(out), begun)}")
             try:
                 found = step(Shard(self.network, self.out, self.aside, p, self.seen), *vectors, *given)
-            except (KposError, OSError) as error:
-                self.agree(p, error)
-                return out  # a shard before it has ended the work
+            except (KposError, OSError) as caught:
+                ended, error = p, caught
+                break
             out.append((p, found))
             if until is not None and until(found):
-                self.agree(p)
-                return out
-        self.agree()
+                ended = p
+                break
+        self.agree(ended, error)
         return out
 
     def agree(self, at: int | None = None, error: Exception | None = None) -> None:
-        """Raise the error of the first shard where one has ended the work, on all members."""
+        """Raise the error of the first shard where the work has ended, on all members; nothing if it has none."""
         if error is not None:
             raise error
 
