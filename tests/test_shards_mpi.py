@@ -346,6 +346,7 @@ def test_no_rank_has_anything_of_all_inputs(tmp_path):
         vector = np.concatenate([np.arange(own.start, own.stop), away])
         for p in share:
             shard = Shard(network, tmp_path, tmp_path, p, seen)
+            shard.keep_places()
             np.testing.assert_array_equal(vector[shard.places], network.fed(p))
             assert vector[shard.inputs].tolist() == list(range(*network.own(p, 2).indices(40)))
 

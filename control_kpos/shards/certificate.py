@@ -244,7 +244,11 @@ class SavedCertificate:
         data = read_manifest(out, FORMAT)
         try:
             about = data["shards"]
-            sensible = _DATA <= set(data) <= _DATA | _MORE and data["status"] in Status.__members__ and isinstance(data["reason"], str)
+            sensible = (
+                _DATA <= set(data) <= _DATA | _MORE
+                and data["status"] in Status.__members__
+                and isinstance(data["reason"], str)
+            )
             if not sensible or not (isinstance(about, list) and all(isinstance(shard, dict) for shard in about)):
                 raise CertificateFileError("it has other entries.")
             network = ShardedNetwork.open(out / data["network"]["folder"])
@@ -314,7 +318,9 @@ class SavedCertificate:
         if "whole" in self.data:
             whole = reproven(network, self.out, self.data["whole"])
             if whole.status is not status:
-                raise FalseClaimError(f"{self.out} says {status.name}, but its file in one piece proves {whole.status.name}.")
+                raise FalseClaimError(
+                    f"{self.out} says {status.name}, but its file in one piece proves {whole.status.name}."
+                )
             witness, rates = whole.witness, rates_in_one_piece(network, whole)
         elif status is Status.PROVED:
             rates = np.full(network.n_shards, np.inf)
@@ -378,9 +384,7 @@ class SavedCertificate:
         loop = [self.vector(p, "p", verify=True), self.at_fed(p, "t")] if loops else None
         received = heard(self.network, p, feeding, lambda s: self.vector(s, "z"))
         if witness is not None or not (
-            positive
-            and (loops or not model.has_feedthrough)
-            and is_growing(model, (x, u, y, z), rate, received, loop)
+            positive and (loops or not model.has_feedthrough) and is_growing(model, (x, u, y, z), rate, received, loop)
         ):
             raise FalseClaimError(f"{self.out} says REFUTED, but shard {p} does not show that the state grows.")
         return p, Part.of(self.network, p, model, x)

@@ -106,6 +106,11 @@ def append(path: Path, records: NDArray[Any]) -> None:
         raise type(error)(error.errno, error.strerror, str(path)) from None  # a full disk names no file
 
 
+def mapped(path: Path) -> NDArray[Any]:
+    """An array that is kept, without reading all of it."""
+    return np.load(path, mmap_mode="r" if path.stat().st_size > HEADER else None)
+
+
 def write_manifest(folder: Path, form: str, data: dict[str, Any], name: str = MANIFEST) -> None:
     """Write the manifest, which makes a folder readable."""
     text = json.dumps({"format": form, "digest": digest(data), "data": data}, indent=1)

@@ -238,7 +238,7 @@ class ShardedNetwork:
         stacks = [self._stack(p, g, exact, verify) for g in range(len(members))]
         nodes = self.halo(p, verify=verify)
         kinds, _, sizes = self.receivers(nodes)
-        occurring = np.unique(kinds)
+        occurring = np.flatnonzero(np.bincount(kinds))
         halo = Halo(tuple(self.cones[i] for i in occurring), np.searchsorted(occurring, kinds))
         width = sum(index.size * s.sizes[1] for index, s in zip(members, stacks, strict=True)) + int(sizes.sum())
         WT = self._links(p, width, verify)

@@ -55,6 +55,7 @@ def read(shard: Shard, shift: float) -> Reading:
         return Reading(witness, True, True, np.zeros(0), None)
     shard.close_own_links(model.origin is not None)
     shard.file("c").unlink(missing_ok=True)  # of a run that did not end
+    shard.keep_places()
     system = PortSystem(model, shift)
     keep_rows(shard, PORTS, system.loop.TT)
     b, direct = model.apply(system.KB, interior(model, dual=True), 0, 1, transposed=True), None

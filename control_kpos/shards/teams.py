@@ -21,6 +21,7 @@ from ..errors import KposError
 from ..networks.blocks import Floats, Index
 from ..networks.model import NetworkModel
 from ..networks.own_links import own_links_closed
+from .folders import keep_array, mapped
 from .network import ShardedNetwork
 
 Say = Callable[[str], None]
@@ -74,9 +75,15 @@ class Shard:
 
     @cached_property
     def places(self) -> Index:
-        """Places in vectors of the inputs that the shard feeds: its own, then the halo."""
+        """Places in vectors of the inputs that the shard feeds: its own, then the halo; as `keep_places` left them."""
+        return mapped(self.file("places"))
+
+    def keep_places(self) -> None:
+        """Find the places, for all steps that follow."""
         fed = self.network.fed(self.p)
-        return fed if self.seen is None else self.seen.places(fed)
+        places = fed if self.seen is None else self.seen.places(fed)
+        small = places.max(initial=0) < 2**31
+        keep_array(self.file("places"), places.astype(np.int32) if small else places)
 
     @property
     def inputs(self) -> slice:
