@@ -8,11 +8,15 @@ inverse iterations.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from ..cones import Orthant
 from ..networks.blocks import Floats
 from ..networks.spectrum.port_solves import krylov
 from . import growth_steps as steps
@@ -20,13 +24,17 @@ from . import ports
 from .growth_proof import Growth, Part, senders, together
 from .teams import Team
 
-# Power iterations, inverse iterations, and steps of BiCGSTAB in each.
-_POWERS, _INVERSES, _ITERATIONS = 40, 8, 60
+# Power iterations, inverse iterations, the first of these with the whole network, and steps of BiCGSTAB in each.
+_POWERS, _INVERSES, _ROUGH, _ITERATIONS = 40, 12, 3, 100
+# Accuracy of their solves, first and later.
+_ACCURACIES = (1e-3, 1e-6)
+# What is not tiny, as a part of the largest, and how much of |rho - 1| may be missing at inputs where u is not.
+_CORE, _LOOSE = 1e-6, 0.1
 # Parts of the distance to the shift at which T u falls to u where the state is sought, and of that where it is proven.
-_SHIFTS = (0.5, 0.1, 0.01)
+_SHIFTS = (0.5, 0.1)
 _RATES = 0.5
 # Rounds of cutting down, and more where inputs act on outputs at once.
-_CUTS, _SETTLING = 30, 80
+_CUTS, _SETTLING = 12, 80
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +48,13 @@ class Shown:
 class _Sent:
     """T of all shards, from the rows of T' that they keep."""
 
-    def __init__(self, team: Team, name: str, scale: float = 1.0) -> None:
-        self.team, self.name, self.scale = team, name, scale
+    def __init__(self, team: Team, name: str, scale: float = 1.0, core: NDArray[np.bool_] | None = None) -> None:
+        self.team, self.name, self.scale, self.core = team, name, scale, core
 
     def __matmul__(self, u: Floats) -> Floats:
         (out,), _ = self.team.collect("", ports.sent, self.name, sees=[u])
-        return out * self.scale
+        out *= self.scale
+        return out if self.core is None else np.where(self.core, out, 0.0)
 
 
 class Search:
@@ -71,14 +80,18 @@ class Search:
         lone = self._alone()
         if lone is not None:
             return self._proven(*lone)
-        u, radius = self._dominant()
-        if not radius > 1:
-            return None
+        for u, radius in self._candidates():
+            if radius > 1:
+                shown = self._tried(u, radius)
+                if shown is not None:
+                    return shown
+        return None
+
+    def _tried(self, u: Floats, radius: float) -> Shown | None:
+        """x = K B u at shifts up to that where T u falls to u."""
         (fall,), _ = self.team.collect("slopes", steps.slopes, self.least, sees=[u])
-        reach = (radius - 1) * self._quotient(u, u) / self._quotient(u, fall)
-        for part in _SHIFTS:
-            if not (np.isfinite(reach) and reach > 0 and self.team.in_time()):
-                return None
+        reach = (radius - 1) / self._quotient(u, fall)
+        for part in _SHIFTS if 0 < reach < np.inf else ():
             rate = self.least + _RATES * part * reach
             heard = self._state(u, self.least + part * reach, rate)
             shown = None if heard is None else self._proven(rate, heard)
@@ -88,25 +101,21 @@ class Search:
 
     def _alone(self) -> tuple[float, Floats] | None:
         """A node that grows by itself: its rate, and nothing that it receives."""
-        team, first = self.team, None
-        for p, rate in team.each("nodes alone", steps.alone, self.least):
-            if rate is not None:
-                first = p, rate
-                break
-        chosen = team.first(first)
+        team = self.team
+        rates = team.each("nodes alone", steps.alone, self.least, until=lambda rate: rate is not None)
+        chosen = team.first(next((found for found in rates if found[1] is not None), None))
         if chosen is None:
             return None
-        for _ in team.each("", steps.nothing_but, chosen[0]):
-            pass
+        team.each("", steps.nothing_but, chosen[0])
         return chosen[1], self._receive()
 
     # -- u
 
     def _quotient(self, u: Floats, ahead: Floats) -> float:
-        return float(self.team.dot(self.dual, ahead) / self.team.dot(self.dual, u)) if u is not ahead else 1.0
+        return float(self.team.dot(self.dual, ahead) / self.team.dot(self.dual, u))
 
-    def _dominant(self) -> tuple[Floats, float]:
-        """u with T u about rho u, and rho."""
+    def _candidates(self) -> Iterator[tuple[Floats, float]]:
+        """u with T u about rho u, and rho, better and better."""
         team = self.team
         u, self.dual = team.zeros(2), team.zeros(2)
         for p, (point, dual) in team.each("start", steps.begin):
@@ -115,42 +124,58 @@ class Search:
         T, radius = _Sent(team, self.name), 0.0
         for count in range(_POWERS):
             u, ahead, radius, settled = self._looked_at(T, u)
-            if settled or not self.team.in_time():
-                return u, radius
+            if settled or not team.in_time():
+                yield u, radius
+                return
             team.report(f"growth, iteration {count + 1}: spectral radius about {radius:.6g}")
             u = ahead / radius + 1e-3 * u if radius > 0 else u
-        return self._inverted(T, u)
+        yield from self._inverted(T, u)
 
-    def _inverted(self, T: _Sent, u: Floats) -> tuple[Floats, float]:
-        """The same by inverse iterations, from above."""
+    def _inverted(self, T: _Sent, u: Floats) -> Iterator[tuple[Floats, float]]:
+        """The same by inverse iterations, from above; later on the inputs alone where u is not tiny.
+
+        What T sends from there to others only adds to T u, so that a vector that grows there does so in the network.
+        """
         team = self.team
-        u, ahead, radius, settled = self._looked_at(T, u)
+        u, ahead, radius, _ = self._looked_at(T, u)
         for count in range(_INVERSES):
-            if settled or not (radius > 0 and self.team.in_time()):
-                break
+            if not (radius > 0 and team.in_time()):
+                return
+            if count == _ROUGH and self._orthants:
+                T = _Sent(team, self.name, core=u > _CORE)
+                u, ahead, radius, _ = self._looked_at(T, np.where(u > _CORE, u, 0.0))
             error = ahead - radius * u
             shift = radius + max(np.sqrt(float(team.dot(error, error) / team.dot(u, u))), 1e-12 * radius)
-            scaled = _Sent(team, self.name, 1 / shift)
-            better, _ = krylov(scaled, u, u / (1 - radius / shift), 1e-3, _ITERATIONS, dot=team.dot)
-            if not team.size(better) > 0 or not np.isfinite(team.size(better)):
-                break
-            if team.dot(self.dual, better) < 0:
-                better = -better
-            u, ahead, radius, settled = self._looked_at(T, better)
+            scaled = _Sent(team, self.name, 1 / shift, T.core)
+            tolerance = _ACCURACIES[count >= _ROUGH]
+            better, _ = krylov(scaled, u, u / (1 - radius / shift), tolerance, _ITERATIONS, dot=team.dot)
+            if not 0 < team.size(better) < np.inf:
+                return
+            better = better if team.dot(self.dual, better) > 0 else -better
+            u, ahead, radius, settled = self._looked_at(T, np.maximum(better, 0.0) if self._orthants else better)
             team.report(f"growth, inverse iteration {count + 1}: spectral radius about {radius:.6g}")
-        return u, radius
+            yield u, radius
+            if settled:
+                return
+
+    @cached_property
+    def _orthants(self) -> bool:
+        """True if all input cones are orthants."""
+        network = self.team.network
+        kinds = {t["U"] for shard in network.data["shards"] for t in shard["stacks"]}
+        return all(isinstance(network.cones[k], Orthant) for k in kinds)
 
     def _looked_at(self, T: _Sent, u: Floats) -> tuple[Floats, Floats, float, bool]:
-        """u scaled, T u, a quotient, and whether T u - u is settled where u is not tiny: is it growth or decay?"""
+        """u scaled, T u, a quotient, and whether this tells growth from decay wherever u is not tiny."""
         team = self.team
         size = team.size(u)
-        if not size > 0 or not np.isfinite(size):
+        if not 0 < size < np.inf:
             return u, u, 0.0, True
         u = u / size
         ahead = T @ u
         radius = self._quotient(u, ahead)
-        loose = np.abs(ahead - radius * u) > 0.1 * abs(radius - 1) * np.abs(u)
-        return u, ahead, radius, team.all(not (loose & (np.abs(u) > 1e-8)).any())
+        loose = np.abs(ahead - radius * u) > _LOOSE * abs(radius - 1) * np.abs(u)
+        return u, ahead, radius, team.all(not (loose & (np.abs(u) > _CORE)).any())
 
     # -- x
 
@@ -192,10 +217,9 @@ class Search:
         sees = [value, size, value if self.t is None else self.t]
         given = rate, self._feeding, self.t is not None
         found: dict[int, tuple[Part, dict[str, Any]]] = {}
-        for p, part in team.each("proof of growth", steps.prove, *given, sees=sees):
-            if part is None:
-                break
-            found[p] = part[0], {"files": written[p] | part[1]}
+        for p, part in team.each("proof of growth", steps.prove, *given, sees=sees, until=lambda part: part is None):
+            if part is not None:
+                found[p] = part[0], {"files": written[p] | part[1]}
         if not team.all(len(found) == len(team.shards)):
             return None
         shards = team.together(found)
