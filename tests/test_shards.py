@@ -60,17 +60,17 @@ def test_verdicts_are_those_of_the_network_in_one_piece(tmp_path, seed):
             nodes, W, _ = random_networks.marginal_network(rng) or ([lag(2.0)] * 3, cycle(3), False)
         whole = kp.feedback_interconnect(nodes, W)
         found = certified(tmp_path, nodes, W, int(rng.integers(1, len(nodes) + 3)), f"{trial}")
-        assert found.status.name in (whole.certificate.status.name, "UNDECIDED"), found.explain()
+        assert found.status is whole.certificate.status, found.explain()
         again = kp.shards.check(found.path)
         assert (again.status, again.decay_rate) == (found.status, found.decay_rate)
-        if found:
+        if found and found.whole is None:
             proved += 1
             alone = settle(whole.certificate.model, tuple(vectors(found)), whole.certificate.loop)
             assert alone.status == "PROVED"
             # the same r: products of stacks of other lengths may differ in the last bit
             assert alone.decay_rate == pytest.approx(found.decay_rate, rel=1e-14, abs=0)
-        elif whole.certificate:  # so close to the margin that only integers decide
-            assert whole.certificate.exact is not None
+        elif found:  # so close to the margin that only integers decide
+            assert found.whole.exact is not None
     assert proved > 1
 
 
@@ -82,12 +82,10 @@ def test_near_the_margin(tmp_path, digits, side):
     gains = model.stacks[0].C.values @ np.linalg.inv(-model.stacks[0].A.values) @ model.stacks[0].B.values
     radius = np.abs(np.linalg.eigvals((W @ sp.diags_array(np.ravel(gains))).toarray())).max()
     found = certified(tmp_path, nodes, W / radius * (1 + side * 10.0**-digits), 4)
-    assert found.status == ("UNDECIDED" if side > 0 else "PROVED")
-    if side > 0:
-        assert "beyond the margin or close to it" in found.explain()
-        assert found.check()
-    else:
-        assert found.decay_rate > 0
+    assert found.status == ("REFUTED" if side > 0 else "PROVED")
+    assert found.check()
+    assert found.whole is None
+    assert (found.witness.rate if side > 0 else found.decay_rate) > 0
 
 
 # -- a shard as a model
@@ -172,14 +170,16 @@ def test_links_of_nodes_to_themselves_become_parts_of_them(tmp_path):
 
 def test_a_node_on_the_margin(tmp_path):
     found = certified(tmp_path, [lag(1.0), lag(0.0)], np.zeros((2, 2)), 2)
-    assert found.status == "UNDECIDED"
-    assert "eigenvalue on the margin" in found.explain()
+    assert found.status == "REFUTED"
+    assert (found.witness.rate, found.witness.node, found.witness.alive) == (0.0, 1, 1)
+    assert found.check()
 
 
 def test_algebraic_loops_that_do_not_contract(tmp_path):
     found = certified(tmp_path, [lag(1.0, D=1.0)] * 4, cycle(4), 2)
-    assert found.status == "UNDECIDED"
-    assert "algebraic loops" in found.explain()
+    assert found.status == "REFUTED"
+    assert "algebraic loop of gain 1 or more through nodes 0, 1, 2, 3" in found.explain()
+    assert found.check()
 
 
 # -- sources
@@ -286,7 +286,7 @@ def test_the_command_line(tmp_path, capsys):
     assert "UNREADABLE" in capsys.readouterr().out
     unstable = written(tmp_path, [lag(1.0)] * 3, 2 * cycle(3), 2, "unstable")
     assert main(["certify", str(unstable), "--out", proof]) == 1
-    assert "UNDECIDED Undecided" in capsys.readouterr().out
+    assert "REFUTED Not certified" in capsys.readouterr().out
     assert main(["check", proof]) == 1
     saved = folder / "proof" / "manifest.json"
     content = json.loads(saved.read_text())

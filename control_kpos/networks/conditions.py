@@ -338,7 +338,10 @@ def loop_gain(model: NetworkModel, p: Matrix, t: Matrix) -> Iterator[Condition]:
 def motion(
     model: NetworkModel, x: Matrix, u: Matrix, y: Matrix, rate: float, heard: Heard = None
 ) -> Iterator[Condition]:
-    """x in X with A_cl x - rate x in X, by u <= W y and y <= C x + D u in the orders of U and Y; see `received`."""
+    """x in X with A_cl x - rate x in X, through u <= W y and y <= C x + D u in the orders of U and Y.
+
+    In a shard u goes on with bounds on what the halo receives; see `received`.
+    """
     xs, us, ys = (model.split(part, kind) for kind, part in enumerate((x, u, y)))
     for g, (s, x_g, u_g, y_g) in enumerate(zip(model.stacks, xs, us, ys, strict=True)):
         yield Condition(titled("h'x >= 0", model, g), stacked(facets(s.X), None, beside(x_g)), ">=")

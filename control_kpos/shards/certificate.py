@@ -74,6 +74,8 @@ class ShardedCertificate:
         True in discrete time.
     path : Path
         The folder of the certificate.
+    whole : NetworkCertificate or None
+        Of a small network that shards left open: the certificate of all shards in one piece.
     """
 
     status: Status
@@ -86,6 +88,7 @@ class ShardedCertificate:
     n_shards: int
     discrete: bool
     path: Path
+    whole: NetworkCertificate | None = None
 
     def __bool__(self) -> bool:
         return bool(self.status)
@@ -314,7 +317,7 @@ class SavedCertificate:
             It is not the one stated.
         """
         network, status = self.network, Status[self.data["status"]]
-        rates, witness, refuted = np.zeros(0), None, None
+        rates, witness, refuted, whole = np.zeros(0), None, None, None
         if "whole" in self.data:
             whole = reproven(network, self.out, self.data["whole"])
             if whole.status is not status:
@@ -337,7 +340,7 @@ class SavedCertificate:
                 raise FalseClaimError(f"{self.out} says REFUTED, but no node or link of shard {refuted} shows it.")
         least = float(rates.min()) if rates.size else 0.0
         about = network.n_nodes, network.n_shards, network.discrete, self.out
-        return ShardedCertificate(status, least, rates, witness, refuted, self.data["reason"], *about)
+        return ShardedCertificate(status, least, rates, witness, refuted, self.data["reason"], *about, whole)
 
     def _each(
         self, shared: Sequence[str], method: str, executor: Any, report: Any, *given: Mapping[int, Any]
@@ -351,9 +354,9 @@ class SavedCertificate:
         each = [shards, *([part[p] for p in shards] for part in given)]
         task = partial(_prove, self.out, method)
         proofs = map(getattr(self, method), *each) if executor is None else executor.map(task, *each)
-        for count, found in enumerate(proofs, 1):
+        for count, proof in enumerate(proofs, 1):
             report(f"proven: {count} of {len(shards)} shards")
-            yield found
+            yield proof
 
     def _growth(self, executor: Any, report: Any) -> Growth:
         """The state that grows, proven anew."""

@@ -184,7 +184,7 @@ class _Run:
             rates = self._proof() if may_prove else None
             if rates is not None:
                 return self._settled(Status.PROVED, shards=rates), ""
-        shown = Search(self.team, steps.PORTS, self.least, self.t).found()
+        shown = Search(self.team, steps.PORTS, steps.DIRECT, self.least, self.t).found()
         if shown is not None:
             return self._settled(Status.REFUTED, shards=shown.shards, witness=shown.growth), ""
         if not self.finite:
@@ -278,8 +278,8 @@ class _Run:
     def _proof(self) -> list[dict[str, Any]] | None:
         """The rates and files of all shards, or None if one is not proven."""
         sees: list[Floats] = [self.r] if self.t is None else [self.r, self.t]
-        proof = self.team.each("proof", steps.prove, sees=sees, until=lambda entry: entry is None)
-        found = {p: entry for p, entry in proof if entry is not None}
+        proofs = self.team.each("proof", steps.prove, sees=sees, until=lambda entry: entry is None)
+        found: dict[int, dict[str, Any]] = {p: entry for p, entry in proofs if entry is not None}
         if not self.team.all(len(found) == len(self.team.shards)):
             return None
         shards = self.team.together(found)
@@ -313,4 +313,4 @@ class _Run:
             proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
         least = float(proven.min()) if proven.size else 0.0
         about = self.network.n_nodes, self.network.n_shards, self.network.discrete, team.out
-        return ShardedCertificate(status, least, proven, witness, refuted, reason, *about)
+        return ShardedCertificate(status, least, proven, witness, refuted, reason, *about, whole and whole[0])

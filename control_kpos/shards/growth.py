@@ -1,7 +1,7 @@
 """The search for a state of a network in shards that grows; untrusted, the proof checks what it gives.
 
-At a shift above the poles of the nodes T = W G is a nonnegative operator on U, and the network has a pole at the shift or
-beyond it if the spectral radius of T is 1 or more.  With T u = rho u, rho > 1, a shift a little higher leaves
+At a shift above the poles of the nodes T = W G is a nonnegative operator on U, and the network has a pole at the shift
+or beyond it if the spectral radius of T is 1 or more.  With T u = rho u, rho > 1, a shift a little higher leaves
 T u >= u, and x = K B u has A_cl x - shift x = B (T u - u) in X.  Power iterations find u, and where they are slow
 inverse iterations.
 """
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from ..cones import Orthant
 from ..networks.blocks import Floats
-from ..networks.spectrum.port_solves import krylov
+from ..networks.spectrum.port_solves import krylov, sweep
 from . import growth_steps as steps
 from . import ports
 from .growth_proof import Growth, Part, senders, together
@@ -33,8 +33,8 @@ _CORE, _LOOSE = 1e-6, 0.1
 # Parts of the distance to the shift at which T u falls to u where the state is sought, and of that where it is proven.
 _SHIFTS = (0.5, 0.1)
 _RATES = 0.5
-# Rounds of cutting down, and more where inputs act on outputs at once.
-_CUTS, _SETTLING = 12, 80
+# Rounds of cutting down.
+_CUTS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,16 +63,16 @@ class Search:
     Parameters
     ----------
     team : Team
-    name : str
-        Of the rows.
+    name, direct : str
+        Of the rows, and of those of the algebraic loops.
     least : float
         The shift.
     t : ndarray or None
         With feedthrough: the weights that prove the algebraic loops to contract, p in files.
     """
 
-    def __init__(self, team: Team, name: str, least: float, t: Floats | None) -> None:
-        self.team, self.name, self.least, self.t = team, name, least, t
+    def __init__(self, team: Team, name: str, direct: str, least: float, t: Floats | None) -> None:
+        self.team, self.name, self.direct, self.least, self.t = team, name, direct, least, t
         self._feeding: dict[int, list[int]] | None = None
 
     def found(self) -> Shown | None:
@@ -107,7 +107,8 @@ class Search:
         if chosen is None:
             return None
         team.each("", steps.nothing_but, chosen[0])
-        return chosen[1], self._receive()
+        (sent,), _ = team.collect("outputs", steps.outputs)
+        return chosen[1], self._received(sent)
 
     # -- u
 
@@ -180,32 +181,25 @@ class Search:
     # -- x
 
     def _state(self, u: Floats, shift: float, rate: float) -> Floats | None:
-        """x of every shard in files, cut down to where it grows at the rate, and what it sends; None if nothing is."""
+        """x of every shard in files, cut down to where it grows at the rate, and u; None if nothing is."""
         team = self.team
-        direct = self.t is not None
-        (heard,), _ = team.collect(f"states at {shift:.3g}", steps.state, shift, sees=[u])
-        for count in range(_CUTS + _SETTLING * direct):
-            if not self.team.in_time():
+        (sent,), _ = team.collect(f"states at {shift:.3g}", steps.state, shift, sees=[u])
+        for count in range(_CUTS):
+            if not team.in_time():
                 return None
-            (after,), told = team.collect(f"growing part, round {count + 1},", steps.cut, rate, sees=[heard])
-            settled, heard = not direct or self._settled(heard, after), after
-            if team.all(not any(told.values())) and settled:
+            heard = self._received(sent)
+            (sent,), told = team.collect(f"growing part, round {count + 1},", steps.cut, rate, sees=[heard])
+            if team.all(not any(told.values())):
                 return heard
         return None
 
-    def _receive(self) -> Floats:
-        """What inputs receive from the states in the files."""
-        heard = self.team.zeros(2)
-        for _ in range(_SETTLING):
-            (after,), _ = self.team.collect("outputs", steps.receive, sees=[heard])
-            settled, heard = self._settled(heard, after), after
-            if self.t is None or settled:
-                break
-        return heard
-
-    def _settled(self, before: Floats, after: Floats) -> bool:
-        team = self.team
-        return team.most(float(np.abs(after - before).max(initial=0.0))) <= 1e-14 * team.size(after)
+    def _received(self, sent: Floats) -> Floats:
+        """u = W (C x + D u), from W C x."""
+        if self.t is None:
+            return sent
+        T, team = _Sent(self.team, self.direct), self.team
+        u, converged, _ = sweep(T, sent, 1e-15, size=team.size)
+        return u if converged else krylov(T, sent, u, 1e-15, _ITERATIONS, dot=team.dot)[0]
 
     # -- the proof
 

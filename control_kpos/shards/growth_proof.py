@@ -1,10 +1,10 @@
 """Growth of a network in shards, proven shard by shard.
 
-A_cl x - rate x in X for a state x in X, x != 0, of a positive network means an eigenvalue of real part rate or more.  It
-is proven through lower bounds u <= W y and y <= C x + D u, in the orders of U and Y.  What an input receives comes from
-several shards.  So shard s also states z_s <= W_s y_s at the inputs that it feeds in other shards, and who has an input
-proves that u there is at most what its own shard sends plus all z_s, by one form with a term for each of them: nothing
-is added up beforehand.
+A_cl x - rate x in X for a state x in X, x != 0, of a positive network means an eigenvalue of real part rate or more.
+It is proven through lower bounds u <= W y and y <= C x + D u in the orders of U and Y.  What an input receives comes
+from several shards.  So shard s also states z_s <= W_s y_s at the inputs that it feeds in other shards, and who has an
+input proves that u there is at most what its own shard sends plus all z_s, by one form with a term for each of them:
+nothing is added up beforehand.
 """
 
 from __future__ import annotations
@@ -113,8 +113,8 @@ def is_growing(
     if not all(np.isfinite(part).all() for part in (*vectors, received[0], *(loop or ()))):
         return False
     values, places = received
-    known = [Matrix(x), Matrix(np.concatenate([u, z])), Matrix(y)]
-    conditions = list(on.motion(model, *known, rate, (Matrix(values), places)))
+    inputs, sent = Matrix(np.concatenate([u, z])), (Matrix(values), places)
+    conditions = list(on.motion(model, Matrix(x), inputs, Matrix(y), rate, sent))
     if loop is not None:
         conditions += on.loop_gain(model, Matrix(loop[0]), Matrix(loop[1]))
     try:

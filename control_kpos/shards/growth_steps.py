@@ -13,9 +13,8 @@ from ..networks.spectrum.descent import combined, cut_down, interior, is_inside,
 from ..networks.spectrum.port_solves import PortSystem
 from ..networks.witnesses import NetworkInstability
 from ..proof.certificate import Status
-from .folders import keep_array, shard_folder, write_arrays
+from .folders import keep_array, mapped, shard_folder, write_arrays
 from .growth_proof import Part, heard, is_growing
-from .ports import mapped
 from .teams import Shard
 
 # What u is lowered by before outputs are computed from it, so that it may rise again: a part of itself.
@@ -60,9 +59,9 @@ def nothing_but(shard: Shard, chosen: int) -> None:
         keep_array(shard.file("x"), np.zeros(shard.model().totals[0]))
 
 
-def receive(shard: Shard, u: Floats) -> tuple[tuple[Floats], None]:
-    """What the outputs of the state in a file send."""
-    return (_sent(shard.model(), np.load(shard.file("x")), u[shard.inputs]),), None
+def outputs(shard: Shard) -> tuple[tuple[Floats], None]:
+    """What the outputs C x of the state in a file send."""
+    return (_sent(shard.model(), np.load(shard.file("x"))),), None
 
 
 # -- a state at a shift
@@ -79,16 +78,16 @@ def slopes(shard: Shard, u: Floats, shift: float) -> tuple[tuple[Floats], None]:
 
 
 def state(shard: Shard, u: Floats, shift: float) -> tuple[tuple[Floats], None]:
-    """x = K B u at a shift, in a file, and what its outputs send."""
+    """x = K B u at a shift, in a file, and what C x sends."""
     model, own = shard.model(), u[shard.inputs]
     K = [inverse(shift * np.eye(s.sizes[0]) - s.A.values) for s in model.stacks]
     x = model.apply(K, model.times("B", own), 0, 0)
     keep_array(shard.file("x"), x)
-    return (_sent(model, x, own),), None
+    return (_sent(model, x),), None
 
 
 def cut(shard: Shard, u: Floats, rate: float) -> tuple[tuple[Floats], bool]:
-    """x cut down to where A x + B u - rate x is in X and x is too, what is sent then, and whether anything was cut."""
+    """x cut down to where A x + B u - rate x is in X and x is too, what C x sends, and whether anything was cut."""
     model, own, x = shard.model(), u[shard.inputs], np.load(shard.file("x"))
     ahead = model.times("A", x) + model.times("B", own) - rate * x
     changed = not all(is_inside(model, part, dual=False, strict=False) for part in (x, ahead))
@@ -100,12 +99,11 @@ def cut(shard: Shard, u: Floats, rate: float) -> tuple[tuple[Floats], bool]:
             cut_down(model, weights, x)
             x = combined(model, weights)
         keep_array(shard.file("x"), x)
-    return (_sent(model, x, own),), changed
+    return (_sent(model, x),), changed
 
 
-def _sent(model: NetworkModel, x: Floats, u: Floats) -> Floats:
-    y = model.times("C", x)
-    return model.W @ (y + model.times("D", u) if model.has_feedthrough else y)
+def _sent(model: NetworkModel, x: Floats) -> Floats:
+    return model.W @ model.times("C", x)
 
 
 # -- the proof

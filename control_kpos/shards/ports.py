@@ -53,19 +53,11 @@ def _kept(shard: Shard, name: str, width: int) -> sp.csr_array | None:
     """The rows of a shard, mapped; None if none are kept."""
     files, own = _files(shard, name), shard.inputs
     if not files[0].exists():
-<<<<<<< HEAD
         return None
     arrays = tuple(map(mapped, files))  # anew each time, for the number of open files is limited
     return sp.csr_array(arrays, shape=(own.stop - own.start, width), copy=False)
 
 
-=======
-        return np.zeros(own.stop - own.start)
-    arrays = tuple(map(mapped, files))  # anew each time, for the number of open files is limited
-    return sp.csr_array(arrays, shape=(own.stop - own.start, len(r)), copy=False) @ r
-
-
->>>>>>> 13fcb44 (Shards: places of inputs are found once a run)
 class SolvePorts:
     """A square operator on vectors of inputs, from the rows that every shard keeps.
 

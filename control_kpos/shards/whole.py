@@ -1,4 +1,4 @@
-"""Small networks in one piece: what shards leave open, within rounding of the margin, one process decides in integers."""
+"""Small networks in one piece: what shards leave open, one process decides; in integers where the margin is near."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ..networks.certify import certify
 from ..networks.conditions import same_numbers
 from ..networks.model import BLOCKS, NetworkModel
 from ..networks.nodes import NodeStack
+from ..networks.witnesses import AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation
 from ..proof.certificate import Status
 from ..proof.files import load_certificate
 from .network import ShardedNetwork
@@ -25,6 +26,9 @@ from .network import ShardedNetwork
 FILE = "whole.json"
 # Networks with more nodes, or more states and inputs, are never held in one piece.
 _NODES, _SIGNALS = 5_000, 20_000
+
+# What breaks a network, whatever supply rates it was given.
+_BROKEN = (AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation)
 
 
 def fits(network: ShardedNetwork) -> bool:
@@ -55,14 +59,15 @@ def reproven(network: ShardedNetwork, out: Path, entry: Any) -> NetworkCertifica
     path = out / FILE
     if not fits(network):
         raise CertificateFileError(
-            f"{path} is about a network in one piece; that of {network.folder}, with {network.n_nodes} nodes, is too large."
+            f"{path} is about a network in one piece, but {network.n_nodes} nodes are too many for that."
         )
     if not path.is_file():
         raise CertificateFileError(f"{path} is missing.")
     if not isinstance(entry, dict) or set(entry) != {"sha256"} or _digest(path) != entry["sha256"]:
         raise CertificateFileError(f"{path} is damaged: it is not the file that the manifest is about.")
     found = load_certificate(path)
-    if not isinstance(found, NetworkCertificate) or found.status is Status.UNDECIDED:
+    shows = isinstance(found, NetworkCertificate) and (bool(found) or isinstance(found.witness, _BROKEN))
+    if not shows or found.status is Status.UNDECIDED:
         raise FalseClaimError(f"{path} proves nothing about a network.")
     if not same_network(found.model.origin or found.model, gathered(network, verify=True)):
         raise FalseClaimError(f"{path} is about another network than the one in {network.folder}.")
@@ -89,7 +94,8 @@ def gathered(network: ShardedNetwork, *, verify: bool = False) -> NetworkModel:
         at = own.coords[0] + network.own(p, 3).start, network.fed(p)[own.coords[1]]
         links.append(sp.coo_array((own.data, at), shape=shape))
     joined = [_joined(parts) for parts in stacks.values()]
-    W = Matrix(sp.csr_array(sum(map(sp.csr_array, links[1:]), start=sp.csr_array(links[0])).T))
+    entries = [np.concatenate(part) for part in zip(*((x.data, *x.coords) for x in links), strict=True)]
+    W = Matrix(sp.csr_array((entries[0], (entries[2], entries[1])), shape=links[0].shape[::-1]))
     return NetworkModel(tuple(s for s, _ in joined), tuple(index for _, index in joined), W, network.dt)
 
 
@@ -97,8 +103,8 @@ def _joined(parts: list[tuple[NodeStack, Index]]) -> tuple[NodeStack, Index]:
     """Stacks of the same cones as one, in the order of the nodes."""
     index = np.concatenate([k for _, k in parts])
     order, first = np.argsort(index, kind="stable"), parts[0][0]
-    blocks = {name: Matrix(np.concatenate([getattr(s, name).values for s, _ in parts])[order]) for name in BLOCKS}
-    return NodeStack(**blocks, X=first.X, U=first.U, Y=first.Y, dt=first.dt), index[order]
+    A, B, C, D = (Matrix(np.concatenate([getattr(s, name).values for s, _ in parts])[order]) for name in BLOCKS)
+    return NodeStack(A, B, C, D, first.X, first.U, first.Y, first.dt), index[order]
 
 
 def same_network(a: NetworkModel, b: NetworkModel) -> bool:

@@ -24,7 +24,7 @@ import scipy.sparse.linalg as spla
 from scipy.sparse.csgraph import connected_components
 
 from ...exact.budget import require_time
-from ...theorems.krylov import bicgstab, dot
+from ...theorems.krylov import bicgstab, dot, norm
 from ...theorems.refinement import envelope
 from ..blocks import Floats, Index, inverse, multiply
 from ..model import NetworkModel
