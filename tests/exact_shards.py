@@ -41,6 +41,6 @@ ROWS = {
     },
 }
 DOUBLES = {
-    "shards.write": {"partition": "numbers of shards"},
+    "shards.write": {"partition": "numbers of shards", "resume": "yes or no"},
     "shards.parquet": {"links": "columns of doubles or integers; others are refused, see test_tables_that_are_refused"},
 }

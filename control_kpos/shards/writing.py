@@ -115,7 +115,7 @@ def write(
         How many shards.  Default: one for every 250 000 nodes.
     partition : "blocks", "metis", or array_like of int, shape (N,), optional
         Which nodes stand together.  Default: blocks of nodes that follow each other.  "metis" lets few links lead from
-        one shard to another; it needs pymetis and the graph of all links in memory, about 50 bytes a link.  An array
+        one shard to another; it needs pymetis and the graph of all links in memory, about 130 bytes a link.  An array
         has the number of the shard of every node, from 0.
     resume : bool
         True: continue a write that was interrupted.  Shards that it had finished are kept if their files are whole,
