@@ -120,8 +120,17 @@ class ShardedCertificate:
         return f"Undecided: for {what} nothing is proven: {self.reason}."
 
     def _reason(self) -> str:
+        """The witness, with the names of its nodes if the files have them."""
         steps = isinstance(self.witness, NetworkInstability) and self.discrete
-        return f"{self.witness}".replace("growth rate", "growth factor per step") if steps else f"{self.witness}"
+        text = f"{self.witness}".replace("growth rate", "growth factor per step") if steps else f"{self.witness}"
+        nodes = [getattr(self.witness, end) for end in ("node", "target", "source") if hasattr(self.witness, end)]
+        try:
+            network = SavedCertificate.open(self.path).network
+            known = {j: name for j in nodes if (name := network.name(j))}
+        except (CertificateFileError, OSError):
+            known = {}
+        names = [f'node {j} is "{name}"' for j, name in known.items()]
+        return f"{text} ({', '.join(names)})" if names else text
 
     def __repr__(self) -> str:
         return f"<ShardedCertificate: {self.status.name}, {self.n_nodes} nodes in {self.n_shards} shards>"

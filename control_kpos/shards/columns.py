@@ -111,3 +111,11 @@ def kinds_of(column: Any, where: Where) -> tuple[list[Any], Index]:
     _require_full(column, "kind", where)
     encoded = column if str(column.type).startswith("dictionary") else column.dictionary_encode()
     return encoded.dictionary.to_pylist(), encoded.indices.to_numpy(zero_copy_only=False).astype(np.int64)
+
+
+def texts(column: Any, name: str, where: Where) -> list[str]:
+    """A column of text."""
+    if _kind(column) != "text":
+        raise DataError(f"{where[0]}, column {name!r} holds {column.type}; give text.")
+    _require_full(column, name, where)
+    return column.to_pylist()

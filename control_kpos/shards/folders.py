@@ -97,11 +97,11 @@ def read_text(path: Path, entry: Any) -> Any:
         raise CertificateFileError(f"{path} is damaged: {error}") from None
 
 
-def append(path: Path, records: NDArray[Any]) -> None:
+def append(path: Path, records: NDArray[Any] | bytes) -> None:
     """Write records behind those in a file that nobody else reads."""
     try:
         with open(path, "ab") as stream:
-            stream.write(np.ascontiguousarray(records).data)
+            stream.write(records if isinstance(records, bytes) else np.ascontiguousarray(records).data)
     except OSError as error:
         raise type(error)(error.errno, error.strerror, str(path)) from None  # a full disk names no file
 

@@ -27,6 +27,7 @@ from .exact_numbers import with_entries, with_weights
 from .folders import read_array, read_manifest, read_text, shard_folder
 
 FORMAT = "kpos-shards/1"
+NAMES = "names.json"
 _SIZES = ("states", "inputs", "outputs")
 # Sizes in a manifest that no network has.
 MOST = 2**48
@@ -199,7 +200,7 @@ class ShardedNetwork:
         """The numbers that nodes of a shard have in the source, by their places in the shard."""
         own = self.own(p, 0)
         if "numbers" not in self.data["shards"][p]["files"]:
-            return own.start + np.asarray(places)
+            return np.arange(own.start, own.stop)[places]
         numbers = self.array(p, "numbers")
         if numbers.shape != (own.stop - own.start,) or numbers.dtype.kind != "i":
             raise CertificateFileError(f"the numbers of nodes of {shard_folder(self.folder, p)} are damaged.")
@@ -209,6 +210,25 @@ class ShardedNetwork:
         """The number in the source of a node, by its place among those of all shards."""
         p = int(np.searchsorted(self.starts[0], node, side="right")) - 1
         return int(self.numbers(p, node - self.own(p, 0).start))
+
+    def name(self, number: int) -> str:
+        """The name of a node, by its number in the source; empty if it has none."""
+        moved = any("numbers" in shard["files"] for shard in self.data["shards"])
+        for p in self.filled if any("names" in shard["files"] for shard in self.data["shards"]) else ():
+            own, files = self.own(p, 0), self.data["shards"][p]["files"]
+            if not moved and not own.start <= number < own.stop:
+                continue
+            at = np.flatnonzero(self.numbers(p, slice(None)) == number) if moved else [number - own.start]
+            if len(at):
+                return self._names(p)[int(at[0])] if "names" in files else ""
+        return ""
+
+    def _names(self, p: int) -> list[str]:
+        path = shard_folder(self.folder, p) / NAMES
+        names = read_text(path, self.data["shards"][p]["files"]["names"])
+        if not isinstance(names, list) or [*map(type, names)] != [str] * self.data["shards"][p]["nodes"]:
+            raise CertificateFileError(f"{path} is damaged: it has not one name for every node.")
+        return names
 
     def members(self, p: int, *, verify: bool = False) -> list[Index]:
         """The places of the nodes of every stack among those of the shard."""

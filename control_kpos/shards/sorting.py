@@ -6,8 +6,11 @@ from its own files.  In memory are one piece of the source, one shard, and some 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +84,8 @@ class Sorted:
             records["place"] = at - np.asarray(self.parts.cuts)[shards]
             records["data"] = self._flat(stack, order)
             self._append(f"nodes-{kind}", shards, records, kept)
+            if stack.names:
+                self._append_names(shards, records["place"], [stack.names[k] for k in order.tolist()], kept)
             count += len(numbers)
             self.report(f"sorting nodes: {count} of {self.source.n_nodes}")
 
@@ -131,6 +136,14 @@ class Sorted:
             if p not in kept:
                 append(self._file(name, p), records[first:last])
 
+    def _append_names(self, shards: Index, places: Index, names: list[str], kept: set[int]) -> None:
+        lines = [json.dumps(line) for line in zip(places.tolist(), names, strict=True)]
+        cuts = np.searchsorted(shards, [0, *(shards[np.diff(shards, append=-1) != 0] + 1)]).tolist()
+        for first, last in pairwise(cuts):
+            if int(shards[first]) not in kept:
+                text = "".join(f"{line}\n" for line in lines[first:last])
+                append(self._file("names", int(shards[first])), text.encode())
+
     def _file(self, name: str, p: int) -> Path:
         return self.place / f"{p:05d}-{name}"
 
@@ -138,16 +151,22 @@ class Sorted:
 
     def nodes(self, p: int) -> Nodes:
         """The nodes of a shard."""
-        stacks, members = [], []
+        stacks, members, names = [], [], self._names(p)
         for kind, like in enumerate(self.kinds.values()):
             path = self._file(f"nodes-{kind}", p)
             if path.exists():
                 records = np.fromfile(path, dtype=_of_nodes(like))
                 records = records[np.argsort(records["place"], kind="stable")]
-                stacks.append(_stack_of(records["data"], like, self.dt))
+                stack = _stack_of(records["data"], like, self.dt)
+                own = tuple(names.get(place, "") for place in records["place"].tolist()) if names else ()
+                stacks.append(replace(stack, names=own))
                 members.append(records["place"].copy())
                 path.unlink()
         return tuple(stacks), tuple(members), self.dt
+
+    def _names(self, p: int) -> dict[int, str]:
+        path = self._file("names", p)
+        return dict(map(json.loads, path.read_text().splitlines())) if path.exists() else {}
 
     def links(self, p: int) -> Matrix:
         """Rows of W' of the outputs of a shard."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import isqrt
 from os import PathLike
@@ -26,7 +26,7 @@ from ..exact.matrix import Matrix
 from ..networks.blocks import Index
 from ..networks.nodes import NodeStack, Timebase
 from ..systems.reading import require_timebase
-from .columns import doubles, entries_of_rows, integers, kinds_of
+from .columns import doubles, entries_of_rows, integers, kinds_of, texts
 from .sources import Links, Sizes
 
 # Rows that are read at a time.
@@ -53,7 +53,7 @@ def parquet(
         Files with a row for every node.  Columns ``A``, ``B``, ``C`` and, if there is feedthrough, ``D`` are lists of
         the entries row by row; or there is a column for every entry, ``A_0_0``, ``A_0_1``, ...  An integer column
         ``node`` numbers the nodes from 0, in any order; without it they are numbered as they come.  A column ``kind``,
-        text or integers, tells nodes with different cones apart.
+        text or integers, tells nodes with different cones apart; ``name``, text, is for witnesses.
     links : path-like, or a list of them
         Files with a row for every link: ``source`` and ``target``, node numbers, and ``weight``; ``output`` and
         ``input``, places from 0, where nodes have several.
@@ -222,7 +222,8 @@ class Tables:
             raise DataError(f"{by_kind[0]} has a cone for every kind, but {self.node_files[0]} has no column 'kind'.")
 
     def __str__(self) -> str:
-        more = f" and {len(self.link_files) - 1} more" if len(self.link_files) > 1 else ""
+        others = len(self.link_files) - 1
+        more = f" and {others} more" if others else ""
         return f"{self.link_files[0]}{more}"
 
     def __repr__(self) -> str:
@@ -271,7 +272,10 @@ class Tables:
     def node_pieces(self) -> Iterator[tuple[Index, NodeStack, Timebase]]:
         """Node numbers and these nodes."""
         given = self.node_files[0].columns
-        columns = [*(name for _, names in self.layout.values() for name in names), *({"node", "kind"} & given)]
+        columns = [
+            *(name for _, names in self.layout.values() for name in names),
+            *sorted({"node", "kind", "name"} & given),
+        ]
         seen = np.zeros(self.n_nodes if "node" in given else 0, dtype=bool)
         first = 0
         for file in self.node_files:
@@ -282,8 +286,10 @@ class Tables:
                 if "node" in batch:
                     numbers = integers(batch["node"], "node", where, self.n_nodes)
                     _require_new(numbers, seen, where)
+                names = texts(batch["name"], "name", where) if "name" in batch else []
                 for rows, stack in self._stacks(batch, count, where):
-                    yield numbers[rows], stack, self.dt
+                    own = tuple(names[k] for k in rows.tolist()) if names else ()
+                    yield numbers[rows], replace(stack, names=own), self.dt
                 first += count
 
     def _stacks(self, batch: dict[str, Any], count: int, where: Any) -> Iterator[tuple[Index, NodeStack]]:

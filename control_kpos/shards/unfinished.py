@@ -15,7 +15,7 @@ from typing import Any
 from ..errors import CertificateFileError, DataError
 from ..proof.files import digest
 from .folders import read_array, read_manifest, read_text, shard_folder, write_manifest
-from .network import exact_file
+from .network import NAMES, exact_file
 from .partition import Parts
 
 _FORMAT = "kpos-shards-unfinished/1"
@@ -84,7 +84,10 @@ class Unfinished:
                 return None
             place = shard_folder(self.folder, p)
             for name, entry in note["data"]["files"].items():
-                read_array(place / f"{name}.npy", entry, verify=True)
+                if name == "names":
+                    read_text(place / NAMES, entry)
+                else:
+                    read_array(place / f"{name}.npy", entry, verify=True)
             for name, entry in note["data"].get("exact", {}).items():
                 read_text(place / exact_file(name), entry)
             return note["data"]

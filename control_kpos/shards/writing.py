@@ -24,7 +24,7 @@ from ..proof.files import digest
 from ..proof.portable_cones import decode_cone
 from .exact_numbers import Entries, are_equal, entries_beside
 from .folders import MANIFEST, shard_folder, write_arrays, write_manifest, write_text
-from .network import FORMAT, MOST, ConeTable, ShardedNetwork, exact_file, read_time
+from .network import FORMAT, MOST, NAMES, ConeTable, ShardedNetwork, exact_file, read_time
 from .partition import Parts, share_out
 from .sorting import Sorted
 from .sources import Asked, Given, Nodes, Pieces, read_source, require_size
@@ -146,7 +146,7 @@ def write(
     Raw ``.npy`` arrays of doubles and one ``manifest.json`` with their sizes, types and SHA-256 digests.  Every file
     is written under another name and renamed, the manifest last, so that a folder is complete or is not read.
     8 (n n + n m + q n) bytes a node and 12 a link.  Numbers such as 1/3 are kept exactly, beside the doubles closest
-    to them.
+    to them, and so are names of nodes, for witnesses; those of signals are not.
 
     With `partition` nodes are moved, and the certificate names them by their numbers in the source.  Tables, and parts
     of an object with `partition`, are sorted in files inside the folder first, which takes as much again on the disk
@@ -253,7 +253,19 @@ def _write_nodes(
             arrays[f"members{g}"] = index
     entries = [{"nodes": len(s), "X": cones.place(s.X), "U": cones.place(s.U), "Y": cones.place(s.Y)} for s in stacks]
     files = _write_files(path, p, arrays, "nodes", exact)
+    if any(s.names for s in stacks):
+        names = _names(stacks, members)
+        files["files"]["names"] = write_text(shard_folder(path, p) / NAMES, names)
     return {"nodes": sum(map(len, stacks)), "stacks": entries, **files}
+
+
+def _names(stacks: tuple[NodeStack, ...], members: tuple[Index, ...]) -> list[str]:
+    """Names of the nodes of a shard, empty where they have none."""
+    out = [""] * sum(map(len, stacks))
+    for s, index in zip(stacks, members, strict=True):
+        for place, name in zip(index.tolist(), s.names, strict=False):
+            out[place] = name.encode(errors="replace").decode()  # half of a pair of characters is no text
+    return out
 
 
 def _write_files(path: Path, p: int, arrays: dict[str, Any], kind: str, exact: dict[str, Entries]) -> dict[str, Any]:
