@@ -388,7 +388,7 @@ BAD = [
     {"A0": [[0]]},
     {"A0": 7},
     {"A0": [[3, "-2"]]},
-    {"members0": [[0, "1/3"]]},
+    {"weights": [[0, "1/3"]]},
 ]
 
 
@@ -399,9 +399,15 @@ def test_exact_numbers_that_make_no_sense(tmp_path, content):
     assert json.loads(path.read_text())["A0"][0] == [0, "-1/3"]
     entry = folders.write_text(path, content)
     forged(folder, lambda data: data["shards"][0]["exact"].update(nodes=entry), inside="")
-    if content == {"members0": [[0, "1/3"]]}:
-        return
     with pytest.raises(kp.CertificateFileError, match="shard-00000"):
+        kp.shards.certify(folder, folder / "proof")
+
+
+@pytest.mark.parametrize("entry", [{}, [], ["nodes"], 5, {"else": {}}, {"nodes": {}}, {"nodes": 5}, {"links": None}])
+def test_manifests_of_exact_numbers_that_make_no_sense(tmp_path, entry):
+    folder = written(tmp_path, [THIRDS[0]] * 2, [[0, "1/7"], ["1/7", 0]], 1)
+    forged(folder, lambda data: data["shards"][0].update(exact=entry), inside="")
+    with pytest.raises(kp.CertificateFileError):
         kp.shards.certify(folder, folder / "proof")
 
 

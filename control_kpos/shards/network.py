@@ -7,6 +7,7 @@ they feed: its own, then all inputs of the nodes elsewhere that they feed, the h
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,7 +38,9 @@ _DIMENSIONS = 10**6
 _FREE_SIZES = 10**7
 _STACK = {"nodes", "X", "U", "Y"}
 _SHARD = {"nodes", "stacks", "files"}
-_EXACT = {"nodes", "links"}
+# Arrays that may have numbers beside them which are no doubles.
+_EXACT = {"nodes": re.compile(r"[ABCD][0-9]+"), "links": re.compile("weights")}
+_NONE = object()
 _DATA = {"dt", "cones", "shards"}
 _LINKS = {"indptr", "targets", "weights", "halo"}
 
@@ -116,7 +119,7 @@ class ShardedNetwork:
 
     def _require_sense(self) -> None:
         if set(self.data) != _DATA or any(
-            set(s) - {"exact"} != _SHARD or not isinstance(s["files"], dict) or not {*s.get("exact", {})} <= _EXACT
+            set(s) - {"exact"} != _SHARD or not isinstance(s["files"], dict) or not _is_exact(s.get("exact", _NONE))
             for s in self.data["shards"]
         ):
             raise CertificateFileError("it has other entries.")
@@ -192,7 +195,8 @@ class ShardedNetwork:
             return {}
         path = shard_folder(self.folder, p) / exact_file(kind)
         out = read_text(path, entries[kind])
-        if not (isinstance(out, dict) and out and set(out) <= set(self.data["shards"][p]["files"])):
+        known = (name for name in self.data["shards"][p]["files"] if _EXACT[kind].fullmatch(name))
+        if not (isinstance(out, dict) and out and set(out) <= set(known)):
             raise CertificateFileError(f"{path} is damaged: it is about other arrays.")
         return out
 
@@ -387,6 +391,10 @@ class ShardedNetwork:
             _, begin = self._inputs_in(p)
             out[part] = self.own(p, 0).start + np.searchsorted(begin, inputs[part], side="right") - 1
         return out
+
+
+def _is_exact(entries: Any) -> bool:
+    return entries is _NONE or (isinstance(entries, dict) and bool(entries) and set(entries) <= set(_EXACT))
 
 
 def exact_file(kind: str) -> str:

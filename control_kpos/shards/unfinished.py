@@ -61,6 +61,8 @@ class Unfinished:
                 f"folder: what {folder} holds is the beginning of another network, or of one in other shards, which "
                 "resume=True does not continue; give what was given then, or leave resume out to begin again."
             )
+        for left in [*folder.glob(".*.part"), *folder.glob("shard-*/.*.part")]:  # of a write that was killed
+            left.unlink(missing_ok=True)
         if found is None:
             rmtree(notes.place, ignore_errors=True)
         notes.place.mkdir(parents=True, exist_ok=True)
