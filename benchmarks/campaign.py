@@ -5,6 +5,7 @@
     python benchmarks/campaign.py cones 10000
     python benchmarks/campaign.py files 100000
     python benchmarks/campaign.py stated 10000
+    python benchmarks/campaign.py shards 1000
     python benchmarks/campaign.py hostile
     python benchmarks/campaign.py kills 100
     python benchmarks/campaign.py threads 500
@@ -32,6 +33,7 @@ sys.path.insert(0, str(ROOT))
 # The tests are no package: their folder, and the tree, come first.
 import campaigns  # noqa: E402
 import certified  # noqa: E402
+import sharded_networks  # noqa: E402
 import stated_designs  # noqa: E402
 import stated_functions  # noqa: E402
 import statements  # noqa: E402
@@ -181,6 +183,17 @@ def stated(count, seed):
     return out
 
 
+def shards(count, seed):
+    """Random networks in one piece and in shards, half of them at the margin or around it."""
+    with tempfile.TemporaryDirectory() as folder:
+        found = sharded_networks.verdicts(range(seed, seed + count), Path(folder))
+    print(", ".join(f"{found[name]} {name}" for name in ("PROVED", "REFUTED", "UNDECIDED", "in one piece")))
+    print(
+        f"{count} networks in shards: {found['false']} false, {found['less decided']} less decided than in one process"
+    )
+    return ["shards"] * (found["false"] + found["less decided"])
+
+
 def hostile(_, seed):
     """Time and memory of both readers on every hostile file."""
     worst, found, count = {}, [], 0
@@ -288,6 +301,7 @@ def main():
             cones,
             files,
             stated,
+            shards,
             hostile,
             kills,
             digest,

@@ -133,7 +133,7 @@ def test_every_vector_of_every_shard_matters(tmp_path, name, p):
     network = ShardedNetwork.open(folder)
     ones = {s: {"x": np.ones(2), "u": np.full(2, 1.5), "y": np.ones(2), "z": np.full(1, 1.5)} for s in range(3)}
     feeding = senders(network)
-    assert feeding == {0: [2], 1: [0], 2: [1]}
+    assert feeding == {0: [1], 1: [2], 2: [0]}
 
     def proven(vectors):
         sent = {s: heard(network, s, feeding[s], lambda k: vectors[k]["z"]) for s in range(3)}
@@ -141,14 +141,14 @@ def test_every_vector_of_every_shard_matters(tmp_path, name, p):
         return [is_growing(network.model(s), part, 0.5, sent[s], None) for s, part in enumerate(parts)]
 
     assert proven(ones) == [True] * 3
-    after = (p + 1) % 3
+    hearing = (p - 1) % 3
     for factor in (1 + 1e-12, 1 - 1e-12):
         vectors = {s: dict(v) for s, v in ones.items()}
         vectors[p][name] = ones[p][name].copy()
         vectors[p][name][-1] *= factor
         more = factor > 1
         # a larger x, u, y or z asks for more of what it is bounded by; a smaller one gives less to what it bounds
-        broken = {"x": {p}, "u": {p}, "y": {p}, "z": {p if more else after}}[name]
+        broken = {"x": {p}, "u": {p}, "y": {p}, "z": {p if more else hearing}}[name]
         assert {s for s, fine in enumerate(proven(vectors)) if not fine} == broken
 
 
