@@ -2921,6 +2921,23 @@ def numbers(path: Path, entry: Json, kinds: str, *shapes: list[int]) -> Numbers:
     return out
 
 
+def beside_doubles(path: Path, entry: Json, arrays: dict[str, Numbers]) -> None:
+    """Numbers in these arrays that are no doubles, from a file of text: the array holds the doubles next to them."""
+    expect(entry.keys() == {"bytes", "sha256"}, f"{path} is not described")
+    expect(path.is_file(), f"{path} is missing, or no regular file")
+    expect(path.stat().st_size == entry["bytes"], f"{path} has not the size that is stated")
+    expect(hashlib.sha256(path.read_bytes()).hexdigest() == entry["sha256"], f"{path} is another file")
+    exact, _ = parsed(path)
+    expect(exact != {}, f"{path} says nothing")
+    for name, given in exact.items():
+        arrays[name] = list(arrays[name])
+        expect(bool(given) and all(a < b for (a, _), (b, _) in pairwise(given)), f"{path} is not in order")
+        for place, text in given:
+            x, rounded = number(text), arrays[name][index(place)]
+            expect(float(x) == rounded != x, f"{path} has numbers that are no others than the doubles")
+            arrays[name][place] = x
+
+
 def stated_double(text: Json) -> float:
     """A double that is finite and not negative, as float.hex writes it."""
     x = float.fromhex(text)
@@ -2947,13 +2964,16 @@ def shards_in(folder: Path) -> Shards:
     out = Shards(folder, d, cones, [], bool(discrete))
     totals = list[list[int]]()
     for p, s in enumerate(d["shards"]):
-        expect(s.keys() == {"nodes", "stacks", "files"}, f"shard {p} has other entries")
+        expect(s.keys() - {"exact"} == {"nodes", "stacks", "files"}, f"shard {p} has other entries")
+        expect(
+            s.get("exact", {}).keys() <= ({"nodes", "links"} if s["stacks"] else set()), f"shard {p} has other numbers"
+        )
         stacks = [(t.keys(), [index(t[name]) for name in ("nodes", *"XUY")]) for t in s["stacks"]]
         expect(all(keys == {"nodes", *"XUY"} and t[0] > 0 for keys, t in stacks), f"shard {p} has other stacks")
         expect(sum(t[0] for _, t in stacks) == index(s["nodes"]), f"shard {p} has not the nodes of its stacks")
         needed = {f"members{g}" for g in range(len(stacks))} if len(stacks) > 1 else set[str]()
         needed |= {"weights", "targets", "indptr", "halo"} if stacks else set()
-        free = {f"{name}{g}" for name in "ABCD" for g in range(len(stacks))}
+        free = {f"{name}{g}" for name in "ABCD" for g in range(len(stacks))} | ({"numbers"} if stacks else set())
         expect(needed <= s["files"].keys() <= needed | free, f"shard {p} has other files")
         sizes = [sum(n * C[kind].dim for n, C in out.stacks(p)) for kind in range(3)]
         totals.append([s["nodes"], *sizes])
@@ -2997,7 +3017,7 @@ class Shard:
     net: Shards
     p: int
     layout: Layout
-    blocks: list[dict[str, Numbers]]
+    blocks: dict[str, Numbers]
     links: tuple[Numbers, Numbers, Numbers]
     owners: Numbers
     firsts: Numbers
@@ -3007,10 +3027,11 @@ class Shard:
 
 def shard_with_halo(net: Shards, p: int) -> Shard:
     """A shard from its files, and from those that say where the inputs of the halo are."""
-    own, stacks, blocks = layout(net, p), net.stacks(p), list[dict[str, Numbers]]()
+    own, stacks, blocks = layout(net, p), net.stacks(p), dict[str, Numbers]()
     for g, (size, cones) in enumerate(stacks):
-        sides = [(name, [cones[kind].dim for kind in SIGNALS[name]]) for name in "ABCD" if f"{name}{g}" in net.files(p)]
-        blocks.append({name: net.read(p, f"{name}{g}", "d", [size, *mn], [1, *mn]) for name, mn in sides})
+        for name in [name for name in "ABCD" if f"{name}{g}" in net.files(p)]:
+            shape = [cones[kind].dim for kind in SIGNALS[name]]
+            blocks[f"{name}{g}"] = net.read(p, f"{name}{g}", "d", [size, *shape], [1, *shape])
     owners = packed("q", (j for j, (a, b) in enumerate(pairwise(own.starts[1])) for _ in range(a, b)))
     firsts, away = own.starts[1][:], dict[int, Numbers]()
     firsts.pop()
@@ -3029,11 +3050,14 @@ def shard_with_halo(net: Shards, p: int) -> Shard:
             away[k].extend(places)
     ends = net.read(p, "indptr", "iq", [count(net, p, 3) + 1])
     expect(ends[0] == 0 and all(a <= b for a, b in pairwise(ends)), f"the links of shard {p} are not in order")
-    targets, weights = (net.read(p, name, kind, [max(ends)]) for name, kind in (("targets", "iq"), ("weights", "d")))
+    targets, values = net.read(p, "targets", "iq", [max(ends)]), {"weights": net.read(p, "weights", "d", [max(ends)])}
     expect(all(0 <= c < len(owners) for c in targets), f"links of shard {p} lead nowhere")
     rows = (targets[a:b] for a, b in pairwise(ends))
     expect(all(c < d for row in rows for c, d in pairwise(row)), f"links of shard {p} are not in order")
-    return Shard(net, p, own, blocks, (ends, targets, weights), owners, firsts, heard, away)
+    for kind, entry in net.data["shards"][p].get("exact", {}).items():
+        path = net.folder / f"shard-{p:05d}" / f"exact-{kind}.json"
+        beside_doubles(path, entry, {"nodes": blocks, "links": values}[kind])
+    return Shard(net, p, own, blocks, (ends, targets, values["weights"]), owners, firsts, heard, away)
 
 
 def unit_of(*arrays: Numbers) -> int:
@@ -3058,11 +3082,12 @@ Heard = dict[int, tuple[int, int]]  # for an input: its column among the links, 
 def node_systems(s: Shard, closed: bool, rate: float = 0.0) -> Iterator[tuple[System, Heard]]:
     """The nodes of a shard with their links, each as a network: a node and its halo.  The inputs of the halo follow.
 
-    In integers, as multiples of a unit; with their own links `closed` in fractions.
+    In integers, as multiples of a unit; with numbers that are no doubles, or own links `closed`, in fractions.
     """
     net, (ends, targets, weights), (_, inputs, outputs) = s.net, s.links, s.layout.starts
-    unit = 1 if closed else unit_of([rate], weights, *(M for part in s.blocks for M in part.values()))
-    convert: Callable[[float], Any] = Fraction if closed else partial(multiplied, unit)
+    in_fractions = closed or "exact" in net.data["shards"][s.p]
+    unit = 1 if in_fractions else unit_of([rate], weights, *s.blocks.values())
+    convert: Callable[[float], Any] = Fraction if in_fractions else partial(multiplied, unit)
     stacks = net.stacks(s.p)
     for j, (g, i) in enumerate(zip(s.layout.stacks, s.layout.places, strict=True)):
         size, cones = stacks[g]
@@ -3070,7 +3095,7 @@ def node_systems(s: Shard, closed: bool, rate: float = 0.0) -> Iterator[tuple[Sy
         parts = dict[str, Matrix]()
         for name in "ABCD":
             m, n = (cones[kind].dim for kind in SIGNALS[name])
-            M, first = s.blocks[g].get(name), i * m * n
+            M, first = s.blocks.get(f"{name}{g}"), i * m * n
             if M is not None:
                 first = first if len(M) == size * m * n else 0
             parts[name] = [
@@ -3187,7 +3212,7 @@ def proven_nodes(s: Shard, vectors: dict[str, Numbers], rate: float, *, closed: 
         need("p" in vectors or not any(node.D), "there are weights for the algebraic loops")
         supplied(node, v, q, r)
         balance(node, q, r)
-        decreases(node, v, q, Fraction(rate) if closed else multiplied(node.unit, rate))
+        decreases(node, v, q, Fraction(rate) if node.unit == 1 else multiplied(node.unit, rate))
 
 
 def at_inputs(x: Numbers, own: range, heard: Heard, convert: Callable[[float], Any]) -> Vector:

@@ -30,6 +30,7 @@ from shards_by_hand import (
     shard,
     stated,
     swapped,
+    thirds,
     three,
     through,
     tight,
@@ -40,6 +41,7 @@ from shards_by_hand import (
     without,
 )
 
+UNLIKE = [[0, f"{-9 * 3**60 // 4}/{3**60}"], [1, f"{-3 * 7**36 - 1}/{7**36}"]]
 CASES = {
     "a ring": (ring(), None, "PROVED"),
     "its second shard": (ring(), 1, "PROVED"),
@@ -190,6 +192,30 @@ CASES = {
     "a pipe": (after(piped), None, "UNREADABLE"),
     "an endless file": (after(endless), None, "UNREADABLE"),
     "no numbers in A": (array(1, "A0", "values", [float("nan")]), None, "UNREADABLE"),
+    # numbers that are no doubles: A = -7/3, q = -5/4, so that rates up to 13/12 are proven
+    "a third": (thirds(rate=1.0833333333333333), None, "PROVED"),
+    "a third, faster": (thirds(rate=1.0833333333333335), None, "WRONG"),
+    "a weight of a third": (thirds("weights", [[0, "4/3"]], 4 / 3, kind="links"), None, "WRONG"),
+    "a smaller weight": (thirds("weights", [[0, "6/5"]], 6 / 5, kind="links"), None, "PROVED"),
+    "thirds of what is not there": (thirds("weights"), None, "UNREADABLE"),
+    "no thirds": (thirds(entries=[]), None, "UNREADABLE"),
+    "a double, no third": (thirds(entries=[[0, (-7 / 3).hex()]]), None, "UNREADABLE"),
+    "another double beside a third": (thirds(double=-2.5), None, "UNREADABLE"),
+    "thirds in another order": (thirds(entries=[[1, "-3.0000000000000000001"], [0, "-7/3"]]), None, "UNREADABLE"),
+    "thirds twice": (thirds(entries=[[0, "-7/3"], [0, "-7/3"]]), None, "UNREADABLE"),
+    "thirds from behind": (thirds(entries=[[-3, "-7/3"]]), None, "UNREADABLE"),
+    "two thirds": (thirds(entries=[[0, "-7/3"], [1, "-3.0000000000000000001"]]), None, "PROVED"),
+    "numbers without a common unit": (thirds(entries=UNLIKE, double=-2.25, rate=1.0), None, "PROVED"),
+    "thirds of another kind": (thirds(exact={"more": {}}), None, "UNREADABLE"),
+    "thirds in fewer bytes": (thirds(exact={"nodes": {"bytes": 1, "sha256": "0"}}), None, "UNREADABLE"),
+    "thirds with another digest": (thirds(exact={"nodes": {"bytes": 23, "sha256": "0"}}), None, "UNREADABLE"),
+    "thirds described otherwise": (thirds(exact={"nodes": {"bytes": 23}}), None, "UNREADABLE"),
+    "nothing about thirds": (
+        changed(thirds(), lambda c: c["shards"][0].update(texts={"nodes": {}})),
+        None,
+        "UNREADABLE",
+    ),
+    "numbers in a source": (put("shards", 1, "arrays", "numbers", whole([7])), None, "PROVED"),
     # members, halo and links
     "members that overlap": (array(0, "members0", "values", [0, 1], base=wide), None, "UNREADABLE"),
     "members from behind": (array(0, "members0", "values", [0, -1], base=wide), None, "UNREADABLE"),

@@ -66,14 +66,24 @@ def save(path, array):
     return {"dtype": kind, "shape": array["shape"], "sha256": hashlib.sha256(data).hexdigest()} | array.get("entry", {})
 
 
+def save_text(path, content):
+    """Numbers that are no doubles, and what a manifest says of the file; bytes are added where it has a comment."""
+    text = json.dumps(content).encode()
+    path.write_bytes(text)
+    return {"bytes": len(text), "sha256": hashlib.sha256(text).hexdigest()}
+
+
 def saved(folder, shards):
     """The arrays of shards as files; what the manifest says of each shard."""
     out = []
     for p, part in enumerate(shards):
-        entry = {key: x for key, x in part.items() if key not in ("arrays", "of")}
+        entry = {key: x for key, x in part.items() if key not in ("arrays", "of", "texts")}
         if "arrays" in part:
             place = folder / f"shard-{p:05d}"
             entry["files"] = {name: save(place / f"{name}.npy", array) for name, array in part["arrays"].items()}
+        if "texts" in part:
+            place = folder / f"shard-{p:05d}"
+            entry["exact"] = {kind: save_text(place / f"exact-{kind}.json", x) for kind, x in part["texts"].items()}
         out.append(entry | part.get("of", {}))
     return out
 
@@ -260,6 +270,20 @@ def three(A, rate=1.0, single="BC"):
     part = shard(3, A0=numbers(A, len(A), 1, 1), **arrays, **links([1, 2, 0]))
     vectors = {"v": numbers([1.0] * 3), "r": numbers([1.0] * 3), "q": numbers([-1.0] * 3)}
     return network([part], [{"rate": rate.hex(), "arrays": vectors}])
+
+
+def thirds(name="A0", entries=((0, "-7/3"),), double=-7 / 3, *, rate=1 / 3, kind="nodes", **more):
+    """Three nodes in a ring, with a number that is no double; rate and q as for A = -7/3, links of 4/3."""
+    case = three([double, -3.0, -3.0])
+    part, proof = case["shards"][0], case["proof"][0]
+    part["arrays"]["weights"] = numbers([1.25] * 3)
+    if name == "weights":
+        part["arrays"] |= {"A0": numbers([-3.0] * 3, 3, 1, 1), "weights": numbers([double, 1.25, 1.25])}
+    part["texts"] = {kind: {name: [list(pair) for pair in entries]}}
+    proof["arrays"]["q"] = numbers([-1.25] * 3)
+    proof["rate"] = float(rate).hex()
+    part["of"] = more
+    return case
 
 
 def through(D=0.5, t=0.5, p=1.0, r=2.0, rate=2.0, count=2, **node):

@@ -101,7 +101,10 @@ class ShardedNetwork:
         CertificateFileError
             The manifest is missing, damaged, or describes no network.
         """
-        return cls.of(folder, read_manifest(folder, FORMAT), bounded=bounded)
+        out = cls.of(folder, read_manifest(folder, FORMAT), bounded=bounded)
+        if not all(map(_has_its_files, out.data["shards"])):
+            raise CertificateFileError(f"the manifest of {folder} describes no network: its shards have other files.")
+        return out
 
     @classmethod
     def of(cls, folder: Path, data: dict[str, Any], *, bounded: bool = False) -> ShardedNetwork:
@@ -135,12 +138,6 @@ class ShardedNetwork:
             raise CertificateFileError("it has no nodes, or cones that are not there.")
         if sum(t["nodes"] * sum(self.cones[t[key]].dim + 1 for key in "XUY") for t in stacks) >= MOST:
             raise CertificateFileError("its sizes are absurd.")
-        for s in self.data["shards"]:
-            count, names = len(s["stacks"]), set(s["files"])
-            needed = _LINKS if count else set[str]()
-            needed = needed | {f"members{g}" for g in range(count) if count > 1}
-            if not needed <= names or names - needed - {f"{name}{g}" for name in BLOCKS for g in range(count)}:
-                raise CertificateFileError("its shards have other files.")
         if not (self.data["dt"] is None or isinstance(self.data["dt"], bool)):
             stated_double(self.data["dt"])
 
@@ -395,6 +392,14 @@ class ShardedNetwork:
 
 def _is_exact(entries: Any) -> bool:
     return entries is _NONE or (isinstance(entries, dict) and bool(entries) and set(entries) <= set(_EXACT))
+
+
+def _has_its_files(shard: dict[str, Any]) -> bool:
+    """True if the files of a shard are those that it needs, and none without a meaning."""
+    count, names = len(shard["stacks"]), set(shard["files"])
+    needed = {*_LINKS, *(f"members{g}" for g in range(count) if count > 1)} if count else set[str]()
+    free = {"numbers", "names", *(f"{name}{g}" for name in BLOCKS for g in range(count))} if count else set[str]()
+    return needed <= names <= needed | free
 
 
 def exact_file(kind: str) -> str:
