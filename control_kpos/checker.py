@@ -3255,7 +3255,7 @@ def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tu
     expect(c.data["refuted"] is None, "a shard is refuted in what is proven")
     chosen = [p for p in parts if shard in (None, p) and count(c.net, p, 0)]
     rate = min((proven_shard(c, p) for p in chosen), default=float("inf"))
-    whole = {None: f"network of {c.net.nodes()} nodes in {len(parts)} shards, decay rate {rate}"}
+    whole: dict[int | None, str] = {None: f"network of {c.net.nodes()} nodes in {len(parts)} shards, decay rate {rate}"}
     one = f"shard {shard} of {len(parts)}, decay rate {rate}; the network is proven if all shards are"
     return status, whole.get(shard, one)
 

@@ -41,7 +41,7 @@ from shards_by_hand import (
     without,
 )
 
-UNLIKE = [[0, f"{-9 * 3**60 // 4}/{3**60}"], [1, f"{-3 * 7**36 - 1}/{7**36}"]]
+UNLIKE = [[0, f"{5 * 3**60 // 4 + 1}/{3**60}"], [1, f"{7**36 + 1}/{7**36}"]]  # a little above 5/4
 CASES = {
     "a ring": (ring(), None, "PROVED"),
     "its second shard": (ring(), 1, "PROVED"),
@@ -205,7 +205,7 @@ CASES = {
     "thirds twice": (thirds(entries=[[0, "-7/3"], [0, "-7/3"]]), None, "UNREADABLE"),
     "thirds from behind": (thirds(entries=[[-3, "-7/3"]]), None, "UNREADABLE"),
     "two thirds": (thirds(entries=[[0, "-7/3"], [1, "-3.0000000000000000001"]]), None, "PROVED"),
-    "numbers without a common unit": (thirds(entries=UNLIKE, double=-2.25, rate=1.0), None, "PROVED"),
+    "numbers without a common unit": (thirds("weights", UNLIKE, 1.25, kind="links"), None, "WRONG"),
     "thirds of another kind": (thirds(exact={"more": {}}), None, "UNREADABLE"),
     "thirds in fewer bytes": (thirds(exact={"nodes": {"bytes": 1, "sha256": "0"}}), None, "UNREADABLE"),
     "thirds with another digest": (thirds(exact={"nodes": {"bytes": 23, "sha256": "0"}}), None, "UNREADABLE"),

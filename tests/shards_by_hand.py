@@ -278,7 +278,7 @@ def thirds(name="A0", entries=((0, "-7/3"),), double=-7 / 3, *, rate=1 / 3, kind
     part, proof = case["shards"][0], case["proof"][0]
     part["arrays"]["weights"] = numbers([1.25] * 3)
     if name == "weights":
-        part["arrays"] |= {"A0": numbers([-3.0] * 3, 3, 1, 1), "weights": numbers([double, 1.25, 1.25])}
+        part["arrays"] |= {"A0": numbers([-3.0] * 3, 3, 1, 1), "weights": numbers([double, 1.0, 1.25])}
     part["texts"] = {kind: {name: [list(pair) for pair in entries]}}
     proof["arrays"]["q"] = numbers([-1.25] * 3)
     proof["rate"] = float(rate).hex()
