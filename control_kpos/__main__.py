@@ -89,6 +89,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="FILE",
         help="a file written by certificate.save(FILE), or a folder by control_kpos.shards.certify",
     )
+    check.add_argument(
+        "--network",
+        type=Path,
+        metavar="FOLDER",
+        help="of a certificate in shards: the network, if it is not where the certificate says",
+    )
     certify = commands.add_parser(
         "certify",
         help="certify a network in shards on files",
@@ -108,9 +114,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if options.command == "certify":
         return certify_shards(options.folder, options.out, options.mpi, True if options.progress else None)
     if options.command == "check":
-        return (
-            of_shards(lambda: shards.check(options.file), _say) if options.file.is_dir() else check_file(options.file)
-        )
+        if options.file.is_dir():
+            return of_shards(lambda: shards.check(options.file, network=options.network), _say)
+        if options.network is not None:
+            parser.error(f"--network belongs to certificates in shards, which are folders; {options.file} is none")
+        return check_file(options.file)
     return demo(options.output, options.nodes)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike, path
@@ -14,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import floored
-from ..errors import CertificateFileError, DataError, FalseClaimError
+from ..cones.hull import ALLOWANCE, LIMIT, Allowance
+from ..errors import CertificateFileError, DataError, FalseClaimError, TooLargeError
 from ..exact.condition import all_hold
 from ..exact.intake import file_path, found
 from ..exact.matrix import Matrix
@@ -34,10 +36,10 @@ from ..networks.witnesses import (
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from ..proof.files import digest
-from .folders import read_array, read_manifest, shard_folder, write_manifest
+from .folders import MANIFEST, read_array, read_manifest, shard_folder, write_manifest
 from .growth_proof import VECTORS as GROWING
 from .growth_proof import Growth, Part, heard, is_growing, senders, together
-from .network import ShardedNetwork
+from .network import ShardedNetwork, stated_double
 from .whole import reproven
 
 FORMAT = "kpos-shards-certificate/1"
@@ -76,6 +78,8 @@ class ShardedCertificate:
         The folder of the certificate.
     whole : NetworkCertificate or None
         Of a small network that shards left open: the certificate of all shards in one piece.
+    network : Path or None
+        The folder of the network, if it may be elsewhere than the certificate says.
     """
 
     status: Status
@@ -89,6 +93,7 @@ class ShardedCertificate:
     discrete: bool
     path: Path
     whole: NetworkCertificate | None = None
+    network: Path | None = None
 
     def __bool__(self) -> bool:
         return bool(self.status)
@@ -102,7 +107,7 @@ class ShardedCertificate:
             True if the files prove `status` and `decay_rate`.
         """
         try:
-            now = check(self.path)
+            now = check(self.path, network=self.network)
         except (CertificateFileError, OSError):
             return False
         mine, proven = ((c.status, c.decay_rate, c.refuted, f"{c.witness}") for c in (self, now))
@@ -125,7 +130,7 @@ class ShardedCertificate:
         text = f"{self.witness}".replace("growth rate", "growth factor per step") if steps else f"{self.witness}"
         nodes = [getattr(self.witness, end) for end in ("node", "target", "source") if hasattr(self.witness, end)]
         try:
-            network = SavedCertificate.open(self.path).network
+            network = SavedCertificate.open(self.path, self.network).network
             known = {j: name for j in nodes if (name := network.name(j))}
         except (CertificateFileError, OSError):
             known = {}
@@ -182,7 +187,13 @@ def state(network: ShardedNetwork, out: Path, **data: Any) -> None:
     write_manifest(out, FORMAT, {"network": about, **empty, **data})
 
 
-def check(out: str | PathLike[str], executor: Executor | None = None, *, progress: Target = None) -> ShardedCertificate:
+def check(
+    out: str | PathLike[str],
+    executor: Executor | None = None,
+    *,
+    network: str | PathLike[str] | None = None,
+    progress: Target = None,
+) -> ShardedCertificate:
     """Prove a certificate in shards again, one shard at a time, without any solver.
 
     Parameters
@@ -191,6 +202,8 @@ def check(out: str | PathLike[str], executor: Executor | None = None, *, progres
         The folder that `certify` wrote.  It names the folder of the network, as seen from there.
     executor : concurrent.futures.Executor, optional
         Proves the shards through its ``map``, in any order and in other processes; serially if not given.
+    network : path-like, optional
+        The folder of the network, if it is not where the certificate says.
     progress : callable or bool, optional
         As for `feedback_interconnect`.
 
@@ -202,7 +215,8 @@ def check(out: str | PathLike[str], executor: Executor | None = None, *, progres
     Raises
     ------
     CertificateFileError
-        A file is missing, damaged or not the one that the manifests are about; it is named.
+        A file is missing, damaged or not the one that the manifests are about; it is named.  Or cones and sizes in
+        the manifests ask for more work or memory than certificates of this size need.
     FalseClaimError
         A shard that does not prove what the certificate states of it.
 
@@ -223,9 +237,21 @@ def check(out: str | PathLike[str], executor: Executor | None = None, *, progres
     place = file_path(out, "out")
     if not isinstance(executor, Executor | None):
         raise DataError(f"executor is {found(executor)}; give an executor of concurrent.futures, or None.")
-    certificate = SavedCertificate.open(place)
-    with Reporter(progress) as report, np.errstate(all="ignore"):
-        return certificate.proven(executor, report)
+    given = None if network is None else file_path(network, "network")
+    with Reporter(progress) as report, np.errstate(all="ignore"), _limited():
+        return SavedCertificate.open(place, given).proven(executor, report)
+
+
+@contextmanager
+def _limited() -> Iterator[None]:
+    """Within, cones of unknown origin may ask for no more than half a minute of work, all together."""
+    allowed = ALLOWANCE.set(Allowance(LIMIT))
+    try:
+        yield
+    except TooLargeError as error:
+        raise CertificateFileError(f"the cones of the network are too much work: {error}") from None
+    finally:
+        ALLOWANCE.reset(allowed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,8 +271,8 @@ class SavedCertificate:
     network: ShardedNetwork
 
     @classmethod
-    def open(cls, out: Path) -> SavedCertificate:
-        """The certificate in a folder, and the network that it is about.
+    def open(cls, out: Path, moved: Path | None = None) -> SavedCertificate:
+        """The certificate in a folder, and the network that it is about, which may have been moved.
 
         Raises
         ------
@@ -263,7 +289,13 @@ class SavedCertificate:
             )
             if not sensible or not (isinstance(about, list) and all(isinstance(shard, dict) for shard in about)):
                 raise CertificateFileError("it has other entries.")
-            network = ShardedNetwork.open(out / data["network"]["folder"])
+            folder = out / data["network"]["folder"] if moved is None else moved
+            if not (folder / MANIFEST).exists():
+                raise CertificateFileError(
+                    f"{folder} has no {MANIFEST}, but the network that the certificate in {out} is about should be "
+                    "there. If it was moved, give its folder: check(out, network=FOLDER), or --network FOLDER."
+                )
+            network = ShardedNetwork.open(folder, bounded=True)
             same = digest(network.data) == data["network"]["digest"]
         except (KeyError, TypeError) as error:
             raise CertificateFileError(f"the manifest of {out} describes no certificate: {error}") from None
@@ -273,17 +305,28 @@ class SavedCertificate:
         listed = "growth" in data or ("whole" not in data and data["status"] == "PROVED")
         if listed and len(data["shards"]) != network.n_shards:
             raise CertificateFileError(f"{out} is about {len(data['shards'])} shards; there are {network.n_shards}.")
+        if data["status"] == "PROVED" and not (data["refuted"] is None and certificate._has_its_entries()):
+            raise CertificateFileError(f"the manifest of {out} has other entries.")
         return certificate
+
+    def _has_its_entries(self) -> bool:
+        """True if every shard with nodes has a rate and its vectors, and nothing else; others have nothing."""
+        if "whole" in self.data:
+            return not self.data["shards"]
+        names = {*VECTORS, *(WEIGHTS if self.has_weights else ())}
+        return all(
+            set(shard) == {"rate", "files"} and isinstance(shard["files"], dict) and set(shard["files"]) == names
+            if count
+            else not shard
+            for shard, count in zip(self.data["shards"], np.diff(self.network.starts[0]).tolist(), strict=True)
+        )
 
     def rate(self, p: int) -> float:
         """The decay rate that is stated for a shard."""
         try:
-            rate = float.fromhex(self.data["shards"][p]["rate"])
+            return stated_double(self.data["shards"][p]["rate"])
         except (KeyError, TypeError, ValueError, OverflowError):
-            rate = np.nan
-        if not 0 <= rate < np.inf:
-            raise CertificateFileError(f"the manifest of {self.out} states no rate of shard {p}.")
-        return rate
+            raise CertificateFileError(f"the manifest of {self.out} states no rate of shard {p}.") from None
 
     def vector(self, p: int, name: str, *, verify: bool = False) -> Floats:
         """v, r, q, p or t of a shard, or x, u, y or z, mapped."""
@@ -349,7 +392,9 @@ class SavedCertificate:
                 raise FalseClaimError(f"{self.out} says REFUTED, but no node or link of shard {refuted} shows it.")
         least = float(rates.min()) if rates.size else 0.0
         about = network.n_nodes, network.n_shards, network.discrete, self.out
-        return ShardedCertificate(status, least, rates, witness, refuted, self.data["reason"], *about, whole)
+        return ShardedCertificate(
+            status, least, rates, witness, refuted, self.data["reason"], *about, whole, network.folder
+        )
 
     def _each(
         self, shared: Sequence[str], method: str, executor: Any, report: Any, *given: Mapping[int, Any]
@@ -361,7 +406,7 @@ class SavedCertificate:
                 if name != "t" or self.has_weights:
                     self.vector(p, name, verify=True)
         each = [shards, *([part[p] for p in shards] for part in given)]
-        task = partial(_prove, self.out, method)
+        task = partial(_prove, self.out, self.network.folder, method)
         proofs = map(getattr(self, method), *each) if executor is None else executor.map(task, *each)
         for count, proof in enumerate(proofs, 1):
             report(f"proven: {count} of {len(shards)} shards")
@@ -416,9 +461,10 @@ class SavedCertificate:
 
 
 @np.errstate(all="ignore")
-def _prove(out: Path, method: str, p: int, *given: Any) -> tuple[int, Any]:
+def _prove(out: Path, network: Path, method: str, p: int, *given: Any) -> tuple[int, Any]:
     """The same from the files, for any process."""
-    return getattr(SavedCertificate.open(out), method)(p, *given)
+    with _limited():
+        return getattr(SavedCertificate.open(out, network), method)(p, *given)
 
 
 def rates_in_one_piece(network: ShardedNetwork, whole: NetworkCertificate) -> NDArray[np.float64]:
