@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from control_kpos.exact import signs as kernel
+from control_kpos.exact import sizes as operand_sizes
 from control_kpos.exact.intake import exact_matrix
 from control_kpos.exact.matrix import Matrix, integers_of_doubles
 from control_kpos.exact.signs import (
@@ -357,7 +358,7 @@ def test_entries_that_round_to_zero_are_not_zero():
 def test_integers_of_sparse_rows_are_taken_in_pieces(rows, monkeypatch):
     """0.1 + 0.2 - 0.3 is positive, by less than floating point resolves; every piece holds one row."""
     monkeypatch.setattr(kernel, "_CHUNK", 1)
-    monkeypatch.setattr(kernel, "_SMALL", 0)
+    monkeypatch.setattr(operand_sizes, "SMALL", 0)
     expected = np.array([(-1, 0, 1)[i % 3] for i in range(rows)])
     left = expected[:, None] * np.array([0.1, 0.2, -0.3]) + (expected == 0)[:, None] * np.array([1, -1, 0])
     sparse = Matrix(sp.csr_array(left)), None, Matrix(sp.csr_array(np.ones((1, 3))))

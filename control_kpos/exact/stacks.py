@@ -34,6 +34,28 @@ _AT_ONCE = 4096
 
 
 @dataclass(frozen=True, eq=False)
+class Identity:
+    """The identity as a sparse operand, made only where its entries are needed.
+
+    Attributes
+    ----------
+    size : int
+    """
+
+    size: int
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Its sides."""
+        return self.size, self.size
+
+    @property
+    def whole(self) -> Matrix:
+        """The matrix."""
+        return Matrix.identity(self.size, sparse=True)
+
+
+@dataclass(frozen=True, eq=False)
 class Joined:
     """Matrices beside each other (axis -1) or below each other (-2), joined only where that is needed.
 
@@ -44,7 +66,7 @@ class Joined:
     shape : tuple of int
     """
 
-    parts: Sequence[Matrix]
+    parts: Sequence[Matrix | Identity]
     axis: int
     shape: tuple[int, ...] = field(init=False)
 
@@ -56,10 +78,14 @@ class Joined:
     @property
     def whole(self) -> Matrix:
         """The matrix, or the stack."""
-        return Matrix.join(self.parts, self.axis)
+        return Matrix.join([_whole(part) for part in self.parts], self.axis)
 
 
-Operand: TypeAlias = "Matrix | Joined"
+Operand: TypeAlias = "Matrix | Joined | Identity"
+
+
+def _whole(m: Any) -> Any:
+    return m.whole if isinstance(m, Joined | Identity) else m
 
 
 def _cut(m: Any, part: slice) -> Any:
@@ -178,53 +204,65 @@ class _Summed(BilinearForms):
     no more than with all of them joined.
     """
 
-    def __init__(self, left: Joined, middle: Joined, right: Matrix) -> None:
+    def __init__(self, left: Joined, middle: Joined, right: Matrix | Identity) -> None:
         self.is_sparse, self._is_double = False, True
-        self._joined, self.right = (left, middle), right
+        self._given = left, middle, right
 
     @staticmethod
     def fits(left: Operand, middle: Operand | None, right: Operand) -> bool:
         """True if rows l and matrices M have parts of the same sizes, in doubles."""
-        if not (isinstance(left, Joined) and isinstance(middle, Joined) and isinstance(right, Matrix)):
+        if not (isinstance(left, Joined) and isinstance(middle, Joined) and not isinstance(right, Joined)):
             return False
         match = [part.shape[-1] for part in left.parts] == [part.shape[-2] for part in middle.parts]
-        known = all(part.is_double for part in (*left.parts, *middle.parts, right))
+        known = all(isinstance(m, Identity) or m.is_double for m in (*left.parts, *middle.parts, right))
         return match and known and left.axis == -1 and middle.axis == -2 and left.shape[-2] == 1
 
     @cached_property
     def left(self) -> Matrix:  # type: ignore[override]
-        return self._joined[0].whole
+        return _whole(self._given[0])
 
     @cached_property
     def middle(self) -> Matrix:  # type: ignore[override]
-        return self._joined[1].whole
+        return _whole(self._given[1])
+
+    @cached_property
+    def right(self) -> Matrix:  # type: ignore[override]
+        return _whole(self._given[2])
 
     @cached_property
     def _operands(self) -> list[Matrix]:  # type: ignore[override]
         return [self.left, self.middle, self.right]
 
     @cached_property
-    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def values(self) -> Any:
         """See `BilinearForms`."""
-        return self._summed(lambda values: values)
+        return self._summed(lambda entries: entries)
 
     @cached_property
-    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def _summed_sizes(self) -> Any:
         return self._summed(absolute)
 
+    @np.errstate(over="ignore", invalid="ignore", under="ignore")
     def _summed(self, of: Callable[[Any], Any]) -> Any:
-        total = None
-        for row, block in zip(*(joined.parts for joined in self._joined), strict=True):
-            M = block.values if len(block.shape) == 2 or len(block.values) > 1 else block.values[0]
-            term = times(of(row.values), of(M))
-            total = term if total is None else total + term
-        return total if self._ends_in_identity else times(total, of(self.right.values).T)
+        left, middle, right = self._given
+        total: Any = 0.0
+        for row, block in zip(left.parts, middle.parts, strict=True):
+            term = of(row.values)  # type: ignore[union-attr]
+            if isinstance(block, Matrix):
+                alike = len(block.shape) == 3 and len(block.values) == 1
+                term = times(term, of(block.values[0] if alike else block.values))
+            total = term + total
+        return total if isinstance(right, Identity) else times(total, of(right.values).T)
 
     @cached_property
     def _lengths(self) -> tuple[int, int]:
-        return sum(part.column_length for part in self._joined[1].parts), row_length(self.right)
+        _, middle, right = self._given
+        inner = sum(1 if isinstance(part, Identity) else part.column_length for part in middle.parts)
+        return inner, 1 if isinstance(right, Identity) else row_length(right)
+
+    @property
+    def _ends_in_identity(self) -> bool:  # type: ignore[override]
+        return isinstance(self._given[2], Identity)
 
     @property
     def _is_small(self) -> bool:
@@ -232,14 +270,15 @@ class _Summed(BilinearForms):
 
     @property
     def _is_finite(self) -> bool:
-        return all(finite(part) for part in (*self._joined[0].parts, *self._joined[1].parts, self.right))
+        left, middle, right = self._given
+        return all(isinstance(m, Identity) or finite(m) for m in (*left.parts, *middle.parts, right))
 
 
 def forms_on(left: Operand, middle: Operand | None, right: Operand) -> BilinearForms:
     """Bilinear forms with their products in the cheapest order."""
     if _Summed.fits(left, middle, right):
         return _Summed(left, middle, right)  # type: ignore[arg-type]
-    l, m, r = (x.whole if isinstance(x, Joined) else x for x in (left, middle, right))
+    l, m, r = (_whole(x) for x in (left, middle, right))
     with np.errstate(all="ignore"):
         return (_AtOnce if _AtOnce.fits(l, m, r) else BilinearForms)(l, m, r)  # type: ignore[arg-type]
 

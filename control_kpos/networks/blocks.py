@@ -71,14 +71,15 @@ def inverse(stack: Floats) -> Floats:
     return out
 
 
-def apply(stack: Floats, x: Floats, *, transposed: bool = False) -> Floats:
-    """M_j x_j, or M_j' x_j, for a stack (N, r, c) and vectors (N, c) or (N, r); loops over r and c only."""
+def apply(stack: Floats, x: Floats, *, transposed: bool = False, absolute: bool = False) -> Floats:
+    """M_j x_j, or M_j' x_j, for a stack (N, r, c) and vectors (N, c) or (N, r), or |M_j| x_j; loops over r and c."""
     rows, columns = stack.shape[1:]
     if transposed:
         stack, rows, columns = stack.transpose(0, 2, 1), columns, rows
     out = np.zeros((len(x), rows))
     for part in pieces(len(x)):
         total, M, y = out[part], stack[part] if len(stack) > 1 else stack, x[part]
+        M = np.abs(M) if absolute else M
         for i in range(rows):
             for k in range(columns):
                 total[:, i] += M[:, i, k] * y[:, k]

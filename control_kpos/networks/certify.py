@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from fractions import Fraction
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -119,10 +120,22 @@ def certify_as_given(model: NetworkModel, progress: Progress | None = None) -> N
         return _certified(model, progress)
 
 
+class _CloseBy(Hidden):
+    """At a distance that rounding hides, by the rates of the nodes, which are looked at only if that matters."""
+
+    def __init__(self, model: NetworkModel, least: float) -> None:
+        self.model, self.least, self.relative = model, least, 1.0
+        self.ended, self._before = False, np.inf
+
+    @cached_property
+    def unit(self) -> float:  # type: ignore[override]
+        return _CLOSE * rate_scale(self.model)
+
+
 def _certified(model: NetworkModel, progress: Progress | None) -> NetworkCertificate:
     loop, exact = loop_weights(model), None
     least = 1.0 if model.discrete else 0.0
-    close_by = Hidden(_CLOSE * rate_scale(model), least)
+    close_by = _CloseBy(model, least)
     if not model.has_feedthrough or loop is not None:
         system = PortSystem(model, least)
         for data in candidates(model, least, close_by, system):
@@ -132,7 +145,7 @@ def _certified(model: NetworkModel, progress: Progress | None) -> NetworkCertifi
             found = violation(model)
             if found is not None:
                 return found
-            if exact is None and certificate.decay_rate < _CLOSE * rate_scale(model):  # rounding hides the margin
+            if exact is None and certificate.decay_rate < close_by.unit:  # rounding hides the margin
                 exact = certify_exactly(model, loop)
                 if exact.status is not Status.UNDECIDED:
                     return exact

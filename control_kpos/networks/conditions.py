@@ -18,7 +18,7 @@ from ..exact.condition import Condition
 from ..exact.distinct import distinct
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..exact.stacks import Joined, forms_on, stacked
+from ..exact.stacks import Identity, Joined, forms_on, stacked
 from ..proof.inclusion import MEANING, NAMES
 from ..theorems.decay_rates import Rate, at_rate
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
@@ -82,7 +82,7 @@ def coupling(model: NetworkModel) -> list[Condition]:
 
 def coupling_by_pairs(model: NetworkModel) -> list[tuple[Condition, tuple[Index, Index] | None]]:
     """The same with the nodes j and k of the blocks; None if the condition is about the entries of W."""
-    receiving = model.receivers.cones
+    receiving = model.receiving
     if all(isinstance(c, Orthant) for c in (*receiving, *(s.Y for s in model.stacks))) and model.coupling.is_sparse:
         one = Matrix(np.ones((1, 1)))
         forms = stacked(one, Matrix(model.coupling.values.data[:, None, None]), one)
@@ -140,7 +140,7 @@ def same_numbers(a: Matrix, b: Matrix) -> bool:
 
 
 def _between(name: str, model: NetworkModel, g: tuple[int, int]) -> str:
-    return name if len(model.receivers.cones) == 1 else f"{name} [stack {g[1]} to {g[0]}]"
+    return name if len(model.receiving) == 1 else f"{name} [stack {g[1]} to {g[0]}]"
 
 
 def _nonzero(M: Matrix) -> Any:
@@ -261,17 +261,15 @@ def _rows_at(cones: list[tuple[Cone, Matrix]], at: Sequence[Index], size: int) -
 
 def balance_forms(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | None) -> BilinearForms:
     """sigma_k q_k'y + sum_j sigma_j r_j'W_jk y for every generator y of every Y_k: forms (1, sum p_k)."""
-    left = after(q, r)
-    generators = output_generators(model)
     Q = model.totals[2]
-    if sigma is not None and (sigma == 1).all():
-        sigma = None
-    if not left.is_double and sigma is not None:  # fractions are multiplied without rounding
+    if sigma is None or (sigma == 1).all():
+        rates, through = Joined([q[None, :], r[None, :]], -1), Joined([Identity(Q), model.coupling], -2)
+        orthants = all(isinstance(s.Y, Orthant) for s in model.stacks)
+        return forms_on(rates, through, Identity(Q) if orthants else output_generators(model))
+    left, generators = after(q, r), output_generators(model)
+    if not left.is_double:  # fractions are multiplied without rounding
         weights = np.array(list(map(Fraction, sigma.tolist())))[_nodes(model)]
-        left, sigma = Matrix.from_fractions(left.fractions() * weights), None
-    if sigma is None:
-        rates, through = Joined([q[None, :], r[None, :]], -1), Joined([_identity(model), model.coupling], -2)
-        return forms_on(rates, through, generators)
+        return BilinearForms(Matrix.from_fractions(left.fractions() * weights), _sent_and_received(model), generators)
     # l = sigma, M = diag(q, r), and [y; W y] on the right, which has to be free of rounding
     weights = sigma[_nodes(model)][None, :]
     diagonal = Matrix(sp.csr_array(sp.diags_array(left.values[0])))
@@ -309,11 +307,7 @@ def supply_by_node(model: NetworkModel, q: Matrix, r: Matrix, y: Matrix) -> Bili
 
 def _sent_and_received(model: NetworkModel) -> Matrix:
     """[I; W]: y to y and W y."""
-    return Matrix.join([_identity(model), model.coupling], -2)
-
-
-def _identity(model: NetworkModel) -> Matrix:
-    return Matrix.identity(model.totals[2], sparse=True)
+    return Matrix.join([Matrix.identity(model.totals[2], sparse=True), model.coupling], -2)
 
 
 def _nodes(model: NetworkModel) -> Index:

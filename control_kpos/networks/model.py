@@ -145,19 +145,23 @@ class NetworkModel:
     @cached_property
     def totals(self) -> tuple[int, int, int]:
         """All states, inputs and outputs."""
-        x, u, y = self.offsets
-        return int(x[-1]), int(u[-1]), int(y[-1])
+        x, u, y = (sum(len(s) * s.sizes[kind] for s in self.stacks) for kind in range(3))
+        return x, u, y
+
+    @cached_property
+    def receiving(self) -> tuple[Cone, ...]:
+        """Input cones: those of the stacks, then those of the halo."""
+        return tuple(s.U for s in self.stacks) + (() if self.halo is None else self.halo.cones)
 
     @cached_property
     def receivers(self) -> Receivers:
         """Whom the rows of the coupling belong to."""
-        cones = tuple(s.U for s in self.stacks)
         if self.halo is None:
-            return Receivers(self.offsets[1], cones, self.home[0])
+            return Receivers(self.offsets[1], self.receiving, self.home[0])
         sizes = np.array([cone.dim for cone in self.halo.cones], dtype=np.intp)[self.halo.kinds]
         starts = np.concatenate([self.offsets[1], self.totals[1] + np.cumsum(sizes)])
-        kinds = np.concatenate([self.home[0], len(cones) + self.halo.kinds])
-        return Receivers(starts, cones + self.halo.cones, kinds)
+        kinds = np.concatenate([self.home[0], len(self.stacks) + self.halo.kinds])
+        return Receivers(starts, self.receiving, kinds)
 
     @cached_property
     def received(self) -> tuple[Index, ...]:
@@ -208,16 +212,23 @@ class NetworkModel:
     def times(self, name: str, x: Floats, *, transposed: bool = False, absolute: bool = False) -> Floats:
         """A x, B u, C x or D u of all nodes (transposed: A'v and so on; absolute: |A| x), without forming matrices."""
         stacks = [getattr(s, name).values for s in self.stacks]
-        return self.apply([np.abs(m) for m in stacks] if absolute else stacks, x, *BLOCKS[name], transposed=transposed)
+        return self.apply(stacks, x, *BLOCKS[name], transposed=transposed, absolute=absolute)
 
     def apply(
-        self, stacks: Sequence[Floats], x: Floats, rows: int, columns: int, *, transposed: bool = False
+        self,
+        stacks: Sequence[Floats],
+        x: Floats,
+        rows: int,
+        columns: int,
+        *,
+        transposed: bool = False,
+        absolute: bool = False,
     ) -> Floats:
-        """M_j x_j of every node for stacks of matrices from signals of one kind to those of another."""
+        """M_j x_j of every node, or |M_j| x_j, for matrices from signals of one kind to those of another."""
         if transposed:
             rows, columns = columns, rows
         parts = zip(stacks, self.split(x, columns), strict=True)
-        return self.join([apply(m, part, transposed=transposed) for m, part in parts], rows)
+        return self.join([apply(m, part, transposed=transposed, absolute=absolute) for m, part in parts], rows)
 
     def at_all(self, vectors: Sequence[Floats], kind: int) -> Floats:
         """One vector of every stack, repeated for all of its nodes."""
@@ -237,6 +248,8 @@ class NetworkModel:
     @cached_property
     def home(self) -> tuple[Index, Index]:
         """The stack of every node, and its place in it."""
+        if self.is_ordered:
+            return frozen(np.zeros(self.n_nodes, dtype=np.intp)), self.members[0]
         group, place = np.empty(self.n_nodes, dtype=np.intp), np.empty(self.n_nodes, dtype=np.intp)
         for g, index in enumerate(self.members):
             group[index], place[index] = g, np.arange(len(index))
