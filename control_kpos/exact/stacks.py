@@ -56,6 +56,38 @@ class Identity:
 
 
 @dataclass(frozen=True, eq=False)
+class Transposed:
+    """The transpose of a sparse matrix as an operand, made only where its entries are needed.
+
+    Attributes
+    ----------
+    of : Matrix
+    """
+
+    of: Matrix
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Its sides."""
+        return self.of.shape[1], self.of.shape[0]
+
+    @property
+    def is_double(self) -> bool:
+        """As of the matrix."""
+        return self.of.is_double
+
+    @property
+    def column_length(self) -> int:
+        """The most entries of a column."""
+        return row_length(self.of)
+
+    @property
+    def whole(self) -> Matrix:
+        """The matrix."""
+        return self.of.T
+
+
+@dataclass(frozen=True, eq=False)
 class Joined:
     """Matrices beside each other (axis -1) or below each other (-2), joined only where that is needed.
 
@@ -66,7 +98,7 @@ class Joined:
     shape : tuple of int
     """
 
-    parts: Sequence[Matrix | Identity]
+    parts: Sequence[Matrix | Identity | Transposed]
     axis: int
     shape: tuple[int, ...] = field(init=False)
 
@@ -81,11 +113,11 @@ class Joined:
         return Matrix.join([_whole(part) for part in self.parts], self.axis)
 
 
-Operand: TypeAlias = "Matrix | Joined | Identity"
+Operand: TypeAlias = "Matrix | Joined | Identity | Transposed"
 
 
 def _whole(m: Any) -> Any:
-    return m.whole if isinstance(m, Joined | Identity) else m
+    return m if m is None or isinstance(m, Matrix) else m.whole
 
 
 def _cut(m: Any, part: slice) -> Any:
@@ -248,7 +280,9 @@ class _Summed(BilinearForms):
         total: Any = 0.0
         for row, block in zip(left.parts, middle.parts, strict=True):
             term = of(row.values)  # type: ignore[union-attr]
-            if isinstance(block, Matrix):
+            if isinstance(block, Transposed):
+                term = (of(block.of.values) @ term.T).T
+            elif isinstance(block, Matrix):
                 alike = len(block.shape) == 3 and len(block.values) == 1
                 term = times(term, of(block.values[0] if alike else block.values))
             total = term + total
@@ -271,7 +305,8 @@ class _Summed(BilinearForms):
     @property
     def _is_finite(self) -> bool:
         left, middle, right = self._given
-        return all(isinstance(m, Identity) or finite(m) for m in (*left.parts, *middle.parts, right))
+        parts = (*left.parts, *middle.parts, right)
+        return all(finite(m.of if isinstance(m, Transposed) else m) for m in parts if not isinstance(m, Identity))
 
 
 def forms_on(left: Operand, middle: Operand | None, right: Operand) -> BilinearForms:

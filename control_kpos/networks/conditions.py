@@ -18,7 +18,7 @@ from ..exact.condition import Condition
 from ..exact.distinct import distinct
 from ..exact.matrix import Matrix
 from ..exact.signs import BilinearForms
-from ..exact.stacks import Identity, Joined, forms_on, stacked
+from ..exact.stacks import Identity, Joined, Transposed, forms_on, stacked
 from ..proof.inclusion import MEANING, NAMES
 from ..theorems.decay_rates import Rate, at_rate
 from .blocks import Floats, Index, block_diagonal, nonzero_blocks, shared, take_blocks
@@ -263,7 +263,8 @@ def balance_forms(model: NetworkModel, q: Matrix, r: Matrix, sigma: Floats | Non
     """sigma_k q_k'y + sum_j sigma_j r_j'W_jk y for every generator y of every Y_k: forms (1, sum p_k)."""
     Q = model.totals[2]
     if sigma is None or (sigma == 1).all():
-        rates, through = Joined([q[None, :], r[None, :]], -1), Joined([Identity(Q), model.coupling], -2)
+        links = Transposed(Matrix(model.WT)) if model.coupling.is_sparse else model.coupling
+        rates, through = Joined([q[None, :], r[None, :]], -1), Joined([Identity(Q), links], -2)
         orthants = all(isinstance(s.Y, Orthant) for s in model.stacks)
         return forms_on(rates, through, Identity(Q) if orthants else output_generators(model))
     left, generators = after(q, r), output_generators(model)
