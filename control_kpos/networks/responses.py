@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
-from control import TimeResponseData
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import DataError, ShapeError, TooLargeError, UndecidedError
@@ -29,7 +28,8 @@ from .blocks import Floats, Index, converging
 from .certify import positive_form
 from .dense_on_demand import DenseOnDemand
 from .model import READABLE
-from .simulate import delayed, respond, sample_times
+from .response_data import NetworkResponse
+from .simulate import delayed, respond, sample_times, step_all
 from .spectrum.descent import descend
 from .spectrum.port_solves import PortSystem
 
@@ -100,7 +100,7 @@ class NetworkResponses(DenseOnDemand):
         *,
         outputs: Sequence[int | str] | None = None,
         states: bool | None = None,
-    ) -> TimeResponseData:
+    ) -> NetworkResponse:
         """Response to an initial state.
 
         Parameters
@@ -115,7 +115,8 @@ class NetworkResponses(DenseOnDemand):
 
         Returns
         -------
-        control.TimeResponseData
+        NetworkResponse
+            A `control.TimeResponseData`.
 
         Notes
         -----
@@ -131,7 +132,7 @@ class NetworkResponses(DenseOnDemand):
         *,
         outputs: Sequence[int | str] | None = None,
         states: bool | None = None,
-    ) -> TimeResponseData:
+    ) -> NetworkResponse:
         """Response to external inputs, linear between samples, and an initial state.
 
         Parameters
@@ -145,18 +146,14 @@ class NetworkResponses(DenseOnDemand):
 
         Returns
         -------
-        control.TimeResponseData
+        NetworkResponse
+            A `control.TimeResponseData`.
         """
         times = sample_times(T, self.dt)
         x0 = self._initial_state(X0)
         rows = self._chosen_outputs(outputs)
         keep = self.nstates * len(times) <= 20_000_000 if states is None else flag(states, "states")
-        if (len(rows) + keep * self.nstates) * len(times) > RESPONSE_LIMIT:
-            raise TooLargeError(
-                f"a response of {len(rows)} outputs{' and all states' if keep else ''} at {len(times)} times is "
-                "refused "
-                f"(limit {RESPONSE_LIMIT} numbers); choose outputs=, states=False or fewer times."
-            )
+        self._require_room(len(rows) + keep * self.nstates, len(rows), keep, len(times))
         samples = self._input_samples(U, len(times))
         inputs = None if samples is None else (self.sparse_B, samples)
         with Reporter(self._progress) as report, np.errstate(all="ignore"):
@@ -166,6 +163,78 @@ class NetworkResponses(DenseOnDemand):
         _require_finite(y)
         return self._response(times, y, x, samples, rows)
 
+    def step_response(
+        self,
+        T: ArrayLike | float | None = None,
+        X0: ArrayLike = 0.0,
+        *,
+        inputs: Sequence[int | str] | None = None,
+        outputs: Sequence[int | str] | None = None,
+        states: bool | None = None,
+    ) -> NetworkResponse:
+        """Responses to unit steps of the external inputs, one at a time, all simulated together.
+
+        Parameters
+        ----------
+        T : array_like or float, optional
+            Evenly spaced sample times, or the final time (200 samples).  Default: seven time constants of the slowest
+            pole.
+        X0 : array_like, shape (nstates,), (N, n) for nodes of one size, or a number
+        inputs, outputs : sequence of int or str, optional
+            Inputs that step and outputs to keep, by place or name; all if not given.
+        states : bool, optional
+            Keep the states too.  Default: if they are fewer than 2 10^7 numbers.
+
+        Returns
+        -------
+        NetworkResponse
+            A `control.TimeResponseData` with outputs of shape (outputs, inputs, times).
+
+        Raises
+        ------
+        DataError
+            No T for a network without a slowest time constant: unstable, or at the margin.
+        TooLargeError
+            More than 2 10^8 numbers.
+
+        Notes
+        -----
+        `control.step_response` computes a dense matrix exponential for every input, and takes any network up to
+        `DENSE_STATES` states as it takes other systems: 50 inputs take 50 times longer.
+
+        Examples
+        --------
+        >>> import control_kpos as kp
+        >>> node = kp.ConeStateSpace([[-2]], [[1]], [[1]], 0)
+        >>> net = kp.feedback_interconnect([node] * 2, [[0, 1], [1, 0]])
+        >>> net.step_response(10.0).outputs[:, :, -1].round(3)
+        array([[0.667, 0.333],
+               [0.333, 0.667]])
+        """
+        times = sample_times(self._settled() if T is None else T, self.dt)
+        x0, rows = self._initial_state(X0), self._chosen_outputs(outputs)
+        columns = self._chosen(inputs, "inputs", self.input_index)
+        keep = self.nstates * len(columns) * len(times) <= 20_000_000 if states is None else flag(states, "states")
+        self._require_room((len(rows) + keep * self.nstates) * len(columns), len(rows), keep, len(times))
+        B = self.sparse_B[:, columns].toarray()
+        with Reporter(self._progress) as report, np.errstate(all="ignore"):
+            y, x = step_all(self.loop, times, x0, B, self.external[1][rows], keep, report)
+        if self.model.has_feedthrough:
+            y = y + self.sparse_D[rows][:, columns].toarray()[:, :, None]
+        _require_finite(y)
+        steps = np.zeros((self.ninputs, len(columns), len(times)))
+        steps[columns, np.arange(len(columns))] = 1.0
+        return self._response(times, y, x, steps, rows, columns)
+
+    def _settled(self) -> float:
+        """Seven time constants of the slowest pole."""
+        pole = complex(self.poles(1)[0])
+        rate = 1 - abs(pole) if self.model.discrete else -pole.real
+        step = (1.0 if self.dt is True else float(self.dt)) if self.model.discrete else 1.0
+        if not rate > 1e-9:
+            raise DataError("the network does not settle in a reasonable time; give T, the times or the final time.")
+        return 7 * step / rate
+
     def delayed_response(
         self,
         T: ArrayLike | float,
@@ -174,7 +243,7 @@ class NetworkResponses(DenseOnDemand):
         *,
         outputs: Sequence[int | str] | None = None,
         refine: int = 8,
-    ) -> TimeResponseData:
+    ) -> NetworkResponse:
         """Response to an initial state when the links pass outputs on late: u_j(t) = sum W_jk y_k(t - tau_jk).
 
         Parameters
@@ -191,7 +260,8 @@ class NetworkResponses(DenseOnDemand):
 
         Returns
         -------
-        control.TimeResponseData
+        NetworkResponse
+            A `control.TimeResponseData`.
         """
         if self.model.discrete:
             raise DataError("delays are simulated in continuous time; in discrete time add delay states to the nodes.")
@@ -216,6 +286,14 @@ class NetworkResponses(DenseOnDemand):
         _require_finite(y)
         return self._response(times, y, None, None, rows)
 
+    def _require_room(self, height: int, outputs: int, keep: bool, count: int) -> None:
+        """Refuse a response of too many numbers."""
+        if height * count > RESPONSE_LIMIT:
+            raise TooLargeError(
+                f"a response of {outputs} outputs{' and all states' if keep else ''} at {count} times is refused "
+                f"(limit {RESPONSE_LIMIT} numbers); choose outputs=, states=False or fewer times."
+            )
+
     def _initial_state(self, X0: ArrayLike) -> Floats:
         if dimensions(X0) == 0:
             return np.full(self.nstates, real_number(X0, "X0"))
@@ -235,20 +313,43 @@ class NetworkResponses(DenseOnDemand):
         return samples if np.any(samples) else None
 
     def _chosen_outputs(self, outputs: Sequence[int | str] | int | str | None) -> Index:
-        if outputs is None:
-            return np.arange(self.noutputs)
+        return self._chosen(outputs, "outputs", self.output_index)
+
+    def _chosen(self, given: Any, name: str, labels: Mapping[str, int]) -> Index:
+        """Places of outputs or inputs by place or name."""
+        count = self.noutputs if name == "outputs" else self.ninputs
+        if given is None:
+            return np.arange(count)
         chosen = []
-        for item in places(outputs, "outputs"):
-            place = self.output_index.get(item) if isinstance(item, str) else item
-            if place is None or not -self.noutputs <= place < self.noutputs:
-                raise ShapeError(f"outputs names {item!r}, which is none of the {self.noutputs} outputs.")
-            chosen.append(place % self.noutputs)
+        for item in places(given, name):
+            place = labels.get(item) if isinstance(item, str) else item
+            if place is None or not -count <= place < count:
+                raise ShapeError(f"{name} names {item!r}, which is none of the {count} {name}.")
+            chosen.append(place % count)
         return np.array(chosen, dtype=np.intp)
 
-    def _response(self, times: Floats, y: Floats, x: Floats | None, u: Floats | None, rows: Index) -> TimeResponseData:
+    def _response(
+        self,
+        times: Floats,
+        y: Floats,
+        x: Floats | None,
+        u: Floats | None,
+        rows: Index,
+        columns: Index | None = None,
+    ) -> NetworkResponse:
+        """The response; of steps of the inputs in some columns."""
         named = self.model.n_nodes <= READABLE
         labels = list(self.output_index) if named else None
-        return TimeResponseData(
+        steps = {}
+        if columns is not None:
+            sources = list(self.input_index) if named else None
+            traces = [f"From {sources[k] if sources else f'u[{k}]'}" for k in columns.tolist()]
+            steps = {
+                "trace_labels": traces,
+                "trace_types": ["step"] * len(traces),
+                "title": f"Step response for {self.name}",
+            }
+        return NetworkResponse(
             times,
             y,
             x,
@@ -259,6 +360,7 @@ class NetworkResponses(DenseOnDemand):
             input_labels=list(self.input_index) if named and u is not None else None,
             sysname=self.name,
             plot_inputs=False,
+            **steps,
         )
 
 

@@ -9,7 +9,7 @@ between samples, as in python-control.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -33,6 +33,9 @@ _TAIL = 1e-13
 # Products with A above which an implicit method takes over.
 _STIFF = 300_000
 
+
+# States and inputs up to which responses to many steps take one dense exponential.
+_MOST_DENSE = 1500
 
 # Samples beyond this fill the memory.
 _MOST_SAMPLES = 10**8
@@ -104,7 +107,7 @@ def respond(
 class _Run:
     """A simulation: the loop, when it is looked at, what goes in, and what comes out."""
 
-    loop: ClosedLoop
+    loop: Any
     times: Floats
     inputs: tuple[sp.csr_array, Floats] | None
     C: sp.csr_array
@@ -153,12 +156,84 @@ def _free(run: _Run, x: Floats, centre: float, norm: float) -> None:
         samples = np.arange(1, min(per_window, count - at) + 1)
         terms = _taylor(A, x, len(samples) * step, centre)
         weights = (samples / len(samples))[:, None] ** np.arange(len(terms)) * np.exp(centre * step * samples)[:, None]
-        run.outputs[:, at + samples] = (weights @ np.stack([run.C @ term for term in terms])).T
+        run.outputs[..., at + samples] = _sampled(weights, [run.C @ term for term in terms])
         if run.states is not None:
-            run.states[:, at + samples] = (weights @ np.stack(terms)).T
+            run.states[..., at + samples] = _sampled(weights, [term[: len(run.states)] for term in terms])
         x = sum(w * term for w, term in zip(weights[-1], terms, strict=True))  # type: ignore[assignment]
         at += len(samples)
         run.report(at)
+
+
+def _sampled(weights: Floats, terms: list[Floats]) -> Floats:
+    """The sums of the terms with the weights of every sample, samples last."""
+    return np.moveaxis(np.tensordot(weights, np.stack(terms), axes=1), 0, -1)
+
+
+class _Driven:
+    """(x, t b) moves freely like x' = A x + b with a constant b: columns for many inputs are moved by one product."""
+
+    def __init__(self, A: Any, size: int, t: float) -> None:
+        self.A, self.size, self.t = A, size, t
+
+    def __matmul__(self, z: Floats) -> Floats:
+        out = np.zeros_like(z)
+        out[: self.size] = self.A @ z[: self.size] + z[self.size :] / self.t
+        return out
+
+
+def step_all(
+    loop: ClosedLoop,
+    times: Floats,
+    x0: Floats,
+    B: Any,
+    rows: Index,
+    keep_states: bool,
+    progress: Progress | None = None,
+) -> tuple[Floats, Floats | None]:
+    """Outputs (len(rows), m, len(times)) after unit steps of m inputs, one at a time, and states (n, m, .) if wanted.
+
+    `B`, dense of shape (n, m), is what a step adds; outputs are without feedthrough.
+    """
+    C, _ = loop.output_matrices(rows)
+    n, m = B.shape
+    states = np.zeros((n, m, len(times))) if keep_states else None
+    outputs = np.zeros((len(rows), m, len(times)))
+    x = np.tile(x0[:, None], m)
+    ends = sp.csr_array(sp.hstack([C, sp.csr_array(C.shape)]))
+    run = _Run(loop, times, None, ends, outputs, states, progress)
+    centre, norm = _centre_and_norm(loop)
+    norm = norm + abs(centre)  # b is at rest: nothing is gained by a shift
+    F, G, dense = loop.matrix, B, n + m <= _MOST_DENSE and len(times) > 1
+    if dense and not loop.model.discrete:  # one exponential for all samples
+        whole = np.zeros((n + m, n + m))
+        whole[:n, :n], whole[:n, n:] = run.h * loop.A.toarray(), run.h * B
+        F, G = np.split(scipy.linalg.expm(whole)[:n], [n], axis=1)
+    if loop.model.discrete or len(times) == 1 or dense:
+        for i in range(len(times)):
+            x = x if i == 0 else F @ x + G
+            outputs[..., i] = C @ x
+            if states is not None:
+                states[..., i] = x
+    elif norm * run.h * (len(times) - 1) <= _STIFF:
+        run.outputs[..., 0] = C @ x
+        if states is not None:
+            states[..., 0] = x
+        t = _REACH / norm
+        _free(replace(run, loop=_Moving(_Driven(loop.matrix, n, t))), np.concatenate([x, t * B]), 0.0, norm)
+    else:  # stiff: one implicit integration for each input
+        for k in range(m):
+            inputs = sp.csr_array(B[:, [k]]), np.ones((1, len(times)))
+            outputs[:, k], own = respond(loop, times, x0, inputs, rows, keep_states, progress)
+            if states is not None:
+                states[:, k] = own
+    return outputs, states
+
+
+@dataclass(frozen=True)
+class _Moving:
+    """What moves freely, in the place of a closed loop."""
+
+    matrix: Any
 
 
 def _taylor(A: Any, x: Floats, t: float, centre: float) -> list[Floats]:
@@ -206,7 +281,8 @@ def _implicit(run: _Run, x: Floats) -> None:
         return out
 
     for i, span in enumerate(pairwise(times.tolist())):
-        size = float(np.abs(x).max(initial=0.0)) + 1e-300
+        moved = (span[1] - span[0]) * np.abs(drift(span[0], x)).max(initial=0.0)
+        size = max(float(np.abs(x).max(initial=0.0)), float(moved), 1e-300)
         done = solve_ivp(drift, span, x, method="BDF", jac=jacobian, rtol=1e-8, atol=1e-10 * size)
         if not done.success:
             raise DataError(f"the implicit integration stopped at t = {span[0]:g}: {done.message}")

@@ -37,7 +37,7 @@ def evener(system: PortSystem, v: Floats, rate: float) -> Iterator[Floats]:
     rate : float
     """
     model, loop = system.model, system.loop
-    if not (loop.iterations or "factors" in vars(loop)):
+    if not (loop.iterations or {"factors", "flat_factors"} & vars(loop).keys()):
         return
     loop.iterations, loop.iteration_limit = 0, _ITERATIONS[seconds_left() < np.inf]
     for _ in range(_STEPS):

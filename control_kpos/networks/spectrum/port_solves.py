@@ -100,13 +100,17 @@ class Loop:
                     self.iteration_limit = min(self.iteration_limit, _ITERATIONS // 8)
             if self.factors is not None:
                 return self._direct(self.factors, T, b, transposed)
-            if "flat_factors" not in vars(self):
+            known = self.model.__dict__
+            if "_krylov_fails" not in known:
                 start = b if guess is None else guess
                 r, count = krylov(T, b, start, tolerance, self.iteration_limit - self.iterations)
                 self.iterations += count
                 if not is_flat(self.model) or norm(b - (r - T @ r)) <= tolerance * norm(b):
                     return r
-            return self._direct(self.flat_factors, T, b, transposed) if self.flat_factors is not None else r
+                known["_krylov_fails"] = True  # at this shift, and at those that follow close by
+            if self.flat_factors is None:
+                return np.full_like(b, np.nan)
+            return self._direct(self.flat_factors, T, b, transposed)
 
     @cached_property
     def factors(self) -> Any:
