@@ -138,6 +138,7 @@ if TYPE_CHECKING:
         plot_network,
         plot_observer,
         plot_poles,
+        plot_responses,
         plot_tradeoff,
     )
 
@@ -265,6 +266,7 @@ __all__ = [
     "plot_network",
     "plot_observer",
     "plot_poles",
+    "plot_responses",
     "plot_tradeoff",
     "positive_realization",
     "product",
@@ -311,7 +313,10 @@ _ON_DEMAND = {
             "differential_positivity nonlinear_interconnect nonlinear_links nonlinear_nodes"
         ),
         ".observers": "IntervalObserver IntervalObserverCertificate NetworkObserverCertificate interval_observer",
-        ".plotting": "phase_portrait plot_closed_loop plot_cone plot_network plot_observer plot_poles plot_tradeoff",
+        ".plotting": (
+            "phase_portrait plot_closed_loop plot_cone plot_network plot_observer plot_poles plot_responses "
+            "plot_tradeoff"
+        ),
         ".shards": "shards",
     }.items()
     for name in names.split()

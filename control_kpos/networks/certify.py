@@ -180,7 +180,7 @@ def _close_or_unstable(
 
 
 def _faster(found: NetworkCertificate, v: Floats, system: PortSystem) -> NetworkCertificate:
-    """The certificate, or one of a larger rate where the margin is near: the best when the time limit ends the search."""
+    """The certificate, or one of a larger rate where the margin is near: the best if a time limit ends the search."""
     model = found.model
     with suppress(OutOfBudgetError):
         for ahead in evener(system, v, found.decay_rate):

@@ -196,8 +196,9 @@ def step_all(
     """
     C, _ = loop.output_matrices(rows)
     n, m = B.shape
-    states = np.zeros((n, m, len(times))) if keep_states else None
-    outputs = np.zeros((len(rows), m, len(times)))
+    # samples lie behind each other in memory, as they are written
+    states = np.moveaxis(np.zeros((len(times), n, m)), 0, -1) if keep_states else None
+    outputs = np.moveaxis(np.zeros((len(times), len(rows), m)), 0, -1)
     x = np.tile(x0[:, None], m)
     ends = sp.csr_array(sp.hstack([C, sp.csr_array(C.shape)]))
     run = _Run(loop, times, None, ends, outputs, states, progress)

@@ -5,6 +5,7 @@ from .design import plot_closed_loop, plot_tradeoff
 from .network import plot_network, plot_poles
 from .observer import plot_observer
 from .phase import phase_portrait
+from .responses import plot_responses
 
 __all__ = [
     "phase_portrait",
@@ -13,5 +14,6 @@ __all__ = [
     "plot_network",
     "plot_observer",
     "plot_poles",
+    "plot_responses",
     "plot_tradeoff",
 ]

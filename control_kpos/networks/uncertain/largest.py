@@ -183,8 +183,8 @@ def _found(net: UncertainNetwork) -> LargestUncertainty:
         alike = closed is not None and len(closed[0]) == len(net.models)
         family = _Family(*(closed if closed is not None and alike else (net.models, net.lower)))
         with suppress(OutOfBudgetError), budget(time_limit=_FOR_BRACKET * seconds_left()):
-            for low, high in _brackets(lambda t: any(tried.seems_proven() for tried in _searches(family, t, 0))):
-                pass
+            for ends in _brackets(lambda t: any(tried.seems_proven() for tried in _searches(family, t, 0))):
+                low, high = ends
         proof = next(((t, c) for t, c in _proofs(family, low) if c is not None), proof)
         for t in _beside(high, up=True) if high < inf else ():
             refuted, scope = _refutation(family, t, proof[0] if proof[1] else None)
