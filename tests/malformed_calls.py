@@ -131,8 +131,6 @@ CALLS |= {  # networks
             "progress": None,
         },
     ),
-    "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": NEW, "parts": 2, "progress": None}),
-    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "client": None, "progress": None}),
     "shards.write": (
         in_shards,
         {
@@ -148,8 +146,11 @@ CALLS |= {  # networks
         of_tables,
         {"nodes": NEW, "links": NEW, "X": kp.orthant(1), "U": None, "Y": {"home": kp.orthant(1)}, "dt": 0},
     ),
-    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "progress": None}),
-    "shards.check": (shards_again, {"out": NEW, "executor": None, "progress": None}),
+    "shards.certify": (
+        of_shards,
+        {"folder": NEW, "out": NEW, "comm": None, "client": None, "time_limit": None, "progress": None},
+    ),
+    "shards.check": (shards_again, {"out": NEW, "executor": None, "network": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (
         kp.largest_uncertainty,

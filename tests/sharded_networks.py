@@ -26,7 +26,8 @@ def masses(seed=1, n=24):
 def verdicts(seeds, place):
     """Random networks, every other one at the margin or around it, in one piece and in shards: how both are decided.
 
-    "false" counts contradictions and certificates that do not check, "less decided" those that only one process decides.
+    "false" counts contradictions and certificates that do not check, "less decided" those that one process decides and
+    shards do not.
     """
     counts = Counter()
     for seed in seeds:
