@@ -397,7 +397,7 @@ NO_DATA = {
     "signals by place or name": {"inputs", "outputs"},
     "a timebase, which python-control keeps in doubles": {"dt"},
     "patterns of zeros": {"structure"},
-    "code of the user": {"constraints", "objective", "solver", "f", "g", "function", "executor", "client"},
+    "code of the user": {"constraints", "objective", "solver", "f", "g", "function", "executor", "client", "comm"},
     "objects that hold their own exact data": {"factors", "design", "net", "curve", "ax", "nodes", "observer"},
     "passed on": {"args", "kwargs"},
 }

@@ -138,6 +138,8 @@ class MpiTeam(Team):
 
     def __post_init__(self) -> None:
         if self.ranks.size > 1:
+            say, whose = self.report, f"rank {self.ranks.rank} of {self.ranks.size}"
+            self.report = lambda line: say(f"{line} ({whose})")
             self.seen = self.ranks.same(self._sees)
             self._plan = Plan.made(self.ranks, self.seen, self._cuts)
 
@@ -206,8 +208,8 @@ class MpiTeam(Team):
         return out
 
     def _sum(self, parts: list[float]) -> float:
-        counts = np.array([len(share) for share in self._shares], dtype=np.int64)
-        out = np.empty(int(counts.sum()))
+        counts = [len(share) for share in self._shares]
+        out = np.empty(sum(counts))
         self.ranks.comm.Allgatherv(np.array(parts, dtype=np.float64), [out, counts])
         return exact_sum(out.tolist())
 
