@@ -40,11 +40,7 @@ def verdicts(seeds, place):
         one = kp.feedback_interconnect(nodes, W).certificate
         found = certified(place, nodes, W, int(rng.integers(1, len(nodes) + 3)), f"{seed}")
         again = kp.shards.check(found.path)
-        same = (again.status, again.decay_rate, f"{again.witness}") == (
-            found.status,
-            found.decay_rate,
-            f"{found.witness}",
-        )
+        mine, proven = ((c.status, c.decay_rate, f"{c.witness}") for c in (found, again))
         decided = [c.status.name for c in (one, found) if c.status != "UNDECIDED"]
         counts[found.status.name] += 1
         counts["in one piece"] += found.whole is not None

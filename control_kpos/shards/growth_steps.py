@@ -38,7 +38,8 @@ def alone(shard: Shard, least: float) -> float | None:
     ahead = model.apply(PortSystem(model, least).K, interior(model, dual=True), 0, 0, transposed=True)
     worst, node = -np.inf, -1
     for s, index, v in zip(model.stacks, model.members, model.split(ahead, 0), strict=True):
-        bad = np.flatnonzero(~(np.einsum("jn,kn->jk", v, s.X.rays) > 0).all(axis=1))
+        inside = np.einsum("jn,kn->jk", v, s.X.rays)
+        bad = np.flatnonzero(~((inside > 0) & (inside < np.inf)).all(axis=1))
         if bad.size:
             poles = np.linalg.eigvals(np.nan_to_num(s.A.values[bad])).real.max(axis=1)
             if poles.max() > worst:
