@@ -188,9 +188,7 @@ def shards(count, seed):
     with tempfile.TemporaryDirectory() as folder:
         found = sharded_networks.verdicts(range(seed, seed + count), Path(folder))
     print(", ".join(f"{found[name]} {name}" for name in ("PROVED", "REFUTED", "UNDECIDED", "in one piece")))
-    print(
-        f"{count} networks in shards: {found['false']} false, {found['less decided']} less decided than in one process"
-    )
+    print(f"{count} networks in shards: {found['false']} false, {found['less decided']} decided in one process only")
     return ["shards"] * (found["false"] + found["less decided"])
 
 

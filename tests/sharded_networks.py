@@ -26,8 +26,7 @@ def masses(seed=1, n=24):
 def verdicts(seeds, place):
     """Random networks, every other one at the margin or around it, in one piece and in shards: how both are decided.
 
-    "false" counts contradictions and certificates that do not check, "less decided" those that one process decides and
-    shards do not.
+    "false" counts contradictions and certificates that do not check, "less decided" what only one process decides.
     """
     counts = Counter()
     for seed in seeds:
@@ -44,7 +43,7 @@ def verdicts(seeds, place):
         decided = [c.status.name for c in (one, found) if c.status != "UNDECIDED"]
         counts[found.status.name] += 1
         counts["in one piece"] += found.whole is not None
-        counts["false"] += len(set(decided)) > 1 or not same
+        counts["false"] += len(set(decided)) > 1 or mine != proven
         counts["less decided"] += found.status == "UNDECIDED" and one.status != "UNDECIDED"
         shutil.rmtree(place / f"{seed}")
     return counts

@@ -255,6 +255,20 @@ def test_growth_of_a_network_that_is_not_positive_shows_nothing(tmp_path):
 # -- in one piece
 
 
+def test_numbers_that_are_no_doubles(tmp_path):
+    """A cycle of gain 3 * 1/3 is on the margin; with 0.34 for 1/3 it grows."""
+    nodes = kp.stack([[["-1/3"]]] * 4, [[1]], [[1]])
+    links = [["1/3" if j == (k + 1) % 4 else 0 for k in range(4)] for j in range(4)]
+    found = certified(tmp_path, nodes, links, 3)
+    assert found.status == "REFUTED"
+    assert found.check()
+    faster = [[x if x == 0 else "0.34" for x in row] for row in links]
+    found = certified(tmp_path, nodes, faster, 3, "faster")
+    assert found.status == "REFUTED"
+    assert found.whole is None
+    assert found.check()
+
+
 def on_the_margin(n=6):
     return [lag(1.0)] * n, cycle(n)
 

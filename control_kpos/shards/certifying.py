@@ -313,4 +313,4 @@ class _Run:
             proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
         least = float(proven.min()) if proven.size else 0.0
         about = self.network.n_nodes, self.network.n_shards, self.network.discrete, team.out
-        return ShardedCertificate(status, least, proven, witness, refuted, reason, *about, whole and whole[0])
+        return ShardedCertificate(status, least, proven, witness, refuted, reason, *about, whole=whole and whole[0])

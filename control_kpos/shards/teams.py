@@ -133,7 +133,7 @@ class Team:
     aside: Path
     report: Say
     seen: Seen | None = field(init=False, default=None)
-    deadline: float = math.inf
+    deadline: float = field(init=False, default=math.inf)
 
     @cached_property
     def shards(self) -> list[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,8 @@ from .network import ShardedNetwork
 FILE = "whole.json"
 # Networks with more nodes, or more states and inputs, are never held in one piece.
 _NODES, _SIGNALS = 5_000, 20_000
+# And with links that are no doubles: entries of W.
+_DENSE = 10**6
 
 # What breaks a network, whatever supply rates it was given.
 _BROKEN = (AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation)
@@ -34,7 +37,9 @@ _BROKEN = (AlgebraicLoop, CouplingViolation, NetworkInstability, NodeViolation)
 def fits(network: ShardedNetwork) -> bool:
     """True for a network that may be held in one piece."""
     _, states, inputs, outputs = (int(starts[-1]) for starts in network.starts)
-    return network.n_nodes <= _NODES and states + inputs + outputs <= _SIGNALS
+    fractions = any("links" in shard.get("exact", ()) for shard in network.data["shards"])
+    links = inputs * outputs if fractions else 0
+    return network.n_nodes <= _NODES and states + inputs + outputs <= _SIGNALS and links <= _DENSE
 
 
 def decided(network: ShardedNetwork, out: Path) -> tuple[NetworkCertificate, dict[str, str]] | None:
@@ -84,26 +89,37 @@ def _digest(path: Path) -> str:
 def gathered(network: ShardedNetwork, *, verify: bool = False) -> NetworkModel:
     """All shards in one piece."""
     stacks: dict[tuple[int, int, int], list[tuple[NodeStack, Index]]] = {}
-    links: list[sp.coo_array] = []
+    links: list[tuple[Matrix, Index, Index]] = []
     for p in network.filled:
-        model, first = network.model(p, verify=verify), network.own(p, 0).start
+        model, first, outputs = network.model(p, verify=verify), network.own(p, 0).start, network.own(p, 3)
         for stated, s, index in zip(network.data["shards"][p]["stacks"], model.stacks, model.members, strict=True):
             key = stated["X"], stated["U"], stated["Y"]
             stacks.setdefault(key, []).append((s, index + first))
-        own, shape = model.WT.tocoo(), (int(network.starts[3][-1]), int(network.starts[2][-1]))
-        at = own.coords[0] + network.own(p, 3).start, network.fed(p)[own.coords[1]]
-        links.append(sp.coo_array((own.data, at), shape=shape))
+        links.append((model.coupling, network.fed(p), np.arange(outputs.start, outputs.stop)))
     joined = [_joined(parts) for parts in stacks.values()]
-    entries = [np.concatenate(part) for part in zip(*((x.data, *x.coords) for x in links), strict=True)]
-    W = Matrix(sp.csr_array((entries[0], (entries[2], entries[1])), shape=links[0].shape[::-1]))
+    W = _coupling(links, (int(network.starts[2][-1]), int(network.starts[3][-1])))
     return NetworkModel(tuple(s for s, _ in joined), tuple(index for _, index in joined), W, network.dt)
+
+
+def _coupling(links: list[tuple[Matrix, Index, Index]], shape: tuple[int, int]) -> Matrix:
+    """W from the columns of every shard, with the inputs and outputs that they belong to."""
+    if all(W.is_double for W, _, _ in links):
+        parts = [(W.values.tocoo(), inputs, outputs) for W, inputs, outputs in links]
+        data = np.concatenate([W.data for W, _, _ in parts])
+        rows = np.concatenate([inputs[W.coords[0]] for W, inputs, _ in parts])
+        columns = np.concatenate([outputs[W.coords[1]] for W, _, outputs in parts])
+        return Matrix(sp.csr_array((data, (rows, columns)), shape=shape))
+    table = np.full(shape, Fraction(0), dtype=object)
+    for W, inputs, outputs in links:
+        table[np.ix_(inputs, outputs)] = W.dense().fractions()
+    return Matrix.from_fractions(table)
 
 
 def _joined(parts: list[tuple[NodeStack, Index]]) -> tuple[NodeStack, Index]:
     """Stacks of the same cones as one, in the order of the nodes."""
     index = np.concatenate([k for _, k in parts])
     order, first = np.argsort(index, kind="stable"), parts[0][0]
-    A, B, C, D = (Matrix(np.concatenate([getattr(s, name).values for s, _ in parts])[order]) for name in BLOCKS)
+    A, B, C, D = (Matrix.join([getattr(s, name) for s, _ in parts], 0)[order] for name in BLOCKS)
     return NodeStack(A, B, C, D, first.X, first.U, first.Y, first.dt), index[order]
 
 
