@@ -286,3 +286,20 @@ def test_no_more_than_a_batch_of_rows_is_read_at_a_time(tmp_path, monkeypatch):
     kp.shards.write(tables_in(tmp_path, lags(30), ring(30)), tmp_path / "network", 5)
     assert len(most) == 8
     assert max(most) == 4
+
+
+def test_what_was_read_is_released(tmp_path):
+    """Of a file with many row groups only some are held at a time."""
+    path = saved(tmp_path / "links", {"weight": np.random.default_rng(0).random(200_000)}, row_group_size=5000)
+    before, most = pa.total_allocated_bytes(), 0
+    for _, batch in tables.File.open(path).batches(["weight"]):
+        assert len(batch["weight"])
+        most = max(most, pa.total_allocated_bytes() - before)
+    assert most < 2**17 * 8 * 1.5
+
+
+def test_numbers_of_nodes_may_be_given_in_any_order(tmp_path):
+    order = np.random.default_rng(3).permutation(12)
+    table = {name: [values[j] for j in order] for name, values in lags(12).items()} | {"node": order}
+    folder = kp.shards.write(tables_in(tmp_path, table, ring(12)), tmp_path / "tables", 3)
+    assert same_files(folder, kp.shards.write(tables_in(tmp_path, lags(12), ring(12)), tmp_path / "plain", 3))

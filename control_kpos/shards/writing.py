@@ -150,7 +150,7 @@ def write(
 
     With `partition` nodes are moved, and the certificate names them by their numbers in the source.  Tables, and parts
     of an object with `partition`, are sorted in files inside the folder first, which takes as much again on the disk
-    until the end, and some 40 bytes a node in memory; only doubles can be sorted so.
+    until the end, and 30 to 60 bytes a node in memory; only doubles can be sorted so.
 
     Examples
     --------
