@@ -2894,12 +2894,12 @@ def place_of(folder: Path, p: int, name: str) -> Path:
     return folder / f"shard-{p:05d}" / f"{name}.npy"
 
 
-def manifest(folder: Path, form: str, *keys: str) -> tuple[Json, int]:
-    """The data of a manifest, and its length."""
+def manifest(folder: Path, form: str, keys: set[str], more: set[str] | None = None) -> tuple[Json, int]:
+    """The data of a manifest, which have these entries and may have more, and its length."""
     c, length = parsed(folder / "manifest.json")
     expect(c.keys() == {"format", "digest", "data"} and c["format"] == form, f"{folder} is not in the format {form}")
     expect(c["digest"] == digest(c["data"]), f"the data of {folder} have not the stated digest")
-    expect(c["data"].keys() == set(keys), f"the manifest of {folder} has other entries")
+    expect(keys <= c["data"].keys() <= keys | (more or set()), f"the manifest of {folder} has other entries")
     return c["data"], length
 
 
@@ -2953,7 +2953,7 @@ def in_integers(x: Vector) -> Any:
 
 def shards_in(folder: Path) -> Shards:
     """The network in a folder, as far as its manifest says; nothing else is opened."""
-    d, limit = manifest(folder, "kpos-shards/1", "dt", "cones", "shards")
+    d, limit = manifest(folder, "kpos-shards/1", {"dt", "cones", "shards"})
     discrete = d["dt"] if d["dt"] is None or type(d["dt"]) is bool else stated_double(d["dt"])
     cones, limit = list[Faced](), limit + 20_000
     for o in d["cones"]:
@@ -3164,7 +3164,10 @@ def has_weights(c: InShards) -> bool:
 
 def certificate_in_shards(folder: Path, network: Path | None) -> InShards:
     """The certificate in a folder, and the network that it is about, which may have been moved."""
-    d, _ = manifest(folder, "kpos-shards-certificate/1", "network", "status", "refuted", "reason", "shards")
+    entries = {"network", "status", "refuted", "reason", "shards"}
+    d, _ = manifest(folder, "kpos-shards-certificate/1", entries, {"growth", "whole"})
+    if not {"growth", "whole"}.isdisjoint(d):
+        raise Omitted("a state that grows, and networks in one piece, are proven by control_kpos only")
     expect(d["network"].keys() == {"folder", "digest"}, f"the manifest of {folder} names no network")
     net = shards_in(folder / d["network"]["folder"] if network is None else network)
     expect(digest(net.data) == d["network"]["digest"], f"{net.folder} is not the network of this certificate")
@@ -3255,9 +3258,9 @@ def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tu
     expect(c.data["refuted"] is None, "a shard is refuted in what is proven")
     chosen = [p for p in parts if shard in (None, p) and count(c.net, p, 0)]
     rate = min((proven_shard(c, p) for p in chosen), default=float("inf"))
-    whole: dict[int | None, str] = {None: f"network of {c.net.nodes()} nodes in {len(parts)} shards, decay rate {rate}"}
+    texts: dict[int | None, str] = {None: f"network of {c.net.nodes()} nodes in {len(parts)} shards, decay rate {rate}"}
     one = f"shard {shard} of {len(parts)}, decay rate {rate}; the network is proven if all shards are"
-    return status, whole.get(shard, one)
+    return status, texts.get(shard, one)
 
 
 # -- files

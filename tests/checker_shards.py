@@ -16,6 +16,7 @@ from shards_by_hand import (
     data,
     endless,
     follower,
+    lacking,
     links,
     many,
     negative,
@@ -130,6 +131,10 @@ CASES = {
     "refuted, with vectors": ({**ring(C=-1.0), "status": "REFUTED", "refuted": 0}, None, "UNREADABLE"),
     "undecided": (refuted(ring(), None, status="UNDECIDED"), None, "WRONG"),
     "certain": (put("status", "CERTAIN"), None, "UNREADABLE"),
+    "a state that grows": (put("beside", {"growth": "0x0.0p+0"}), None, "UNREADABLE"),
+    "one piece": (put("beside", {"whole": {"sha256": "0"}}), None, "UNREADABLE"),
+    "more of a certificate": (put("beside", {"more": 1}), None, "UNREADABLE"),
+    "less of a network": (lacking("shard-00000/../manifest.json", "dt"), None, "UNREADABLE"),
     "refuted and proven": (put("refuted", 0), None, "UNREADABLE"),
     "no reason": (put("reason", None), None, "UNREADABLE"),
     # manifests

@@ -320,6 +320,15 @@ def rewritten(path, change):
     return after(apply)
 
 
+def lacking(path, key):
+    """Without an entry of a manifest, and with the digest that belongs to the rest."""
+
+    def change(content):
+        return redigested({**content, "data": {name: x for name, x in content["data"].items() if name != key}})
+
+    return rewritten(path, change)
+
+
 def stated(p, name, part="shards", base=ring, **entry):
     return put(part, p, "arrays", name, "entry", entry, base=base)
 

@@ -123,7 +123,7 @@ def test_forged_data_are_proven_or_refused(proven, tmp_path):
     "change",
     [
         lambda data: data["shards"][1].update(rate=(100.0).hex()),
-        lambda data: data.update(status="REFUTED", refuted=1),
+        lambda data: data.update(status="REFUTED", refuted=1, shards=[]),
     ],
 )
 def test_false_claims_are_told(proven, tmp_path, change):

@@ -305,7 +305,8 @@ class SavedCertificate:
         listed = "growth" in data or ("whole" not in data and data["status"] == "PROVED")
         if listed and len(data["shards"]) != network.n_shards:
             raise CertificateFileError(f"{out} is about {len(data['shards'])} shards; there are {network.n_shards}.")
-        if data["status"] == "PROVED" and not (data["refuted"] is None and certificate._has_its_entries()):
+        sound = certificate._has_its_entries() if data["status"] == "PROVED" else listed or not data["shards"]
+        if not sound or (data["refuted"] is not None and (listed or data["status"] != "REFUTED")):
             raise CertificateFileError(f"the manifest of {out} has other entries.")
         return certificate
 

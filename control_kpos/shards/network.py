@@ -18,7 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..cones import Cone
-from ..errors import CertificateFileError, KposError
+from ..errors import CertificateFileError, FalseClaimError, KposError, NotProperConeError
 from ..exact.matrix import Matrix
 from ..networks.blocks import Index
 from ..networks.model import BLOCKS, Halo, NetworkModel
@@ -116,6 +116,8 @@ class ShardedNetwork:
                 room -= cones[-1].dim
             out = cls(folder, data, tuple(cones), bounded)
             out._require_sense()
+        except NotProperConeError as error:
+            raise FalseClaimError(f"the manifest of {folder} holds no cones: {error}") from None
         except (KposError, KeyError, TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
             raise CertificateFileError(f"the manifest of {folder} describes no network: {error}") from None
         return out
