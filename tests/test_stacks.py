@@ -284,7 +284,7 @@ def test_distinct_integers():
 # -- memory
 
 
-@pytest.mark.parametrize(("graph", "certify", "check"), [("3-regular", 700, 900), ("ring", 700, 900)])
+@pytest.mark.parametrize(("graph", "certify", "check"), [("3-regular", 480, 520), ("ring", 400, 430)])
 def test_bytes_of_a_node(graph, certify, check):
     """Above the data: what a node of two states takes at the peak, to certify and to check."""
     n = 2**17

@@ -435,12 +435,9 @@ def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.f
         stored, fresh = np.asarray(residuals[condition.name]), condition.residual
         if stored.shape != fresh.shape:
             return False
-        differ = stored != fresh
-        if differ.any():  # else their sizes, which take as long as the forms, need not be known
-            with np.errstate(invalid="ignore", over="ignore"):
-                apart = np.abs(stored - fresh) > _SAME_RESIDUAL * condition.scale
-            if (apart & differ).any():
-                return False
+        differ = stored != fresh  # sizes take as long as the forms
+        if differ.any() and (differ & (np.abs(stored - fresh) > _SAME_RESIDUAL * condition.scale)).any():
+            return False
     return True
 
 
