@@ -28,6 +28,7 @@ OUT_WEIGHTS = kp.scale_free_certificate([SIMPLE])
 DESIGN = kp.state_feedback(PLANT, X=PAPER)
 CURVE = kp.gain_rate_tradeoff(PLANT, [0.5, 1], X=PAPER)
 TIMES = np.linspace(0, 1, 5)
+STEPPED = NETWORK.step_response(TIMES)
 MEASURED = {"X0": [[1, 0, 1], [0, 1, 1]], "X1": [[0.5, 0.2, 0.7], [0.1, 0.4, 0.5]], "noise": 0.01}
 # what the design functions share
 DEMANDS = {"X": None, "rate": 0, "gain_bound": None, "solver": None, "time_limit": 2.0, "progress": None}
@@ -90,8 +91,8 @@ CALLS = {  # cones and theorems
     "linear_lyapunov": (kp.linear_lyapunov, {"A": A, "X": X2, "discrete": False, "rate": "max"}),
     "dissipativity": (kp.dissipativity, {**MATRICES, "q": [-1], "r": [1], "discrete": False}),
     "induced_gain": (kp.induced_gain, {**MATRICES, "norm": "L1", "e": [1], "f": [1], "discrete": False}),
-    "structured_gain": (kp.structured_gain, {"sys": SYSTEM, "structure": "full"}),
-    "robust_margin": (kp.robust_margin, {"sys": SYSTEM, "structure": "diagonal"}),
+    "structured_gain": (kp.structured_gain, {"sys": SYSTEM, "structure": "full", "time_limit": 2.0}),
+    "robust_margin": (kp.robust_margin, {"sys": SYSTEM, "structure": "diagonal", "time_limit": 2.0}),
     "PolyhedralCone": (kp.PolyhedralCone, {"rays": A}),
     "PolyhedralCone.from_facets": (kp.PolyhedralCone.from_facets, {"normals": A}),
     "orthant": (kp.orthant, {"n": 2}),
@@ -129,6 +130,7 @@ CALLS |= {  # networks
             "outputs": [0],
             "name": "n",
             "progress": None,
+            "time_limit": None,
         },
     ),
     "shards.write": (
@@ -159,7 +161,7 @@ CALLS |= {  # networks
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (
         kp.largest_uncertainty,
-        {"net": kp.feedback_interconnect([SIMPLE], [[kp.interval(0, 0.5)]])},
+        {"net": kp.feedback_interconnect([SIMPLE], [[kp.interval(0, 0.5)]]), "time_limit": 2.0},
     ),
     "UncertainNetworkCertificate.costliest": (
         kp.feedback_interconnect([SIMPLE], [[kp.interval(0, 0.5)]]).certificate.costliest,
@@ -172,9 +174,9 @@ CALLS |= {  # networks
         OUT_WEIGHTS.interconnect,
         {"coupling": [[0, 0.5], [0.5, 0]], "types": [0, 0], "name": "n"},
     ),
-    "ConeNetwork.linear_lyapunov": (NETWORK.linear_lyapunov, {"rate": None}),
-    "ConeNetwork.dissipativity": (NETWORK.dissipativity, {"q": [-1] * 3, "r": [1] * 3}),
-    "ConeNetwork.gain": (NETWORK.gain, {"norm": "L1", "e": [1] * 3, "f": [1] * 3}),
+    "ConeNetwork.linear_lyapunov": (NETWORK.linear_lyapunov, {"rate": None, "time_limit": 2.0}),
+    "ConeNetwork.dissipativity": (NETWORK.dissipativity, {"q": [-1] * 3, "r": [1] * 3, "time_limit": 2.0}),
+    "ConeNetwork.gain": (NETWORK.gain, {"norm": "L1", "e": [1] * 3, "f": [1] * 3, "time_limit": 2.0}),
     "ConeNetwork.append": (NETWORK.append, {"other": SYSTEM}),
     "ConeNetwork.feedback": (NETWORK.feedback, {"other": NETWORK, "sign": 1}),
     "ConeNetwork.lft": (NETWORK.lft, {"other": SYSTEM, "nu": 1, "ny": 1}),
@@ -192,9 +194,11 @@ CALLS |= {  # networks
     "ConeNetwork.without_node": (NETWORK.without_node, {"node": 0}),
     "ConeNetwork.room_for": (NETWORK.room_for, {"system": NODE, "sources": [0], "targets": [1]}),
     "ConeNetwork.copy": (NETWORK.copy, {"name": "n", "use_prefix_suffix": True}),
-    "ConeNetwork.poles": (NETWORK.poles, {"k": 2}),
-    "ConeNetwork.spectral_abscissa": (NETWORK.spectral_abscissa, {"relative": 1e-6}),
-    "ConeNetwork.abscissa_certificate": (NETWORK.abscissa_certificate, {"relative": 1e-6}),
+    "ConeNetwork.poles": (NETWORK.poles, {"k": 2, "time_limit": 2.0}),
+    "ConeNetwork.spectral_abscissa": (NETWORK.spectral_abscissa, {"relative": 1e-6, "time_limit": 2.0}),
+    "ConeNetwork.abscissa_certificate": (NETWORK.abscissa_certificate, {"relative": 1e-6, "time_limit": 2.0}),
+    "ConeNetwork.cone_positivity": (NETWORK.cone_positivity, {"time_limit": 2.0}),
+    "ConeNetwork.is_cone_positive": (NETWORK.is_cone_positive, {"time_limit": 2.0}),
     "ConeNetwork.initial_response": (
         NETWORK.initial_response,
         {"T": TIMES, "X0": np.ones(6), "outputs": [0], "states": False},
@@ -202,6 +206,10 @@ CALLS |= {  # networks
     "ConeNetwork.forced_response": (
         NETWORK.forced_response,
         {"T": TIMES, "U": np.ones((3, 5)), "X0": 0.0, "outputs": [0], "states": False},
+    ),
+    "ConeNetwork.step_response": (
+        NETWORK.step_response,
+        {"T": TIMES, "X0": 0.0, "inputs": [0], "outputs": [0], "states": False},
     ),
     "ConeNetwork.delayed_response": (
         NETWORK.delayed_response,
@@ -392,6 +400,10 @@ CALLS |= {  # pictures, files, examples
     "plot_cone": (kp.plot_cone, {"X": X2, "ax": None, "title": "t", "size": 1.0, "color": "C0", "label": "x"}),
     "plot_network": (kp.plot_network, {"net": NETWORK, "ax": None, "positions": None, "title": None}),
     "plot_poles": (kp.plot_poles, {"net": NETWORK, "ax": None, "k": None, "title": None}),
+    "plot_responses": (
+        kp.plot_responses,
+        {"response": STEPPED, "outputs": [0], "inputs": [0], "kind": None, "ax": None, "title": None},
+    ),
     "plot_closed_loop": (kp.plot_closed_loop, {"sys": PLANT, "design": DESIGN, "title": None}),
     "plot_tradeoff": (kp.plot_tradeoff, {"curve": CURVE, "ax": None, "title": None}),
     "load_certificate": (kp.load_certificate, {"path": "no such file", "trusted": False}),

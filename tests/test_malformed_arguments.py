@@ -14,6 +14,7 @@ import control_kpos as kp
 NOT_OURS = {"args", "kwargs", "names", "demands", "self", "cls"}
 # Other words by which a message may name an argument.
 OTHER_NAMES = {
+    "time_limit": ("time limit",),
     "inputs": ("B matrix", "input"),
     "outputs": ("C matrix", "output"),
     "states": ("A matrix", "state"),

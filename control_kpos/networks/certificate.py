@@ -257,7 +257,9 @@ class NetworkCertificate(ClaimOnNetwork, ClaimWithRate):
             )
         if self.status is Status.REFUTED:
             return f"Not certified: {what} fails, {self._reason()}. {REMEDY[type(self.witness)]}"
-        return unfinished(self) or (
+        if unfinished(self):
+            return unfinished(self)
+        return (
             f"Undecided: for {what} neither a certificate nor a witness was found; it may be too close to the "
             "edge of stability. "
             "Change the gains or links a little."

@@ -117,10 +117,8 @@ class LargestUncertainty(tuple[float, float]):
             "": "nothing is refuted",
         }[self.scope]
         where = f"From the factor {raised(self.upper, 9)} on" if self.upper < inf else "At larger ones"
-        text = f"{below}: ranges grow around their middles, vertices away from the first one. {where} {above}."
-        return (
-            f"{text} {self.ended[0].upper()}{self.ended[1:]} ended the search; more may help." if self.ended else text
-        )
+        late = f" The search was ended by {self.ended}; more may help." if self.ended else ""
+        return f"{below}: ranges grow around their middles, vertices away from the first one. {where} {above}.{late}"
 
 
 @np.errstate(all="ignore")
