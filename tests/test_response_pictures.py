@@ -73,7 +73,7 @@ def test_python_controls_plot_ends_at_a_number_of_axes():
     with pytest.raises(kp.TooLargeError, match="60 outputs from 60 inputs"):
         wide.plot(overlay_signals=False)
     plt.close("all")
-    assert masses(12).step_response(T).plot(overlay_signals=True, overlay_traces=True).axes.size == 1
+    assert masses(12).step_response(T).plot(overlay_signals=True, overlay_traces=True, show_legend=False).axes.size == 1
 
 
 @pytest.fixture(autouse=True)

@@ -114,7 +114,9 @@ class DelayedNetworkCertificate(Certificate):
                 "one at every node, also if they change in time. The decay rate depends on the delays; none is claimed."
             )
         if self.status is not Status.REFUTED:
-            return unfinished(self) or f"Undecided: for {what} neither a certificate nor a witness was found."
+            if unfinished(self):
+                return unfinished(self)
+            return f"Undecided: for {what} neither a certificate nor a witness was found."
         if isinstance(self.witness, NodeViolation | CouplingViolation):
             return (
                 f"Refuted: {what} is not positive part by part, {self.witness}. The last inputs of a node, as many as "

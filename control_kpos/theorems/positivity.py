@@ -204,8 +204,9 @@ class PositivityCertificate(Certificate):
             return (
                 f"Not positive: {where} Choose another cone, or a feedback that turns the field inwards on this facet."
             )
-        undecided = "Undecided: some signs could not be proven at this size. Give the data with fewer digits."
-        return unfinished(self) or undecided
+        if unfinished(self):
+            return unfinished(self)
+        return "Undecided: some signs could not be proven at this size. Give the data with fewer digits."
 
 
 def state_positivity(

@@ -212,7 +212,9 @@ class StructuredGainCertificate(ClaimOnPositivity):
         if self.refuted_by is not None:
             return f"Refuted: the system is positive, but not exponentially stable: there is {self.witness}."
         if not self:
-            return unfinished(self) or (
+            if unfinished(self):
+                return unfinished(self)
+            return (
                 "Undecided: no bound of the gain was proven; the system may be too close to the edge of stability, "
                 "or of positivity."
             )

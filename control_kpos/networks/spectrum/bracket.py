@@ -120,7 +120,9 @@ class AbscissaCertificate(ClaimOnNetwork):
         what = "radius" if self.model.discrete else "abscissa"
         if self:
             return f"Proved: the spectral {what} lies in [{floored(self.lower, 12)}, {raised(self.upper, 12)}]."
-        return unfinished(self) or (
+        if unfinished(self):
+            return unfinished(self)
+        return (
             f"Undecided: no bracket of the spectral {what} could be proven. If the network is not positive, its "
             "certificate says what breaks it; otherwise the bracket may be too narrow for rounding, and a larger width "
             "may help."

@@ -205,8 +205,6 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
         middle = Matrix.join([model.coupling, *back], -1)
         yield Condition("h'(W y - sum u) >= 0", BilinearForms(on.after(y, *us), middle.T, on.input_facets(model)), ">=")
 
-    # -- margins
-
     @property
     def vertex_margins(self) -> NDArray[np.float64]:
         """How fast each node's storage decays at each vertex, relative to the fastest rate of all; shape (S, N).
@@ -361,7 +359,9 @@ class UncertainNetworkCertificate(ClaimOnNetwork):
                 "nor excluded. Change the gains or links a little."
             )
         if not self.refuted_by:
-            return unfinished(self) or (
+            if unfinished(self):
+                return unfinished(self)
+            return (
                 f"Undecided: for {what} neither common vectors v, r, q of Theorem 4, or e, u, y, nor a witness "
                 "against them was found; it may be too close to the edge of stability. Change the gains or links a "
                 "little."

@@ -166,15 +166,15 @@ def largest_uncertainty(net: UncertainNetwork, *, time_limit: float | None = Non
             f"net is {found_argument(net)}; give a network with vertices or ranges, as feedback_interconnect makes it "
             "of kp.stack(A=[A1, A2, ...]) or kp.interval(lower, upper)."
         )
-    with budget(time_limit=seconds(net.time_limit if time_limit is None else time_limit)):
-        found = _found(net)
-        found.ended = ended_by()
+    with budget(time_limit=seconds(net.time_limit if time_limit is None else time_limit)) as limited:
+        found, whole = _found(net)
+        found.ended = ended_by() or limited.clock() * (not whole)
     return found
 
 
-def _found(net: UncertainNetwork) -> LargestUncertainty:
-    """Both sides, as far as the budget allows."""
-    low, high = 0.0, inf
+def _found(net: UncertainNetwork) -> tuple[LargestUncertainty, bool]:
+    """Both sides, as far as the budget allows, and whether the bracket was found to its end."""
+    low, high, whole = 0.0, inf, False
     proof: tuple[float, UncertainNetworkCertificate | None] = 0.0, None
     with suppress(OutOfBudgetError):
         closed = Searches(net.models, net.lower).closed
@@ -183,12 +183,13 @@ def _found(net: UncertainNetwork) -> LargestUncertainty:
         with suppress(OutOfBudgetError), budget(time_limit=_FOR_BRACKET * seconds_left()):
             for ends in _brackets(lambda t: any(tried.seems_proven() for tried in _searches(family, t, 0))):
                 low, high = ends
+            whole = True
         proof = next(((t, c) for t, c in _proofs(family, low) if c is not None), proof)
         for t in _beside(high, up=True) if high < inf else ():
             refuted, scope = _refutation(family, t, proof[0] if proof[1] else None)
             if refuted is not None:
-                return LargestUncertainty((proof[0], t), proof[1], refuted, scope)
-    return LargestUncertainty((proof[0], inf), proof[1], None, "")
+                return LargestUncertainty((proof[0], t), proof[1], refuted, scope), whole
+    return LargestUncertainty((proof[0], inf), proof[1], None, ""), whole
 
 
 def _brackets(holds: Callable[[float], bool]) -> Iterator[tuple[float, float]]:
