@@ -153,11 +153,6 @@ CALLS |= {  # networks
         {"folder": NEW, "out": NEW, "comm": None, "client": None, "time_limit": None, "progress": None},
     ),
     "shards.check": (shards_again, {"out": NEW, "executor": None, "network": None, "progress": None}),
-    "shards.write": (in_shards, {"source": ([SIMPLE] * 3, RING), "folder": NEW, "parts": 2, "progress": None}),
-    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "comm": None, "progress": None}),
-    "shards.check": (shards_again, {"out": NEW, "executor": None, "progress": None}),
-    "shards.certify": (of_shards, {"folder": NEW, "out": NEW, "progress": None}),
-    "shards.check": (shards_again, {"out": NEW, "executor": None, "network": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (
         kp.largest_uncertainty,

@@ -347,39 +347,44 @@ _GAIN = "the answer is one double, correctly rounded: see test_gains_are_correct
 _SIMULATED = "a simulation in floating point"
 _EFFORT = "effort and tolerance of a search, which prove nothing"
 _DRAWN = "a picture"
-DOUBLES = exact_nonlinear.DOUBLES | exact_shards.DOUBLES | {
-    "induced_gain": dict.fromkeys(["A", "B", "C", "D", "X", "U", "Y", "e", "f"], _GAIN),
-    "ConeStateSpace.gain": dict.fromkeys("ef", _GAIN),
-    "differential_positivity": dict.fromkeys(
-        ["region", "inputs", "equilibrium"], "ends of boxes, rounded outwards; see test_a_region_is_covered_to_its_ends"
-    ),
-    "ConeNetwork.delayed_response": dict.fromkeys(["T", "X0", "delays"], _SIMULATED),
-    "ConeNetwork.forced_response": dict.fromkeys(["T", "U", "X0"], _SIMULATED),
-    "ConeNetwork.initial_response": dict.fromkeys(["T", "X0"], _SIMULATED),
-    "ConeNetwork.step_response": dict.fromkeys(["T", "X0"], _SIMULATED),
-    "ConeNetwork.horner": {"x": "a frequency response in floating point"},
-    "ConeNetwork.abscissa_certificate": {"relative": _EFFORT},
-    "ConeNetwork.spectral_abscissa": {"relative": _EFFORT},
-    **{name: {"gap": _EFFORT} for name in ("state_feedback", "network_feedback", "optimal_feedback")},
-    "design_cone_and_feedback": {"poles": "where gains are sought; what they do is proven"},
-    "ConeNetwork.room_for": dict.fromkeys(
-        ["system", "sources", "targets"], "an estimate in floating point; `with_node` proves"
-    ),
-    "ConeStateSpace.sample": {"Ts": "matrix exponentials are computed in floating point"},
-    "ConeStateSpace.linearize": {"x0": "the system itself is returned, wherever it is linearised"},
-    "gain_rate_tradeoff": {
-        "sys": "a curve in floating point; its designs, if asked for, are those of `state_feedback`",
-        "X": "the cone of this curve",
-        "demands": "as those of `state_feedback`",
-    },
-    "plot_observer": dict.fromkeys(["T", "y", "u", "x0", "states", "which"], _DRAWN),
-    "phase_portrait": dict.fromkeys(["sys", "X", "pointdata", "timedata", "initial_states", "level_lines"], _DRAWN),
-    "plot_closed_loop": {"sys": _DRAWN},
-    "plot_cone": dict.fromkeys(["X", "size"], _DRAWN),
-    "plot_network": {"positions": _DRAWN},
-    "plot_responses": {"response": _DRAWN},
-    "examples.mass_spring": dict.fromkeys("km", "doubles for python-control; `mass_spring_node` is exact"),
-}
+DOUBLES = (
+    exact_nonlinear.DOUBLES
+    | exact_shards.DOUBLES
+    | {
+        "induced_gain": dict.fromkeys(["A", "B", "C", "D", "X", "U", "Y", "e", "f"], _GAIN),
+        "ConeStateSpace.gain": dict.fromkeys("ef", _GAIN),
+        "differential_positivity": dict.fromkeys(
+            ["region", "inputs", "equilibrium"],
+            "ends of boxes, rounded outwards; see test_a_region_is_covered_to_its_ends",
+        ),
+        "ConeNetwork.delayed_response": dict.fromkeys(["T", "X0", "delays"], _SIMULATED),
+        "ConeNetwork.forced_response": dict.fromkeys(["T", "U", "X0"], _SIMULATED),
+        "ConeNetwork.initial_response": dict.fromkeys(["T", "X0"], _SIMULATED),
+        "ConeNetwork.step_response": dict.fromkeys(["T", "X0"], _SIMULATED),
+        "ConeNetwork.horner": {"x": "a frequency response in floating point"},
+        "ConeNetwork.abscissa_certificate": {"relative": _EFFORT},
+        "ConeNetwork.spectral_abscissa": {"relative": _EFFORT},
+        **{name: {"gap": _EFFORT} for name in ("state_feedback", "network_feedback", "optimal_feedback")},
+        "design_cone_and_feedback": {"poles": "where gains are sought; what they do is proven"},
+        "ConeNetwork.room_for": dict.fromkeys(
+            ["system", "sources", "targets"], "an estimate in floating point; `with_node` proves"
+        ),
+        "ConeStateSpace.sample": {"Ts": "matrix exponentials are computed in floating point"},
+        "ConeStateSpace.linearize": {"x0": "the system itself is returned, wherever it is linearised"},
+        "gain_rate_tradeoff": {
+            "sys": "a curve in floating point; its designs, if asked for, are those of `state_feedback`",
+            "X": "the cone of this curve",
+            "demands": "as those of `state_feedback`",
+        },
+        "plot_observer": dict.fromkeys(["T", "y", "u", "x0", "states", "which"], _DRAWN),
+        "phase_portrait": dict.fromkeys(["sys", "X", "pointdata", "timedata", "initial_states", "level_lines"], _DRAWN),
+        "plot_closed_loop": {"sys": _DRAWN},
+        "plot_cone": dict.fromkeys(["X", "size"], _DRAWN),
+        "plot_network": {"positions": _DRAWN},
+        "plot_responses": {"response": _DRAWN},
+        "examples.mass_spring": dict.fromkeys("km", "doubles for python-control; `mass_spring_node` is exact"),
+    }
+)
 for _method in ("gain", "linearize", "sample"):  # the same for networks
     DOUBLES[f"ConeNetwork.{_method}"] = DOUBLES[f"ConeStateSpace.{_method}"]
 # Arguments that are no data: what they are.

@@ -283,7 +283,10 @@ class _Run:
         if not self.team.all(len(found) == len(self.team.shards)):
             return None
         shards = self.team.together(found)
-        return [shards.get(p, {}) for p in range(self.network.n_shards)]
+        entries = [shards.get(p, {}) for p in range(self.network.n_shards)]
+        for name, vector in zip("rt", sees, strict=False):
+            self.team.each("files", steps.confirm, name, entries, sees=[vector])
+        return entries
 
     def _undecided(self, reason: str) -> ShardedCertificate:
         return self._settled(Status.UNDECIDED, reason=reason)

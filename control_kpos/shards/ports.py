@@ -23,35 +23,36 @@ _DOOMED = 50
 
 
 def keep_rows(shard: Shard, name: str, rows: sp.csr_array) -> None:
-    """Keep the rows of a shard, whose columns are the inputs that it feeds."""
+    """Keep the rows of a shard, with columns in two ways: inputs that it feeds, and their places in vectors."""
     places = shard.places
     kind = np.int32 if places.dtype == np.int32 and rows.nnz < 2**31 else np.int64
     arrays = rows.data, places.astype(kind)[rows.indices], rows.indptr.astype(kind)
     for path, array in zip(_files(shard, name), arrays, strict=True):
         keep_array(path, array)
+    keep_array(shard.file(f"{name}-columns"), rows.indices.astype(kind))
 
 
-def _files(shard: Shard, name: str) -> list[Path]:
-    return [shard.file(f"{name}-{part}") for part in ("data", "indices", "indptr")]
+def _files(shard: Shard, name: str, columns: str = "indices") -> list[Path]:
+    return [shard.file(f"{name}-{part}") for part in ("data", columns, "indptr")]
 
 
 def product(shard: Shard, r: Floats, name: str) -> Floats:
     """The rows of a shard times a vector; zeros if none are kept."""
     own = shard.inputs
-    rows = _kept(shard, name, len(r))
+    rows = _kept(shard, _files(shard, name), len(r))
     return np.zeros(own.stop - own.start) if rows is None else rows @ r
 
 
 def sent(shard: Shard, u: Floats, name: str) -> tuple[tuple[Floats], None]:
     """What the columns that a shard has of the transposed operator send, for `Team.collect`."""
-    rows = _kept(shard, name, len(u))
-    whole = np.zeros_like(u) if rows is None else rows.T @ u[shard.inputs]
-    return (whole[shard.places],), None
+    width = len(shard.places)
+    rows = _kept(shard, _files(shard, name, "columns"), width)
+    return (np.zeros(width) if rows is None else rows.T @ u[shard.inputs],), None
 
 
-def _kept(shard: Shard, name: str, width: int) -> sp.csr_array | None:
+def _kept(shard: Shard, files: list[Path], width: int) -> sp.csr_array | None:
     """The rows of a shard, mapped; None if none are kept."""
-    files, own = _files(shard, name), shard.inputs
+    own = shard.inputs
     if not files[0].exists():
         return None
     arrays = tuple(map(mapped, files))  # anew each time, for the number of open files is limited

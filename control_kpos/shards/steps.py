@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ..errors import CertificateFileError
 from ..exact.condition import all_hold
 from ..exact.matrix import Matrix
 from ..networks.blocks import Floats
@@ -15,7 +16,7 @@ from ..networks.conditions import loop_gain
 from ..networks.model import NetworkModel
 from ..networks.spectrum.descent import interior, is_inside, mix
 from ..networks.spectrum.port_solves import Loop, PortSystem
-from .certificate import VECTORS, WEIGHTS, is_proven, positive_form
+from .certificate import VECTORS, WEIGHTS, SavedCertificate, is_proven, positive_form
 from .folders import keep_array, write_arrays
 from .ports import keep_rows
 from .teams import Shard
@@ -50,11 +51,11 @@ class Reading:
 
 def read(shard: Shard, shift: float) -> Reading:
     """Compare the files of a shard with their digests, prove it positive, and keep its port equations."""
+    shard.forget()
     model, witness, proven = positive_form(shard.network, shard.p, shard.network.model(shard.p, verify=True))
     if witness is not None and proven:
         return Reading(witness, True, True, np.zeros(0), None)
     shard.close_own_links(model.origin is not None)
-    shard.file("c").unlink(missing_ok=True)  # of a run that did not end
     shard.keep_places()
     system = PortSystem(model, shift)
     keep_rows(shard, PORTS, system.loop.TT)
@@ -155,6 +156,22 @@ def prove(shard: Shard, r: Floats, t: Floats | None = None) -> dict[str, Any] | 
     if t is not None and loop is not None:
         arrays |= dict(zip(WEIGHTS, (loop[0], t[shard.inputs]), strict=True))
     return {"rate": rate.hex(), "files": write_arrays(shard.out, shard.p, arrays)}
+
+
+def confirm(shard: Shard, vector: Floats, name: str, entries: list[dict[str, Any]]) -> None:
+    """Compare r, or t, at the inputs that the shard feeds with the files of the shards that have these inputs.
+
+    Raises
+    ------
+    CertificateFileError
+        They differ: the proof was about numbers that came from another process, and files are what others will check.
+    """
+    saved = SavedCertificate(shard.out, {"shards": entries}, shard.network)
+    if not np.array_equal(saved.at_fed(shard.p, name), vector[shard.places]):
+        raise CertificateFileError(
+            f"the files {name}.npy in {shard.out} are not what shard {shard.p} was proven with; all processes have to "
+            "see the same folders, and no others may write there."
+        )
 
 
 def _outward(model: NetworkModel) -> Floats:

@@ -92,6 +92,12 @@ class Shard:
         first = 0 if self.seen is None else self.seen.own.start
         return slice(own.start - first, own.stop - first)
 
+    def forget(self) -> None:
+        """Remove what a run that did not end has kept of the shard, but for guesses of r."""
+        for file in self.aside.glob(f"*-{self.p:05d}.npy"):
+            if not file.name.startswith("guess-"):
+                file.unlink(missing_ok=True)
+
     def file(self, name: str) -> Path:
         """Where an array of the shard is kept until the certificate is written."""
         return self.aside / f"{name}-{self.p:05d}.npy"
