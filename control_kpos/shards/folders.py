@@ -7,9 +7,11 @@ and is never read.  Arrays are mapped, not read; before its numbers are used a f
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import mmap
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any
 
@@ -24,7 +26,7 @@ MANIFEST = "manifest.json"
 # Types of the numbers in files.
 _KINDS = ("<f8", "<i8", "<i4")
 _BLOCK = 2**22
-# Bytes of a file before its numbers, few as its dimensions are; without numbers it cannot be mapped.
+# Bytes of a file before its numbers.
 HEADER = 128
 _ENTRY = {"dtype", "shape", "sha256"}
 _TEXT = {"bytes", "sha256"}
@@ -108,7 +110,21 @@ def append(path: Path, records: NDArray[Any] | bytes) -> None:
 
 def mapped(path: Path) -> NDArray[Any]:
     """An array that is kept, without reading all of it."""
-    return np.load(path, mmap_mode="r" if path.stat().st_size > HEADER else None)
+    with open(path, "rb") as stream:
+        shape, kind = _described(stream.read(HEADER))
+        if 0 in shape:
+            return np.zeros(shape, dtype=kind)
+        data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
+    return np.frombuffer(data, dtype=kind, offset=HEADER).reshape(shape)
+
+
+@lru_cache
+def _described(header: bytes) -> tuple[tuple[int, ...], np.dtype[Any]]:
+    """Shape and type of what follows; a product of a shard maps three arrays, and reading this takes longer."""
+    stream = io.BytesIO(header)
+    npy.read_magic(stream)
+    shape, _, kind = npy.read_array_header_1_0(stream)
+    return shape, kind
 
 
 def write_manifest(folder: Path, form: str, data: dict[str, Any], name: str = MANIFEST) -> None:
