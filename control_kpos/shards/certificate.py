@@ -38,9 +38,9 @@ from ..proof.certificate import Status
 from ..proof.files import digest
 from .folders import MANIFEST, read_array, read_manifest, shard_folder, write_manifest
 from .growth_proof import VECTORS as GROWING
-from .growth_proof import Growth, Part, heard, is_growing, senders, together
+from .growth_proof import Growth, Part, heard, is_growing, senders, stated_rate, together
 from .network import ShardedNetwork, stated_double
-from .whole import reproven
+from .whole import rates_in_one_piece, reproven
 
 FORMAT = "kpos-shards-certificate/1"
 VECTORS = ("v", "r", "q")
@@ -417,27 +417,17 @@ class SavedCertificate:
         """The state that grows, proven anew."""
         if self.data["status"] != "REFUTED":
             raise CertificateFileError(f"the manifest of {self.out} states growth and {self.data['status']}.")
-        self.growth_rate()
+        rate = stated_rate(self.data["growth"], self.network, self.out)
         parts = dict(self._each(("z", "t"), "prove_growth", executor, report, senders(self.network)))
-        found = together(parts, self.growth_rate(), self.network.discrete)
+        found = together(parts, rate, self.network.discrete)
         if found is None:
             raise FalseClaimError(f"{self.out} says REFUTED, but the state that is to grow is 0.")
         return found
 
-    def growth_rate(self) -> float:
-        """The rate that is stated for a state that grows."""
-        try:
-            rate = float.fromhex(self.data["growth"])
-        except (TypeError, ValueError, OverflowError):
-            rate = np.nan
-        if not float(self.network.discrete) <= rate < np.inf:
-            raise CertificateFileError(f"the manifest of {self.out} states no rate of growth.")
-        return rate
-
     def prove_growth(self, p: int, feeding: Sequence[int]) -> tuple[int, Part]:
         """The number of a shard, and its part of the state, proven; `feeding` are the shards that feed it."""
         model, witness, positive = positive_form(self.network, p, self.network.model(p, verify=True))
-        loops, rate = self.has_weights, self.growth_rate()
+        loops, rate = self.has_weights, stated_rate(self.data["growth"], self.network, self.out)
         x, u, y, z = (self.vector(p, name, verify=name != "z") for name in GROWING)
         loop = [self.vector(p, "p", verify=True), self.at_fed(p, "t")] if loops else None
         received = heard(self.network, p, feeding, lambda s: self.vector(s, "z"))
@@ -466,10 +456,3 @@ def _prove(out: Path, network: Path, method: str, p: int, *given: Any) -> tuple[
     """The same from the files, for any process."""
     with _limited():
         return getattr(SavedCertificate.open(out, network), method)(p, *given)
-
-
-def rates_in_one_piece(network: ShardedNetwork, whole: NetworkCertificate) -> NDArray[np.float64]:
-    """The rate of every shard where all of them are proven at once."""
-    if not whole:
-        return np.zeros(0)
-    return np.where(np.diff(network.starts[0]) > 0, whole.decay_rate, np.inf)

@@ -20,7 +20,7 @@ from ..networks.certificate import NetworkCertificate
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from . import steps
-from .certificate import ShardedCertificate, rates_in_one_piece, state
+from .certificate import ShardedCertificate, state
 from .checkpoints import Checkpoints
 from .dask_team import DaskTeam, read_client
 from .folders import MANIFEST
@@ -30,7 +30,7 @@ from .mpi import MpiTeam, Ranks
 from .network import ShardedNetwork
 from .ports import SolvePorts
 from .teams import Team
-from .whole import decided, fits, reproven
+from .whole import decided, fits, rates_in_one_piece, reproven
 
 T = TypeVar("T")
 

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ..cards import floored
-from ..errors import UndecidedError
+from ..errors import CertificateFileError, UndecidedError
 from ..exact.condition import all_hold
 from ..exact.matrix import Matrix
 from ..networks import conditions as on
@@ -76,6 +78,17 @@ def together(parts: Mapping[int, Part], rate: float, discrete: bool) -> Growth |
     if not alive:
         return None
     return Growth(rate, alive, max(parts.values(), key=lambda part: part.peak).node, discrete)
+
+
+def stated_rate(text: Any, network: ShardedNetwork, out: Path) -> float:
+    """The rate of a state that grows, as the manifest of a certificate states it."""
+    try:
+        rate = float.fromhex(text)
+    except (TypeError, ValueError, OverflowError):
+        rate = np.nan
+    if not float(network.discrete) <= rate < np.inf:
+        raise CertificateFileError(f"the manifest of {out} states no rate of growth.")
+    return rate
 
 
 def senders(network: ShardedNetwork) -> dict[int, list[int]]:

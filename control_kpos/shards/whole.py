@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from ..errors import CertificateFileError, FalseClaimError
 from ..exact.matrix import Matrix
@@ -77,6 +78,11 @@ def reproven(network: ShardedNetwork, out: Path, entry: Any) -> NetworkCertifica
     if not same_network(found.model.origin or found.model, gathered(network, verify=True)):
         raise FalseClaimError(f"{path} is about another network than the one in {network.folder}.")
     return found
+
+
+def rates_in_one_piece(network: ShardedNetwork, whole: NetworkCertificate) -> NDArray[np.float64]:
+    """The rate of every shard where all of them are proven at once."""
+    return np.where(np.diff(network.starts[0]) > 0, whole.decay_rate, np.inf) if whole else np.zeros(0)
 
 
 def _digest(path: Path) -> str:
