@@ -26,7 +26,7 @@ def times(x: Any, y: Any) -> Any:
     if is_sparse(x) or is_sparse(y) or x.ndim != 3:
         return x @ y
     if y.ndim == 2:
-        return (x.reshape(-1, x.shape[-1]) @ y).reshape(*x.shape[:-1], y.shape[-1])
+        return (x.reshape(len(x) * x.shape[1], x.shape[2]) @ y).reshape(*x.shape[:2], y.shape[1])
     if y.ndim == 3 and x.shape[1] == 1 and y.shape[1] * y.shape[2] <= SHORT_ROWS:
         return np.einsum("nka,nab->nkb", x, y)
     return x @ y
