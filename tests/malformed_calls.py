@@ -150,12 +150,9 @@ CALLS |= {  # networks
     ),
     "shards.certify": (
         of_shards,
-        {"folder": NEW, "out": NEW, "comm": None, "client": None, "time_limit": None, "progress": None},
-    ),
-    "shards.check": (shards_again, {"out": NEW, "executor": None, "network": None, "progress": None}),
         {"folder": NEW, "out": NEW, "comm": None, "client": None, "time_limit": 9.0, "progress": None},
     ),
-    "shards.check": (shards_again, {"out": NEW, "executor": None, "progress": None}),
+    "shards.check": (shards_again, {"out": NEW, "executor": None, "network": None, "progress": None}),
     "interval": (kp.interval, {"lower": [[0, 1]], "upper": [[1, 2]]}),
     "largest_uncertainty": (
         kp.largest_uncertainty,

@@ -25,7 +25,6 @@ from control_kpos.proof.files import digest
 from control_kpos.shards import steps
 from control_kpos.shards.certificate import SavedCertificate
 from control_kpos.shards.network import ShardedNetwork
-from control_kpos.shards.teams import Team
 
 
 def vectors(certificate):
@@ -72,7 +71,7 @@ def test_verdicts_are_those_of_the_network_in_one_piece(tmp_path, seed):
             alone = settle(whole.certificate.model, tuple(vectors(found)), whole.certificate.loop)
             assert alone.status == "PROVED"
             # the same r: products of stacks of other lengths may differ in the last bit
-            assert alone.decay_rate == pytest.approx(found.decay_rate, rel=1e-14, abs=0)
+            assert alone.decay_rate == pytest.approx(found.decay_rate, rel=1e-12, abs=0)
         elif found:  # so close to the margin that only integers decide
             assert found.whole.exact is not None
     assert proved > 1
@@ -110,14 +109,19 @@ def test_no_inequality_of_theorem_4_is_lost_or_divided(tmp_path):
     p, t = (part.values for part in net.certificate.loop)
     total = {"shards": 0, "whole": 0}
     whole = [*positive_parts(net.model), *decreasing(net.model, *map(Matrix, (v, r, q)), 0.0, (Matrix(p), Matrix(t)))]
-    total["whole"] = sum(condition.residual.size for condition in whole)
+
+    def count(conditions):
+        """Equal B, C and D of nodes in one model are proven once."""
+        return sum(c.residual.size for c in conditions if not c.name.startswith(("h'B", "h'C", "h'D")))
+
+    total["whole"] = count(whole)
     for s in network.filled:
         model, fed = network.model(s), network.fed(s)
         own = [Matrix(v[network.own(s, 1)]), Matrix(r[fed]), Matrix(q[network.own(s, 3)])]
         weights = Matrix(p[network.own(s, 3)]), Matrix(t[fed])
         conditions = [*positive_parts(model), *decreasing(model, *own, 0.0, weights)]
         assert all_hold(conditions)
-        total["shards"] += sum(condition.residual.size for condition in conditions)
+        total["shards"] += count(conditions)
     assert total["shards"] == total["whole"]
 
 
@@ -295,7 +299,7 @@ def test_the_command_line(tmp_path, capsys):
     saved = folder / "proof" / "manifest.json"
     content = json.loads(saved.read_text())
     content["data"].pop("growth")
-    content["data"].update(status="REFUTED", refuted=1)
+    content["data"].update(status="REFUTED", refuted=1, shards=[])
     saved.write_text(json.dumps({**content, "digest": digest(content["data"])}))
     assert main(["check", proof]) == 1
     assert "WRONG" in capsys.readouterr().out
@@ -395,17 +399,16 @@ def test_numbers_of_others_that_are_not_in_their_files(tmp_path, monkeypatch):
     """A process that sees other numbers than the files hold proves nothing: files are what others will check."""
     nodes, W = masses()
     folder = written(tmp_path, nodes, W, 3)
-    shown = Team.shown
+    prove = steps.prove
 
-    def late(self, vector):
-        out = shown(self, vector).copy()
-        out[-1] *= 1 + 1e-9
-        return out
+    def other(shard, r, t=None):
+        """The second shard proves, and writes, a little more of r than the others see."""
+        r = r.copy()
+        r[shard.inputs] *= 1 + 1e-12 * (shard.p == 1)
+        return prove(shard, r, t)
 
-    monkeypatch.setattr(Team, "shown", late)
-    original = steps.prove
-    monkeypatch.setattr(steps, "prove", lambda shard, r, t=None: original(shard, np.abs(r), t))
-    with pytest.raises(kp.CertificateFileError, match=r"r\.npy .* are not what shard 0 was proven with"):
+    monkeypatch.setattr(steps, "prove", other)
+    with pytest.raises(kp.CertificateFileError, match=r"r\.npy .* are not what shard [02] was proven with"):
         kp.shards.certify(folder, tmp_path / "c")
     assert not (tmp_path / "c" / "manifest.json").exists()
 

@@ -349,7 +349,7 @@ def test_supply_rates_that_fail_refute_no_network(tmp_path):
     chosen = kp.feedback_interconnect(nodes, W, supply_rates=[([-1.0], [9.0])] * 6)
     assert chosen.certificate.status == "REFUTED"
     chosen.certificate.save(file)
-    restated(found.path, status="REFUTED", whole={"sha256": whole._digest(file)})
+    restated(found.path, status="REFUTED", shards=[], whole={"sha256": whole._digest(file)})
     with pytest.raises(kp.FalseClaimError, match="proves nothing"):
         kp.shards.check(found.path)
 
