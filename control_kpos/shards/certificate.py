@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from os import PathLike, path
@@ -15,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..cards import floored
-from ..cones.hull import ALLOWANCE, LIMIT, Allowance
-from ..errors import CertificateFileError, DataError, FalseClaimError, TooLargeError
+from ..errors import CertificateFileError, DataError, FalseClaimError
 from ..exact.condition import all_hold
 from ..exact.intake import file_path, found
 from ..exact.matrix import Matrix
@@ -39,7 +37,7 @@ from ..proof.files import digest
 from .folders import MANIFEST, read_array, read_manifest, shard_folder, write_manifest
 from .growth_proof import VECTORS as GROWING
 from .growth_proof import Growth, Part, heard, is_growing, senders, stated_rate, together
-from .network import ShardedNetwork, stated_double
+from .network import ShardedNetwork, limited_work, stated_double
 from .whole import rates_in_one_piece, reproven
 
 FORMAT = "kpos-shards-certificate/1"
@@ -238,20 +236,8 @@ def check(
     if not isinstance(executor, Executor | None):
         raise DataError(f"executor is {found(executor)}; give an executor of concurrent.futures, or None.")
     given = None if network is None else file_path(network, "network")
-    with Reporter(progress) as report, np.errstate(all="ignore"), _limited():
+    with Reporter(progress) as report, np.errstate(all="ignore"), limited_work():
         return SavedCertificate.open(place, given).proven(executor, report)
-
-
-@contextmanager
-def _limited() -> Iterator[None]:
-    """Within, cones of unknown origin may ask for no more than half a minute of work, all together."""
-    allowed = ALLOWANCE.set(Allowance(LIMIT))
-    try:
-        yield
-    except TooLargeError as error:
-        raise CertificateFileError(f"the cones of the network are too much work: {error}") from None
-    finally:
-        ALLOWANCE.reset(allowed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,5 +440,5 @@ class SavedCertificate:
 @np.errstate(all="ignore")
 def _prove(out: Path, network: Path, method: str, p: int, *given: Any) -> tuple[int, Any]:
     """The same from the files, for any process."""
-    with _limited():
+    with limited_work():
         return getattr(SavedCertificate.open(out, network), method)(p, *given)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -18,7 +19,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..cones import Cone
-from ..errors import CertificateFileError, FalseClaimError, KposError, NotProperConeError
+from ..cones.hull import ALLOWANCE, LIMIT, Allowance
+from ..errors import CertificateFileError, FalseClaimError, KposError, NotProperConeError, TooLargeError
 from ..exact.matrix import Matrix
 from ..networks.blocks import Index
 from ..networks.model import BLOCKS, Halo, NetworkModel
@@ -51,6 +53,18 @@ def stated_double(text: str) -> float:
     if number.hex() != text or not 0 <= number < np.inf:
         raise ValueError(f"{text} is not a number that may stand there")
     return number
+
+
+@contextmanager
+def limited_work() -> Iterator[None]:
+    """Within, cones of unknown origin may ask for no more than half a minute of work, all together."""
+    allowed = ALLOWANCE.set(Allowance(LIMIT))
+    try:
+        yield
+    except TooLargeError as error:
+        raise CertificateFileError(f"the cones of the network are too much work: {error}") from None
+    finally:
+        ALLOWANCE.reset(allowed)
 
 
 class ConeTable:
