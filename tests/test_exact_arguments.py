@@ -390,7 +390,7 @@ for _method in ("gain", "linearize", "sample"):  # the same for networks
 # Arguments that are no data: what they are.
 NO_DATA = {
     "names and words": {"name", "names", "title", "label", "color", "kind", "norm", "method", "few", "path"}
-    | {"folder", "out"},
+    | {"folder", "out", "network"},
     "yes or no": {"discrete", "uniform", "ports", "per_mode", "strict", "inverse", "trusted", "certify", "use_all"}
     | {"dominant_direction", "show_legend", "warn_infinite", "use_prefix_suffix", "states", "difference"},
     "whole numbers": {"n", "nu", "ny", "k", "max_rays", "seed", "restarts", "pieces", "refine", "node", "types"}
