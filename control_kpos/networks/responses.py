@@ -230,7 +230,7 @@ class NetworkResponses(DenseOnDemand):
         """Seven time constants of the slowest pole."""
         pole = complex(self.poles(1)[0])
         rate = 1 - abs(pole) if self.model.discrete else -pole.real
-        step = (1.0 if self.dt is True else float(self.dt)) if self.model.discrete else 1.0
+        step = float(self.dt or 1.0)
         if not rate > 1e-9:
             raise DataError("the network does not settle in a reasonable time; give T, the times or the final time.")
         return 7 * step / rate

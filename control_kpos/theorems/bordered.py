@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import islice
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -78,7 +79,7 @@ class _Bordered:
         M = np.zeros((n + 1, n + 1))
         M[self.K.rows, self.K.indices] = np.ldexp(mantissa, np.maximum(rest - self.units[1][self.K.indices], -1100))
         factors, pivots, failed = scipy.linalg.lapack.dgetrf(M)
-        self._factors = None if failed else (factors, pivots)
+        self._factors: Any = None if failed else (factors, pivots)
 
     def _solve(self, b: Floats, transposed: bool) -> Floats:
         return scipy.linalg.lapack.dgetrs(*self._factors, b, trans=int(transposed))[0]
@@ -120,4 +121,5 @@ class _Bordered:
         whole = np.rint(np.ldexp(z, 62 - size)).astype(np.int64).astype(object)  # z = whole 2^(size - 62)
         step = max(_BITS - (top - unit) - size, 0)
         back = 62 - size - (top - unit) - step
-        return (whole >> back if back >= 0 else whole << -back), step
+        added: Integers = np.right_shift(whole, back) if back >= 0 else np.left_shift(whole, -back)
+        return added, step
