@@ -184,7 +184,8 @@ class _Run:
             rates = self._proof() if may_prove else None
             if rates is not None:
                 return self._settled(Status.PROVED, shards=rates), ""
-        shown = Search(self.team, steps.PORTS, steps.DIRECT, self.least, self.t).found()
+        search = Search(self.team, steps.PORTS, steps.DIRECT, self.least, self.t)
+        shown = search.found(brief=fits(self.network))  # what is small is decided in one piece sooner
         if shown is not None:
             return self._settled(Status.REFUTED, shards=shown.shards, witness=shown.growth), ""
         if not self.finite:

@@ -75,12 +75,12 @@ class Search:
         self.team, self.name, self.direct, self.least, self.t = team, name, direct, least, t
         self._feeding: dict[int, list[int]] | None = None
 
-    def found(self) -> Shown | None:
-        """A state that grows, proven and written; None if none was found."""
+    def found(self, *, brief: bool = False) -> Shown | None:
+        """A state that grows, proven and written; None if none was found.  `brief`: by power iterations alone."""
         lone = self._alone()
         if lone is not None:
             return self._proven(*lone)
-        for u, radius in self._candidates():
+        for u, radius in self._candidates(brief):
             if radius > 1:
                 shown = self._tried(u, radius)
                 if shown is not None:
@@ -115,7 +115,7 @@ class Search:
     def _quotient(self, u: Floats, ahead: Floats) -> float:
         return float(self.team.dot(self.dual, ahead) / self.team.dot(self.dual, u))
 
-    def _candidates(self) -> Iterator[tuple[Floats, float]]:
+    def _candidates(self, brief: bool) -> Iterator[tuple[Floats, float]]:
         """u with T u about rho u, and rho, better and better."""
         team = self.team
         u, self.dual = team.zeros(2), team.zeros(2)
@@ -130,7 +130,10 @@ class Search:
                 return
             team.report(f"growth, iteration {count + 1}: spectral radius about {radius:.6g}")
             u = ahead / radius + 1e-3 * u if radius > 0 else u
-        yield from self._inverted(T, u)
+        if brief:
+            yield u, radius
+        else:
+            yield from self._inverted(T, u)
 
     def _inverted(self, T: _Sent, u: Floats) -> Iterator[tuple[Floats, float]]:
         """The same by inverse iterations, from above; later on the inputs alone where u is not tiny.
