@@ -27,10 +27,16 @@ from .rounding import SMALLEST_NORMAL, error_factor, underflow
 from .signs import BilinearForms
 from .sizes import absolute, finite, row_length, times
 
-# Stacks are proven this many matrices at a time, so that the numbers stay in the caches.
+# Stacks of matrices of at most four entries are proven this many at a time, so that the numbers stay in the caches.
 PIECE = 2**15
 # Products of entries of l and r for one matrix up to which these are formed, and one product is made of all.
 _AT_ONCE = 4096
+
+
+def pieces(count: int, entries: int) -> Iterator[slice]:
+    """Places of a long stack of matrices of so many entries, as many at a time as the caches hold."""
+    step = max(1, min(PIECE, 4 * PIECE // max(entries, 1)))
+    return (slice(start, start + step) for start in range(0, count, step))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +151,8 @@ class StackedForms(BilinearForms):
     def pieces(self) -> Iterator[tuple[slice, BilinearForms]]:
         """The forms on pieces of the stack, made one after the other."""
         left, middle, right = self._given
-        for start in range(0, self.count, PIECE):
-            part = slice(start, start + PIECE)
+        entries = max(prod(m.shape[1:]) for m in self._given if m is not None and len(m.shape) == 3)
+        for part in pieces(self.count, entries):
             yield part, forms_on(_cut(left, part), _cut(middle, part), _cut(right, part))
 
     @cached_property

@@ -14,10 +14,13 @@ from numpy.typing import NDArray
 from ..errors import UndecidedError
 from ..exact.distinct import distinct
 from ..exact.matrix import Doubles, Matrix
-from ..exact.stacks import PIECE
+from ..exact.stacks import pieces
 
 Floats: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
+
+# Entries of a matrix up to which a loop over them takes less time than `einsum`.
+_LOOPED = 4
 
 
 @contextmanager
@@ -40,7 +43,7 @@ def inverse(stack: Floats) -> Floats:
     if stack.shape[-1] == 2:  # ten times faster than the general routine on long stacks
         out = np.empty(stack.shape)
         with np.errstate(all="ignore"):
-            for part in pieces(len(stack)):
+            for part in pieces(len(stack), 4):
                 (a, b), (c, d) = np.moveaxis(stack[part], 0, -1)
                 determinant = a * d - b * c
                 for (i, j), entry in {(0, 0): d, (0, 1): -b, (1, 0): -c, (1, 1): a}.items():
@@ -72,14 +75,17 @@ def inverse(stack: Floats) -> Floats:
 
 
 def apply(stack: Floats, x: Floats, *, transposed: bool = False, absolute: bool = False) -> Floats:
-    """M_j x_j, or M_j' x_j, for a stack (N, r, c) and vectors (N, c) or (N, r), or |M_j| x_j; loops over r and c."""
+    """M_j x_j, or M_j' x_j, for a stack (N, r, c) and vectors (N, c) or (N, r), or |M_j| x_j."""
     rows, columns = stack.shape[1:]
     if transposed:
         stack, rows, columns = stack.transpose(0, 2, 1), columns, rows
     out = np.zeros((len(x), rows))
-    for part in pieces(len(x)):
+    for part in pieces(len(x), rows * columns):
         total, M, y = out[part], stack[part] if len(stack) > 1 else stack, x[part]
         M = np.abs(M) if absolute else M
+        if rows * columns > _LOOPED:
+            np.einsum("nij,nj->ni", M, y, out=total)
+            continue
         for i in range(rows):
             for k in range(columns):
                 total[:, i] += M[:, i, k] * y[:, k]
@@ -89,18 +95,16 @@ def apply(stack: Floats, x: Floats, *, transposed: bool = False, absolute: bool 
 def multiply(left: Floats, right: Floats) -> Floats:
     """Products of two stacks of small matrices, (N, a, b) and (N, b, c)."""
     out = np.zeros((len(left), left.shape[1], right.shape[2]))
-    for part in pieces(len(left)):
+    for part in pieces(len(left), left.shape[1] * left.shape[2]):
         total, L, R = out[part], left[part], right[part] if len(right) > 1 else right
+        if left.shape[1] * left.shape[2] > _LOOPED:
+            np.einsum("nij,njk->nik", L, R, out=total)
+            continue
         for i in range(left.shape[1]):
             for k in range(right.shape[2]):
                 for j in range(left.shape[2]):
                     total[:, i, k] += L[:, i, j] * R[:, j, k]
     return out
-
-
-def pieces(count: int) -> Iterator[slice]:
-    """Places of a long stack, so many at a time that what is computed of them stays in the caches."""
-    return (slice(start, start + PIECE) for start in range(0, count, PIECE))
 
 
 def block_diagonal(parts: Sequence[tuple[Floats, Index, Index]], shape: tuple[int, int]) -> sp.csr_array:
