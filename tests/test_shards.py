@@ -18,7 +18,8 @@ from control_kpos.__main__ import main
 from control_kpos.exact.condition import all_hold
 from control_kpos.exact.matrix import Matrix
 from control_kpos.networks.certificate import decreasing
-from control_kpos.networks.certify import lower_outputs, settle
+from control_kpos.networks.certify import settle
+from control_kpos.networks.inwards import lower_outputs
 from control_kpos.networks.spectrum.port_solves import krylov
 from control_kpos.networks.witnesses import positive_parts
 from control_kpos.proof.files import digest

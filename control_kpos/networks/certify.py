@@ -9,7 +9,7 @@ A_cl x in X exists and is found at a shift just above the abscissa.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from fractions import Fraction
 from functools import cached_property
@@ -18,7 +18,6 @@ from typing import Any, TypeAlias
 import numpy as np
 import scipy.sparse as sp
 
-from ..cones import Cone, Orthant
 from ..exact.budget import OutOfBudgetError, require_time
 from ..exact.condition import Condition, all_hold
 from ..exact.matrix import Matrix
@@ -28,6 +27,7 @@ from ..theorems.positivity import settle_positivity
 from . import conditions as on
 from .blocks import Floats, Index
 from .certificate import NetworkCertificate
+from .inwards import lower_outputs, lower_received, moved
 from .model import NetworkModel
 from .own_links import has_own_links, own_links, own_links_closed
 from .spectrum.descent import (
@@ -248,42 +248,6 @@ def supply_rates(model: NetworkModel, v: Floats) -> Data:
     return v, r, q
 
 
-def lower_outputs(model: NetworkModel, r: Floats) -> Floats:
-    """-W'r, less a few units in the last place in the order of Y*."""
-    longest = int(np.diff(model.WT.indptr).max(initial=0)) + max(s.sizes[2] for s in model.stacks)
-    value, positive = model.WT @ r, model.WT.data.min(initial=0.0) >= 0 and r.min(initial=0.0) >= 0
-    size = value if positive else abs(model.WT) @ np.abs(r)
-    return -inwards(model, "Y", value, size, longest, dual=True)
-
-
-def moved(model: NetworkModel, name: str, terms: Sequence[tuple[str, Floats]], *, dual: bool) -> Floats:
-    """The sum of products M'x of all nodes (of M x if not `dual`), raised in the order of the dual cones (lowered)."""
-    value = sum(model.times(matrix, x, transposed=dual) for matrix, x in terms)
-    size = sum(model.times(matrix, np.abs(x), transposed=dual, absolute=True) for matrix, x in terms)
-    return inwards(model, name, value, size, max(sum(s.sizes) for s in model.stacks), dual=dual)
-
-
-def inwards(model: NetworkModel, name: str, value: Any, size: Any, count: int, *, dual: bool) -> Floats:
-    """Sums of `count` products, raised in the order of the dual cones U* or Y* of the nodes, or lowered in U or Y.
-
-    What is added is interior to the cones and outweighs the roundings of numbers of that size.
-    """
-    kind = "XUY".index(name)
-    split = zip(model.stacks, model.split(value, kind), model.split(size, kind), strict=True)
-    return model.join([shifted(getattr(s, name), x, z, count, dual=dual) for s, x, z in split], kind)
-
-
-def shifted(cone: Cone, value: Floats, size: Floats, count: int, *, dual: bool) -> Floats:
-    """Rows raised in the order of the dual of a cone, or lowered in that of the cone; see `inwards`."""
-    units = 8 * (2 * count + 24) * HALF_ULP * (1 if dual else -1)
-    if not isinstance(cone, Orthant):
-        rows = (cone.exact_rays.dense() if dual else on.facets(cone)).values
-        point = np.asarray((cone.dual if dual else cone).interior_point)
-        point = point * (np.abs(rows).sum(axis=1) / (rows @ point)).max()
-        size = size.max(axis=1, keepdims=True, initial=0.0) * point
-    return value + units * size
-
-
 @np.errstate(all="ignore")
 def provable_rate(model: NetworkModel, v: Matrix, q: Matrix, *, discrete: bool) -> float:
     """min over nodes and generators of -(v'A - q'C)x / v'x, less the error bound of the kernel; may be negative."""
@@ -388,12 +352,6 @@ def _growing_outputs(model: NetworkModel, D: sp.csr_array, y: Floats) -> Floats 
             return y
         y = np.where(good[model.owners(2)], y, 0.0)
     return None
-
-
-def lower_received(model: NetworkModel, y: Floats) -> Floats:
-    """W y, less a few units in the last place in the order of U."""
-    longest = int(np.diff(model.W.indptr).max(initial=0))
-    return inwards(model, "U", model.W @ y, abs(model.W) @ np.abs(y), longest, dual=False)
 
 
 def growth_witness(model: NetworkModel, x: Floats, rate: float) -> NetworkInstability:

@@ -5,8 +5,8 @@
                   |      coupling W       |
                   +-----------------------+
 
-Nodes of one size and with the same cones stand in stacked arrays, so that nothing here loops over
-nodes.  The closed loop is x' = (A + B L C) x + ..., with L = (I - W D)^{-1} W.
+Nodes of one size and with the same cones stand in stacked arrays, so that nothing here loops over nodes.
+The closed loop is x' = (A + B L C) x + ..., with L = (I - W D)^{-1} W.
 """
 
 from __future__ import annotations
@@ -433,8 +433,7 @@ def _stacked(systems: list[ConeStateSpace], numbers: list[int]) -> NodeStack:
     read = {key: s.exact for key, s in {id(s): s for s in systems}.items()}  # often many times the same object
     exact = [read[id(s)] for s in systems]
     data = {name: Matrix.stack([getattr(s, name) for s in exact]) for name in "ABCD"}
-    named = not first._generic_name_check()
-    names = tuple(s.name for s in systems) if named else ()
+    names = () if first._generic_name_check() else tuple(s.name for s in systems)
     labels = ()
     if len(systems) <= READABLE:
         labels = tuple((tuple(s.state_labels), tuple(s.input_labels), tuple(s.output_labels)) for s in systems)

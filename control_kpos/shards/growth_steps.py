@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..networks.blocks import Floats, inverse
-from ..networks.certify import certify, moved, shifted
+from ..networks.certify import certify
+from ..networks.inwards import moved, shifted
 from ..networks.model import NetworkModel
 from ..networks.spectrum.descent import combined, cut_down, interior, is_inside, weigh
 from ..networks.spectrum.port_solves import PortSystem

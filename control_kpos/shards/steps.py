@@ -11,8 +11,9 @@ from ..errors import CertificateFileError
 from ..exact.condition import all_hold
 from ..exact.matrix import Matrix
 from ..networks.blocks import Floats
-from ..networks.certify import lower_outputs, moved, provable_rate
+from ..networks.certify import provable_rate
 from ..networks.conditions import loop_gain
+from ..networks.inwards import lower_outputs, moved
 from ..networks.model import NetworkModel
 from ..networks.spectrum.descent import interior, is_inside, mix
 from ..networks.spectrum.port_solves import Loop, PortSystem

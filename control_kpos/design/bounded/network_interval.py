@@ -16,8 +16,9 @@ from ...cones import Orthant
 from ...exact.budget import spend
 from ...exact.matrix import Matrix
 from ...networks.certificate import NetworkCertificate, node_vectors
-from ...networks.certify import loop_weights, lower_received, proven_by_parts, supply_rates
-from ...networks.certify import moved as lowered
+from ...networks.certify import loop_weights, proven_by_parts, supply_rates
+from ...networks.inwards import lower_received
+from ...networks.inwards import moved as lowered
 from ...networks.model import NetworkModel
 from ...networks.network import ConeNetwork
 from ...networks.spectrum.descent import Approach, descend, rate_scale

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from ...exact.programs import solve
 from ...exact.rounding import HALF_ULP
-from ...networks.certify import inwards
+from ...networks.inwards import inwards
 from ...networks.model import NetworkModel
 from .no_smaller_gains import NodeRows
 

@@ -15,7 +15,8 @@ import numpy as np
 from ...cones import Cone, Orthant
 from ...exact.rounding import HALF_ULP
 from ..blocks import Floats, Index, apply
-from ..certify import Data, inwards, lower_outputs, moved
+from ..certify import Data
+from ..inwards import inwards, lower_outputs, moved
 from ..model import NetworkModel
 from ..spectrum.descent import interior, is_inside
 from ..spectrum.port_solves import PortSystem, direct_loop

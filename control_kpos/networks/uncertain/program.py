@@ -16,7 +16,8 @@ import scipy.sparse as sp
 from ...exact.programs import solve
 from .. import conditions as on
 from ..blocks import Floats
-from ..certify import Data, lower_outputs
+from ..certify import Data
+from ..inwards import lower_outputs
 from ..model import NetworkModel
 from .members import Vertices
 from .witnesses import NoCommonStorage
