@@ -2844,6 +2844,8 @@ KINDS = {"<f8": "d", "<i4": "i", "<i8": "q"}
 HEAD = 128
 # Nodes, states, inputs and outputs of a shard that need not have a byte in its files.
 FREE_SIZES = 10_000_000
+# Nodes, states with inputs and outputs, and entries of W with numbers that are no doubles, of a network in one piece.
+ONE_PIECE = 5_000, 20_000, 1_000_000
 
 
 @dataclass
@@ -2973,7 +2975,9 @@ def shards_in(folder: Path) -> Shards:
         expect(sum(t[0] for _, t in stacks) == index(s["nodes"]), f"shard {p} has not the nodes of its stacks")
         needed = {f"members{g}" for g in range(len(stacks))} if len(stacks) > 1 else set[str]()
         needed |= {"weights", "targets", "indptr", "halo"} if stacks else set()
-        free = {f"{name}{g}" for name in "ABCD" for g in range(len(stacks))} | ({"numbers"} if stacks else set())
+        free = {f"{name}{g}" for name in "ABCD" for g in range(len(stacks))} | (
+            {"numbers", "names"} if stacks else set()
+        )
         expect(needed <= s["files"].keys() <= needed | free, f"shard {p} has other files")
         sizes = [sum(n * C[kind].dim for n, C in out.stacks(p)) for kind in range(3)]
         totals.append([s["nodes"], *sizes])
@@ -2994,7 +2998,8 @@ class Layout:
 def layout(net: Shards, p: int) -> Layout:
     """Where the nodes of a shard are, whose sizes are bounded by the bytes of its files."""
     n, stacks = count(net, p, 0), net.stacks(p)
-    room = sum((place_of(net.folder, p, name).stat().st_size for name in net.files(p)), FREE_SIZES)
+    arrays = net.files(p).keys() - {"names"}
+    room = sum((place_of(net.folder, p, name).stat().st_size for name in arrays), FREE_SIZES)
     expect(sum(count(net, p, kind) for kind in range(4)) <= room, f"the sizes of shard {p} are absurd for its files")
     of, places = packed("q", repeat(0, n)), packed("q", range(n))
     if len(stacks) != 1:
@@ -3025,6 +3030,18 @@ class Shard:
     away: dict[int, Numbers]
 
 
+def away_from(net: Shards, p: int, only: int | None = None) -> Iterator[tuple[int, Layout, list[tuple[int, range]]]]:
+    """The halo of a shard, by shard, or in one: its layout, and the place of every node with those of its inputs."""
+    halo = net.read(p, "halo", "iq", [index(*net.files(p)["halo"]["shape"])])
+    expect(all(a < b for a, b in pairwise(halo)), f"the halo of shard {p} is not in order")
+    expect(all(0 <= j < net.nodes() for j in halo), f"the halo of shard {p} has nodes that are not there")
+    for k, nodes in groupby(halo, lambda j: bisect(net.starts[0], j) - 1):
+        expect(k != p, f"the halo of shard {p} has nodes of its own")
+        if only in (None, k):
+            there, places = layout(net, k), (node - net.starts[0][k] for node in nodes)
+            yield k, there, [(j, range(*there.starts[1][j : j + 2])) for j in places]
+
+
 def shard_with_halo(net: Shards, p: int) -> Shard:
     """A shard from its files, and from those that say where the inputs of the halo are."""
     own, stacks, blocks = layout(net, p), net.stacks(p), dict[str, Numbers]()
@@ -3036,14 +3053,9 @@ def shard_with_halo(net: Shards, p: int) -> Shard:
     firsts, away = own.starts[1][:], dict[int, Numbers]()
     firsts.pop()
     heard = [stacks[g][1][1] for g in own.stacks]
-    halo = net.read(p, "halo", "iq", [index(*net.files(p)["halo"]["shape"])])
-    expect(all(a < b for a, b in pairwise(halo)), f"the halo of shard {p} is not in order")
-    expect(all(0 <= j < net.nodes() for j in halo), f"the halo of shard {p} has nodes that are not there")
-    for k, nodes in groupby(halo, lambda j: bisect(net.starts[0], j) - 1):
-        expect(k != p, f"the halo of shard {p} has nodes of its own")
-        there, stacks, away[k] = layout(net, k), net.stacks(k), packed("q")
-        for j in (node - net.starts[0][k] for node in nodes):
-            places = range(there.starts[1][j], there.starts[1][j + 1])
+    for k, there, nodes in away_from(net, p):
+        stacks, away[k] = net.stacks(k), packed("q")
+        for j, places in nodes:
             firsts.append(len(owners))
             owners.extend([len(heard)] * len(places))
             heard.append(stacks[there.stacks[j]][1][1])
@@ -3141,9 +3153,13 @@ class InShards:
     data: Json
     net: Shards
 
-    def vector(self, p: int, name: str) -> Numbers:
-        """v, r, q, p or t of a shard, in the order of its nodes."""
-        size = count(self.net, p, {"v": 1, "r": 2, "q": 3, "p": 3, "t": 2}[name])
+    def vector(self, p: int, name: str, size: int = 0) -> Numbers:
+        """v, r, q, p, t, x, u or y of a shard, in the order of its nodes; z of this size."""
+        size = (
+            size
+            if name == "z"
+            else count(self.net, p, {**dict.fromkeys("vx", 1), **dict.fromkeys("rtu", 2)}.get(name, 3))
+        )
         out = numbers(place_of(self.folder, p, name), self.data["shards"][p]["files"][name], "d", [size])
         need(all(map(isfinite, out)), f"{name} of shard {p} is finite")
         return out
@@ -3166,18 +3182,21 @@ def certificate_in_shards(folder: Path, network: Path | None) -> InShards:
     """The certificate in a folder, and the network that it is about, which may have been moved."""
     entries = {"network", "status", "refuted", "reason", "shards"}
     d, _ = manifest(folder, "kpos-shards-certificate/1", entries, {"growth", "whole"})
-    if not {"growth", "whole"}.isdisjoint(d):
-        raise Omitted("a state that grows, and networks in one piece, are proven by control_kpos only")
+    grows, parts = "growth" in d, "growth" in d or (d["status"] == "PROVED" and "whole" not in d)
+    expect(not grows or ("whole" not in d and d["status"] == "REFUTED"), "a state that grows refutes, and nothing else")
+    alone = d["status"] == "REFUTED" and not grows and "whole" not in d
+    expect(d["refuted"] is None or alone, "a shard is refuted where none is to be")
     expect(d["network"].keys() == {"folder", "digest"}, f"the manifest of {folder} names no network")
     net = shards_in(folder / d["network"]["folder"] if network is None else network)
     expect(digest(net.data) == d["network"]["digest"], f"{net.folder} is not the network of this certificate")
     expect(type(d["reason"]) is str, "the reason is no text")
-    expect(len(d["shards"]) == (len(net.data["shards"]) if d["status"] == "PROVED" else 0), "there are other shards")
+    expect(len(d["shards"]) == (len(net.data["shards"]) if parts else 0), "there are other shards")
     out = InShards(folder, d, net)
-    names = {*"vrq"} | ({*"pt"} if has_weights(out) else set[str]())
+    names = {*("xuyz" if grows else "vrq"), *("pt" if has_weights(out) else "")}
     for p, s in enumerate(d["shards"]):
         filled = count(net, p, 0) > 0
-        expect(s.keys() == ({"rate", "files"} if filled else set()), f"shard {p} has other entries")
+        entries = {"files"} if grows else {"rate", "files"}
+        expect(s.keys() == (entries if filled else set()), f"shard {p} has other entries")
         expect(not filled or s["files"].keys() == names, f"shard {p} has other vectors")
     return out
 
@@ -3209,13 +3228,21 @@ def proven_nodes(s: Shard, vectors: dict[str, Numbers], rate: float, *, closed: 
         kept_inside(node, heard, s)
         states, inputs, outputs = (range(*ends[j : j + 2]) for ends in s.layout.starts)
         v, q = at_places(vectors["v"], states, convert), at_places(vectors["q"], outputs, convert)
-        r, t = (at_inputs(vectors[name], inputs, heard, convert) if name in vectors else {} for name in "rt")
-        if "p" in vectors:
-            contracts(node, at_places(vectors["p"], outputs, convert), t)
-        need("p" in vectors or not any(node.D), "there are weights for the algebraic loops")
+        r = at_inputs(vectors["r"], inputs, heard, convert)
+        loops_contract(node, vectors, (inputs, outputs), heard, convert)
         supplied(node, v, q, r)
         balance(node, q, r)
         decreases(node, v, q, Fraction(rate) if node.unit == 1 else multiplied(node.unit, rate))
+
+
+def loops_contract(
+    node: System, vectors: dict[str, Numbers], own: tuple[range, range], heard: Heard, convert: Callable[[float], Any]
+) -> None:
+    """The share of a node, with these inputs and outputs, in the proof that algebraic loops contract; or D = 0."""
+    if "p" in vectors:
+        t = at_inputs(vectors["t"], own[0], heard, convert)
+        contracts(node, at_places(vectors["p"], own[1], convert), t)
+    need("p" in vectors or not any(node.D), "there are weights for the algebraic loops")
 
 
 def at_inputs(x: Numbers, own: range, heard: Heard, convert: Callable[[float], Any]) -> Vector:
@@ -3236,14 +3263,139 @@ def leaving(s: Shard, *, closed: bool) -> bool:
 def refuted_shards(c: InShards) -> str:
     """A node that is not positive or a link that leaves the cones, in the shard that is named, also if own links of
     nodes are closed; what is shown, in words.
-
-    A witness of growth, about all shards, has its place here.
     """
     p = index(c.data["refuted"])
     s = shard_with_halo(c.net, p)
     need(leaving(s, closed=False), f"no node or link of shard {p} leaves its cones")
     need(leaving(s, closed=True), f"shard {p} is positive once links of nodes to themselves are closed")
     return f"a node or a link of shard {p} leaves its cones"
+
+
+def senders(net: Shards) -> tuple[list[int], list[list[tuple[int, range]]]]:
+    """How long the z of every shard is; and for every shard those that feed it, with the entries of their z for it."""
+    lengths, feeding = [], [list[tuple[int, range]]() for _ in net.data["shards"]]
+    for s in range(len(feeding)):
+        end = 0
+        for k, _, nodes in away_from(net, s) if count(net, s, 0) else ():
+            first, end = end, end + sum(len(places) for _, places in nodes)
+            feeding[k].append((s, range(first, end)))
+        lengths.append(end)
+    return lengths, feeding
+
+
+def growing_shard(c: InShards, p: int, lengths: list[int], feeding: list[tuple[int, range]]) -> bool:
+    """A part of a network grows with the whole, as in `grows`; whether x is not zero in it.
+
+    What an input receives comes from several shards.  Each shows z <= W y at the inputs that it feeds elsewhere, in the
+    order of U, and of its own inputs that u <= W y + the sum of the z of all that feed it.
+    """
+    s, z = shard_with_halo(c.net, p), list[tuple[int, float]]()
+    for k, entries in feeding:
+        at = [i for _, _, nodes in away_from(c.net, k, only=p) for _, places in nodes for i in places]
+        sent = c.vector(k, "z", lengths[k])
+        z += zip(at, (sent[i] for i in entries), strict=True)
+    vectors = {name: c.vector(p, name) for name in "xuy"}
+    vectors["u"].extend(c.vector(p, "z", lengths[p]))
+    if has_weights(c):
+        vectors |= {"p": c.vector(p, "p"), "t": c.at_inputs(s, "t")}
+    try:
+        growing_nodes(s, vectors, z, growth_rate(c), closed=False)
+    except Wrong:
+        growing_nodes(s, vectors, z, growth_rate(c), closed=True)
+    return any(vectors["x"])
+
+
+def growth_rate(c: InShards) -> float:
+    """The rate that is stated, at which nothing decays."""
+    rate = stated_double(c.data["growth"])
+    expect(rate >= c.net.discrete, "what grows by less than 1 a step decays")
+    return rate
+
+
+def growing_nodes(
+    s: Shard, vectors: dict[str, Numbers], z: list[tuple[int, float]], rate: float, *, closed: bool
+) -> None:
+    """x and A x + B u - rate x in X, C x + D u - y in Y;  W y + z - u in U, where u goes on with the z of the shard."""
+    unit, asked, unit_of_nodes = unit_of(*vectors.values(), [a for _, a in z]), vectors["u"], 1
+    convert = partial(multiplied, unit)
+    received: list[Any] = [0] * len(asked)
+    for j, (node, heard) in enumerate(node_systems(s, closed, rate)):
+        kept_inside(node, heard, s)
+        states, inputs, outputs = (range(*ends[j : j + 2]) for ends in s.layout.starts)
+        loops_contract(node, vectors, (inputs, outputs), heard, convert)
+        x, y = at_places(vectors["x"], states, convert), at_places(vectors["y"], outputs, convert)
+        u, unit_of_nodes = at_places(asked, inputs, convert), node.unit
+        faces_pass(node.X, x, "x in X")
+        factor = Fraction(rate) if node.unit == 1 else multiplied(node.unit, rate)
+        moved = total((1, image(node.A, x)), (1, image(node.B, u)), (-factor, x))
+        faces_pass(node.X, moved, "A x + B u - rate x in X")
+        faces_pass(node.Y, total((1, image(node.C, x)), (1, image(node.D, u)), (-node.unit, y)), "C x + D u - y in Y")
+        for i, a in image(node.W, y).items():
+            received[heard[i][0]] += a
+    for column, a in z:
+        received[column] += unit_of_nodes * convert(a)
+    for first, target in zip(s.firsts, s.heard, strict=True):
+        spare = {i: received[first + i] - unit_of_nodes * convert(asked[first + i]) for i in range(target.dim)}
+        faces_pass(target, spare, "W y + z - u in U")
+
+
+def faces_pass(target: Any, x: Vector, what: str) -> None:
+    """x is in a cone, by its facets."""
+    need(all(dot(h, x) >= 0 for h in target.faces), what)
+
+
+def growing_shards(c: InShards, shard: int | None, chosen: list[int]) -> str:
+    """A state that grows in the chosen shards; what is shown, in words."""
+    lengths, feeding = senders(c.net)
+    alive = [growing_shard(c, p, lengths, feeding[p]) for p in chosen]
+    rate = growth_rate(c)
+    if shard is None:
+        need(any(alive), "the state that is to grow is not zero")
+        return f"a state of the network of {c.net.nodes()} nodes grows, rate {rate}"
+    return f"shard {shard}, growth rate {rate}; the network grows if all shards show it, and x is not zero in one"
+
+
+def in_one_piece(c: InShards) -> str:
+    """A network that is small enough, by a file about all of it, which is not about supply rates that were chosen."""
+    net, path, entry = c.net, c.folder / "whole.json", c.data["whole"]
+    nodes, *sizes = (starts[-1] for starts in net.starts)
+    fractions = any("links" in s.get("exact", ()) for s in net.data["shards"])
+    fits = nodes <= ONE_PIECE[0] and sum(sizes) <= ONE_PIECE[1]
+    expect(fits and sizes[1] * sizes[2] * fractions <= ONE_PIECE[2], "the network is too large for one piece")
+    expect(entry.keys() == {"sha256"} and path.is_file(), f"{path} is not described, or missing")
+    expect(hashlib.sha256(path.read_bytes()).hexdigest() == entry["sha256"], f"{path} is another file")
+    need(in_file(path) == (c.data["status"], "network"), "the file in one piece proves something else")
+    f, length = parsed(path)
+    witness = f["data"].get("witness")
+    need(witness is None or witness["record"] not in ("NodeNotDissipative", "NoWeights"), "that is no network's fault")
+    e = Said({**f["data"], "own_links_closed": None})
+    dt = e["dt"] if e["dt"] is None or isinstance(e["dt"], int) else double(e["dt"])
+    need(dt == (net.data["dt"] if type(net.data["dt"]) is not str else number(net.data["dt"])), "both have one time")
+    same_network(family("network", e, length + 20_000)[0], net, length + 20_000)
+    return f"network of {nodes} nodes in one piece"
+
+
+def same_network(whole: System, net: Shards, limit: int) -> None:
+    """A network with the numbers, sizes and cones of the shards, node by node and link by link."""
+    parts = [p for p in range(len(net.data["shards"])) if count(net, p, 0)]
+    need(len(whole.nodes) == net.nodes(), "both have as many nodes")
+    for name, cone_of_all in zip("XUY", whole.cones(), strict=True):
+        stacks = ((net.data["shards"][p]["stacks"], layout(net, p)) for p in parts)
+        runs = [run for stack, at in stacks for g in at.stacks for run in net.data["cones"][stack[g][name]]]
+        need(cone({"cone": runs}, limit).rays == cone_of_all.rays, "both have the same cones")
+    for p in parts:
+        s, starts = shard_with_halo(net, p), [part[p] for part in net.starts]
+        columns = [*range(starts[2], net.starts[2][p + 1])]
+        columns += [net.starts[2][k] + i for k, places in s.away.items() for i in places]
+        for j, (node, heard) in enumerate(node_systems(s, closed=False)):
+            ends = zip(starts[1:], s.layout.starts, strict=True)
+            own = tuple(range(first + at[j], first + at[j + 1]) for first, at in ends)
+            need(whole.nodes[starts[0] + j] == own, "both have nodes of the same sizes")
+            for name, (to, of) in SIGNALS.items():
+                at = {i: columns[k] for i, (k, _) in heard.items()} if name == "W" else own[to]
+                for k, column in zip(own[of], getattr(node, name), strict=True):
+                    stated = {at[i]: Fraction(a) / node.unit for i, a in column.items()}
+                    need(getattr(whole, name)[k] == stated, f"both have the same {name}")
 
 
 def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tuple[str, str]:
@@ -3253,10 +3405,12 @@ def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tu
     expect(shard is None or shard in parts, f"there is no shard {shard}")
     expect(status in ("PROVED", "REFUTED", "UNDECIDED"), "the status is none")
     need(status != "UNDECIDED", "the certificate itself says UNDECIDED")
-    if status == "REFUTED":
-        return status, refuted_shards(c)
-    expect(c.data["refuted"] is None, "a shard is refuted in what is proven")
     chosen = [p for p in parts if shard in (None, p) and count(c.net, p, 0)]
+    if "whole" in c.data:
+        expect(shard is None, "what is proven in one piece has no parts")
+        return status, in_one_piece(c)
+    if status == "REFUTED":
+        return status, growing_shards(c, shard, chosen) if "growth" in c.data else refuted_shards(c)
     rate = min((proven_shard(c, p) for p in chosen), default=float("inf"))
     texts: dict[int | None, str] = {None: f"network of {c.net.nodes()} nodes in {len(parts)} shards, decay rate {rate}"}
     one = f"shard {shard} of {len(parts)}, decay rate {rate}; the network is proven if all shards are"

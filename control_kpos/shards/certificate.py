@@ -288,21 +288,22 @@ class SavedCertificate:
         if not same:
             raise CertificateFileError(f"{network.folder} is not the network that the certificate in {out} is about.")
         certificate = cls(out, data, network)
-        listed = "growth" in data or ("whole" not in data and data["status"] == "PROVED")
+        more, status = _MORE & set(data), data["status"]
+        listed = "growth" in more or (not more and status == "PROVED")
         if listed and len(data["shards"]) != network.n_shards:
             raise CertificateFileError(f"{out} is about {len(data['shards'])} shards; there are {network.n_shards}.")
-        sound = certificate._has_its_entries() if data["status"] == "PROVED" else listed or not data["shards"]
-        if not sound or (data["refuted"] is not None and (listed or data["status"] != "REFUTED")):
+        sound = certificate._has_its_entries() if listed else not data["shards"]
+        sound &= len(more) < 2 and ("growth" not in more or status == "REFUTED")
+        if not sound or (data["refuted"] is not None and (more or status != "REFUTED")):
             raise CertificateFileError(f"the manifest of {out} has other entries.")
         return certificate
 
     def _has_its_entries(self) -> bool:
-        """True if every shard with nodes has a rate and its vectors, and nothing else; others have nothing."""
-        if "whole" in self.data:
-            return not self.data["shards"]
-        names = {*VECTORS, *(WEIGHTS if self.has_weights else ())}
+        """True if every shard with nodes has its vectors, for a proof a rate, and nothing else; others have nothing."""
+        vectors, entries = (GROWING, {"files"}) if "growth" in self.data else (VECTORS, {"rate", "files"})
+        names = {*vectors, *(WEIGHTS if self.has_weights else ())}
         return all(
-            set(shard) == {"rate", "files"} and isinstance(shard["files"], dict) and set(shard["files"]) == names
+            set(shard) == entries and isinstance(shard["files"], dict) and set(shard["files"]) == names
             if count
             else not shard
             for shard, count in zip(self.data["shards"], np.diff(self.network.starts[0]).tolist(), strict=True)
@@ -401,8 +402,6 @@ class SavedCertificate:
 
     def _growth(self, executor: Any, report: Any) -> Growth:
         """The state that grows, proven anew."""
-        if self.data["status"] != "REFUTED":
-            raise CertificateFileError(f"the manifest of {self.out} states growth and {self.data['status']}.")
         rate = stated_rate(self.data["growth"], self.network, self.out)
         parts = dict(self._each(("z", "t"), "prove_growth", executor, report, senders(self.network)))
         found = together(parts, rate, self.network.discrete)

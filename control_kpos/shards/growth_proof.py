@@ -23,7 +23,7 @@ from ..exact.matrix import Matrix
 from ..networks import conditions as on
 from ..networks.blocks import Floats, Index
 from ..networks.model import NetworkModel
-from .network import ShardedNetwork, ranges
+from .network import ShardedNetwork, ranges, stated_double
 
 VECTORS = ("x", "u", "y", "z")
 
@@ -83,7 +83,7 @@ def together(parts: Mapping[int, Part], rate: float, discrete: bool) -> Growth |
 def stated_rate(text: Any, network: ShardedNetwork, out: Path) -> float:
     """The rate of a state that grows, as the manifest of a certificate states it."""
     try:
-        rate = float.fromhex(text)
+        rate = stated_double(text)
     except (TypeError, ValueError, OverflowError):
         rate = np.nan
     if not float(network.discrete) <= rate < np.inf:
