@@ -3155,12 +3155,9 @@ class InShards:
 
     def vector(self, p: int, name: str, size: int = 0) -> Numbers:
         """v, r, q, p, t, x, u or y of a shard, in the order of its nodes; z of this size."""
-        size = (
-            size
-            if name == "z"
-            else count(self.net, p, {**dict.fromkeys("vx", 1), **dict.fromkeys("rtu", 2)}.get(name, 3))
-        )
-        out = numbers(place_of(self.folder, p, name), self.data["shards"][p]["files"][name], "d", [size])
+        kinds = {key: kind for kind, keys in enumerate(("", "vx", "rtu", "qpy")) for key in keys}
+        sizes = {"z": size, **{key: count(self.net, p, kind) for key, kind in kinds.items()}}
+        out = numbers(place_of(self.folder, p, name), self.data["shards"][p]["files"][name], "d", [sizes[name]])
         need(all(map(isfinite, out)), f"{name} of shard {p} is finite")
         return out
 
@@ -3190,7 +3187,7 @@ def certificate_in_shards(folder: Path, network: Path | None) -> InShards:
     net = shards_in(folder / d["network"]["folder"] if network is None else network)
     expect(digest(net.data) == d["network"]["digest"], f"{net.folder} is not the network of this certificate")
     expect(type(d["reason"]) is str, "the reason is no text")
-    expect(len(d["shards"]) == (len(net.data["shards"]) if parts else 0), "there are other shards")
+    expect(len(listing(d["shards"])) == (len(net.data["shards"]) if parts else 0), "there are other shards")
     out = InShards(folder, d, net)
     names = {*("xuyz" if grows else "vrq"), *("pt" if has_weights(out) else "")}
     for p, s in enumerate(d["shards"]):
@@ -3352,7 +3349,8 @@ def growing_shards(c: InShards, shard: int | None, chosen: list[int]) -> str:
     if shard is None:
         need(any(alive), "the state that is to grow is not zero")
         return f"a state of the network of {c.net.nodes()} nodes grows, rate {rate}"
-    return f"shard {shard}, growth rate {rate}; the network grows if all shards show it, and x is not zero in one"
+    one = f"shard {shard} of {len(feeding)}, growth rate {rate}"
+    return f"{one}; the network grows if all shards show it, and x is not zero in one of them"
 
 
 def in_one_piece(c: InShards) -> str:
@@ -3367,10 +3365,16 @@ def in_one_piece(c: InShards) -> str:
     need(in_file(path) == (c.data["status"], "network"), "the file in one piece proves something else")
     f, length = parsed(path)
     witness = f["data"].get("witness")
-    need(witness is None or witness["record"] not in ("NodeNotDissipative", "NoWeights"), "that is no network's fault")
+    need(
+        witness is None or witness["record"] not in ("NodeNotDissipative", "NoWeights"),
+        "it is about supply rates that were chosen",
+    )
     e = Said({**f["data"], "own_links_closed": None})
     dt = e["dt"] if e["dt"] is None or isinstance(e["dt"], int) else double(e["dt"])
-    need(dt == (net.data["dt"] if type(net.data["dt"]) is not str else number(net.data["dt"])), "both have one time")
+    need(
+        dt == (number(net.data["dt"]) if type(net.data["dt"]) is str else net.data["dt"]),
+        "the file has the time of the network",
+    )
     same_network(family("network", e, length + 20_000)[0], net, length + 20_000)
     return f"network of {nodes} nodes in one piece"
 
@@ -3378,11 +3382,11 @@ def in_one_piece(c: InShards) -> str:
 def same_network(whole: System, net: Shards, limit: int) -> None:
     """A network with the numbers, sizes and cones of the shards, node by node and link by link."""
     parts = [p for p in range(len(net.data["shards"])) if count(net, p, 0)]
-    need(len(whole.nodes) == net.nodes(), "both have as many nodes")
+    need(len(whole.nodes) == net.nodes(), "the file has the nodes of the network")
     for name, cone_of_all in zip("XUY", whole.cones(), strict=True):
         stacks = ((net.data["shards"][p]["stacks"], layout(net, p)) for p in parts)
         runs = [run for stack, at in stacks for g in at.stacks for run in net.data["cones"][stack[g][name]]]
-        need(cone({"cone": runs}, limit).rays == cone_of_all.rays, "both have the same cones")
+        need(cone({"cone": runs}, limit).rays == cone_of_all.rays, "the file has the cones of the network")
     for p in parts:
         s, starts = shard_with_halo(net, p), [part[p] for part in net.starts]
         columns = [*range(starts[2], net.starts[2][p + 1])]
@@ -3390,12 +3394,12 @@ def same_network(whole: System, net: Shards, limit: int) -> None:
         for j, (node, heard) in enumerate(node_systems(s, closed=False)):
             ends = zip(starts[1:], s.layout.starts, strict=True)
             own = tuple(range(first + at[j], first + at[j + 1]) for first, at in ends)
-            need(whole.nodes[starts[0] + j] == own, "both have nodes of the same sizes")
+            need(whole.nodes[starts[0] + j] == own, "the file has the sizes of the nodes")
             for name, (to, of) in SIGNALS.items():
                 at = {i: columns[k] for i, (k, _) in heard.items()} if name == "W" else own[to]
                 for k, column in zip(own[of], getattr(node, name), strict=True):
                     stated = {at[i]: Fraction(a) / node.unit for i, a in column.items()}
-                    need(getattr(whole, name)[k] == stated, f"both have the same {name}")
+                    need(getattr(whole, name)[k] == stated, f"the file has the {name} of the network")
 
 
 def in_shards(folder: Path, shard: int | None, network: str | Path | None) -> tuple[str, str]:

@@ -403,7 +403,7 @@ class SavedCertificate:
     def _growth(self, executor: Any, report: Any) -> Growth:
         """The state that grows, proven anew."""
         rate = stated_rate(self.data["growth"], self.network, self.out)
-        parts = dict(self._each(("z", "t"), "prove_growth", executor, report, senders(self.network)))
+        parts = dict(self._each(("z", "t"), "prove_growth", executor, report, senders(self.network, verify=True)))
         found = together(parts, rate, self.network.discrete)
         if found is None:
             raise FalseClaimError(f"{self.out} says REFUTED, but the state that is to grow is 0.")

@@ -13,6 +13,7 @@ import mmap
 from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
+from tokenize import TokenError
 from typing import IO, Any
 
 import numpy as np
@@ -176,7 +177,7 @@ def read_array(path: Path, entry: Any, *, verify: bool) -> NDArray[Any]:
             array = _mapped(stream)
     except FileNotFoundError:
         raise CertificateFileError(f"{path} is missing.") from None
-    except (CertificateFileError, ValueError, TypeError, EOFError, SyntaxError) as error:
+    except (CertificateFileError, ValueError, TypeError, EOFError, SyntaxError, TokenError) as error:
         raise CertificateFileError(f"{path} is damaged: {error}") from None
     if array.dtype.str != entry["dtype"] or list(array.shape) != entry["shape"]:
         raise CertificateFileError(

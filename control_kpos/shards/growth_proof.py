@@ -91,11 +91,11 @@ def stated_rate(text: Any, network: ShardedNetwork, out: Path) -> float:
     return rate
 
 
-def senders(network: ShardedNetwork) -> dict[int, list[int]]:
+def senders(network: ShardedNetwork, *, verify: bool = False) -> dict[int, list[int]]:
     """For every shard with nodes, the others that feed it.  Costs one look at all halos."""
     out: dict[int, list[int]] = {p: [] for p in network.filled}
     for s in network.filled:
-        for p in np.flatnonzero(np.diff(np.searchsorted(network.halo(s), network.starts[0]))).tolist():
+        for p in np.flatnonzero(np.diff(np.searchsorted(network.halo(s, verify=verify), network.starts[0]))).tolist():
             out[p].append(s)
     return out
 
