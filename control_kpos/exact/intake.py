@@ -331,6 +331,19 @@ def file_path(value: Any, name: str = "path") -> Path:
     raise DataError(f"{name} is {found(value)}; give the path of a file.")
 
 
+def folder_path(value: Any, name: str) -> Path:
+    """A path of a folder, "." too.
+
+    >>> folder_path(".", "folder").is_dir()
+    True
+    """
+    if isinstance(value, (str, PathLike)):
+        path = fspath(value)
+        if isinstance(path, str) and "\0" not in path and path:
+            return Path(path)
+    raise DataError(f"{name} is {found(value)}; give the path of a folder.")
+
+
 def items(value: Any, name: str) -> list[Any]:
     """The items of a list, tuple or other iterable that is no text and no table.
 

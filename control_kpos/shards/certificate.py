@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..cards import floored
 from ..errors import CertificateFileError, DataError, FalseClaimError
 from ..exact.condition import all_hold
-from ..exact.intake import file_path, found
+from ..exact.intake import folder_path, found
 from ..exact.matrix import Matrix
 from ..networks.blocks import Floats
 from ..networks.certificate import REMEDY, NetworkCertificate, decreasing
@@ -38,7 +38,7 @@ from .folders import MANIFEST, read_array, read_manifest, shard_folder, write_ma
 from .growth_proof import VECTORS as GROWING
 from .growth_proof import Growth, Part, heard, is_growing, senders, stated_rate, together
 from .network import ShardedNetwork, limited_work, stated_double
-from .whole import rates_in_one_piece, reproven
+from .whole import rates_in_one_piece, reproven, witness_in_one_piece
 
 FORMAT = "kpos-shards-certificate/1"
 VECTORS = ("v", "r", "q")
@@ -75,7 +75,8 @@ class ShardedCertificate:
     path : Path
         The folder of the certificate.
     whole : NetworkCertificate or None
-        Of a small network that shards left open: the certificate of all shards in one piece.
+        Of a small network that shards left open: the certificate of all shards in one piece, which numbers nodes as
+        they follow each other in the shards.
     network : Path or None
         The folder of the network, if it may be elsewhere than the certificate says.
     """
@@ -232,10 +233,10 @@ def check(
     >>> kp.shards.check(folder / "proof").status.name
     'PROVED'
     """
-    place = file_path(out, "out")
+    place = folder_path(out, "out")
     if not isinstance(executor, Executor | None):
         raise DataError(f"executor is {found(executor)}; give an executor of concurrent.futures, or None.")
-    given = None if network is None else file_path(network, "network")
+    given = None if network is None else folder_path(network, "network")
     with Reporter(progress) as report, np.errstate(all="ignore"), limited_work():
         return SavedCertificate.open(place, given).proven(executor, report)
 
@@ -364,7 +365,7 @@ class SavedCertificate:
                 raise FalseClaimError(
                     f"{self.out} says {status.name}, but its file in one piece proves {whole.status.name}."
                 )
-            witness, rates = whole.witness, rates_in_one_piece(network, whole)
+            witness, rates = witness_in_one_piece(network, whole), rates_in_one_piece(network, whole)
         elif status is Status.PROVED:
             rates = np.full(network.n_shards, np.inf)
             for p, rate in self._each(("r", "t"), "prove", executor, report):
@@ -379,9 +380,9 @@ class SavedCertificate:
             if witness is None or not is_shown:
                 raise FalseClaimError(f"{self.out} says REFUTED, but no node or link of shard {refuted} shows it.")
         least = float(rates.min()) if rates.size else 0.0
-        about = network.n_nodes, network.n_shards, network.discrete, self.out
+        about = network.n_nodes, network.n_shards, network.discrete, self.out.absolute()
         return ShardedCertificate(
-            status, least, rates, witness, refuted, self.data["reason"], *about, whole, network.folder
+            status, least, rates, witness, refuted, self.data["reason"], *about, whole, network.folder.absolute()
         )
 
     def _each(
@@ -404,7 +405,7 @@ class SavedCertificate:
         """The state that grows, proven anew."""
         rate = stated_rate(self.data["growth"], self.network, self.out)
         parts = dict(self._each(("z", "t"), "prove_growth", executor, report, senders(self.network, verify=True)))
-        found = together(parts, rate, self.network.discrete)
+        found = together(parts, rate, self.network)
         if found is None:
             raise FalseClaimError(f"{self.out} says REFUTED, but the state that is to grow is 0.")
         return found

@@ -13,24 +13,25 @@ import numpy as np
 
 from ..errors import DataError
 from ..exact.budget import OutOfBudgetError
-from ..exact.intake import file_path, seconds
+from ..exact.intake import folder_path, seconds
 from ..exact.rounding import HALF_ULP
 from ..networks.blocks import Floats
 from ..networks.certificate import NetworkCertificate
 from ..progress import Reporter, Target
 from ..proof.certificate import Status
 from . import steps
-from .certificate import ShardedCertificate, state
+from .certificate import FORMAT, ShardedCertificate, state
 from .checkpoints import Checkpoints
 from .dask_team import DaskTeam, read_client
-from .folders import MANIFEST
+from .folders import MANIFEST, format_of
 from .growth import Search
 from .growth_proof import Growth
 from .mpi import MpiTeam, Ranks
 from .network import ShardedNetwork
 from .ports import SolvePorts
 from .teams import Team
-from .whole import decided, fits, rates_in_one_piece, reproven
+from .unfinished import PLAN
+from .whole import decided, fits, rates_in_one_piece, reproven, witness_in_one_piece
 
 T = TypeVar("T")
 
@@ -82,8 +83,8 @@ def certify(
     CertificateFileError
         A file is missing, damaged or not the one that the manifest is about; it is named.
     DataError
-        `out` is the folder of the network; `comm` is no communicator, `client` no client of Dask, or both are given;
-        ranks are given different folders.
+        `out` is the folder of the network, or holds another one; `comm` is no communicator, `client` no client of
+        Dask, or both are given; ranks are given different folders.
     SolverError
         The Dask cluster lost all of its workers, or several with the same shard.
     OSError
@@ -139,10 +140,15 @@ def _alone(work: Callable[[], T]) -> T:
 
 def _begun(folder: Any, out: Any, progress: Target, lead: bool) -> tuple[ShardedNetwork, Path, Reporter]:
     """The network, and a folder for its certificate without an older one, made by who leads."""
-    source, place, reporter = file_path(folder, "folder"), file_path(out, "out"), Reporter(progress)
+    source, place, reporter = folder_path(folder, "folder"), folder_path(out, "out"), Reporter(progress)
     network = ShardedNetwork.open(source)
     if place.resolve() == source.resolve():
         raise DataError(f"out is {place}, the folder of the network; give another folder, such as one inside it.")
+    if ((place / MANIFEST).exists() and format_of(place) != FORMAT) or (place / _ASIDE / PLAN).exists():
+        raise DataError(
+            f"out: {place} holds something else than a certificate in shards, such as another network, which would be "
+            "lost; give another folder, or remove it first."
+        )
     if lead:
         (place / _ASIDE).mkdir(parents=True, exist_ok=True)
         (place / MANIFEST).unlink(missing_ok=True)
@@ -312,9 +318,10 @@ class _Run:
         team.lead(lambda: state(self.network, team.out, **entries))
         proven = np.zeros(0)
         if whole is not None:
-            witness, proven = whole[0].witness, rates_in_one_piece(self.network, whole[0])
+            witness = witness_in_one_piece(self.network, whole[0])
+            proven = rates_in_one_piece(self.network, whole[0])
         elif status is Status.PROVED:
             proven = np.array([float.fromhex(s["rate"]) if s else np.inf for s in shards])
         least = float(proven.min()) if proven.size else 0.0
-        about = self.network.n_nodes, self.network.n_shards, self.network.discrete, team.out
+        about = self.network.n_nodes, self.network.n_shards, self.network.discrete, team.out.absolute()
         return ShardedCertificate(status, least, proven, witness, refuted, reason, *about, whole=whole and whole[0])

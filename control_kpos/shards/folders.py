@@ -157,6 +157,16 @@ def read_manifest(folder: Path, form: str, name: str = MANIFEST) -> dict[str, An
     return content["data"]
 
 
+def format_of(folder: Path) -> str:
+    """The format of the manifest in a folder; "" if there is none, or none that can be read."""
+    try:
+        require_regular(folder / MANIFEST)
+        content = parse((folder / MANIFEST).read_text(encoding="utf-8"))
+    except (OSError, CertificateFileError, UnicodeDecodeError):
+        return ""
+    return str(content.get("format")) if isinstance(content, dict) else ""
+
+
 def read_array(path: Path, entry: Any, *, verify: bool) -> NDArray[Any]:
     """The numbers of a file, mapped; with `verify` they are compared with the digest first.
 

@@ -220,6 +220,8 @@ class Search:
         if not team.all(len(found) == len(team.shards)):
             return None
         shards = team.together(found)
-        growth = together({p: part for p, (part, _) in shards.items()}, rate, network.discrete)
+        parts, mine = {p: part for p, (part, _) in shards.items()}, list[Growth | None]()
+        team.lead(lambda: mine.append(together(parts, rate, network)))  # reads a file
+        growth = (team.first((0, mine[0]) if mine else None) or (0, None))[1]
         entries = [shards[p][1] if p in shards else {} for p in range(network.n_shards)]
         return None if growth is None else Shown(growth, entries)

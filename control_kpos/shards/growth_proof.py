@@ -39,7 +39,7 @@ class Growth:
     alive : int
         How many entries of x are not 0.
     node : int
-        Where x is largest.
+        Where x is largest, by its number in the source.
     discrete : bool
     """
 
@@ -58,7 +58,7 @@ class Growth:
 
 @dataclass(frozen=True)
 class Part:
-    """What a shard has of a state: how many entries are not 0, the largest, and the node that has it."""
+    """What a shard has of a state: how many entries are not 0, the largest, and the place of the node that has it."""
 
     alive: int
     peak: float
@@ -72,12 +72,13 @@ class Part:
         return cls(int(np.count_nonzero(x)), float(peaks[node]), network.own(p, 0).start + node)
 
 
-def together(parts: Mapping[int, Part], rate: float, discrete: bool) -> Growth | None:
+def together(parts: Mapping[int, Part], rate: float, network: ShardedNetwork) -> Growth | None:
     """The growth that all shards show, if x is not 0."""
     alive = sum(part.alive for part in parts.values())
     if not alive:
         return None
-    return Growth(rate, alive, max(parts.values(), key=lambda part: part.peak).node, discrete)
+    place = max(parts.values(), key=lambda part: part.peak).node
+    return Growth(rate, alive, network.number(place), network.discrete)
 
 
 def stated_rate(text: Any, network: ShardedNetwork, out: Path) -> float:

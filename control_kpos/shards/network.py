@@ -218,7 +218,7 @@ class ShardedNetwork:
         own = self.own(p, 0)
         if "numbers" not in self.data["shards"][p]["files"]:
             return np.arange(own.start, own.stop)[places]
-        numbers = self.array(p, "numbers")
+        numbers = self.array(p, "numbers", verify=True)
         if numbers.shape != (own.stop - own.start,) or numbers.dtype.kind != "i":
             raise CertificateFileError(f"the numbers of nodes of {shard_folder(self.folder, p)} are damaged.")
         return numbers[places]
@@ -274,7 +274,7 @@ class ShardedNetwork:
         exact = self.exact(p, "nodes")
         stacks = [self._stack(p, g, exact, verify) for g in range(len(members))]
         nodes = self.halo(p, verify=verify)
-        kinds, _, sizes = self.receivers(nodes)
+        kinds, _, sizes = self.receivers(nodes, verify=verify)
         occurring = np.flatnonzero(np.bincount(kinds))
         halo = Halo(tuple(self.cones[i] for i in occurring), np.searchsorted(occurring, kinds))
         width = sum(index.size * s.sizes[1] for index, s in zip(members, stacks, strict=True)) + int(sizes.sum())
@@ -357,7 +357,7 @@ class ShardedNetwork:
     def fed(self, p: int, *, verify: bool = False) -> Index:
         """The inputs that the columns of the links of a shard stand for, among those of all nodes."""
         own = self.own(p, 2)
-        _, first, sizes = self.receivers(self.halo(p, verify=verify))
+        _, first, sizes = self.receivers(self.halo(p, verify=verify), verify=verify)
         return np.concatenate([np.arange(own.start, own.stop), ranges(first, sizes)])
 
     @cached_property
@@ -366,11 +366,11 @@ class ShardedNetwork:
         kinds = {t["U"] for shard in self.data["shards"] for t in shard["stacks"]}
         return kinds.pop() if len(kinds) == 1 else None
 
-    def _inputs_in(self, p: int) -> tuple[Index, Index]:
+    def _inputs_in(self, p: int, verify: bool) -> tuple[Index, Index]:
         """For the nodes of a shard: the place of the input cone, and where the inputs begin among all; and the end."""
         shard = self.data["shards"][p]
         kinds = np.zeros(shard["nodes"], dtype=np.int64)
-        for t, index in zip(shard["stacks"], self.members(p), strict=True):
+        for t, index in zip(shard["stacks"], self.members(p, verify=verify), strict=True):
             kinds[index] = t["U"]
         sizes = self._dims[kinds]
         return kinds, self.own(p, 2).start + np.concatenate([[0], np.cumsum(sizes)])
@@ -379,7 +379,7 @@ class ShardedNetwork:
     def _dims(self) -> Index:
         return np.array([cone.dim for cone in self.cones], dtype=np.int64)
 
-    def receivers(self, nodes: Index) -> tuple[Index, Index, Index]:
+    def receivers(self, nodes: Index, *, verify: bool = False) -> tuple[Index, Index, Index]:
         """For nodes in their order: the places of their input cones, where their inputs begin, and how many."""
         kinds, first = np.zeros(len(nodes), dtype=np.int64), np.zeros(len(nodes), dtype=np.int64)
         if self._uniform is not None:
@@ -389,7 +389,7 @@ class ShardedNetwork:
         cuts = np.searchsorted(nodes, self.starts[0])
         for p in np.flatnonzero(np.diff(cuts)).tolist():
             part = slice(cuts[p], cuts[p + 1])
-            inside, begin = self._inputs_in(p)
+            inside, begin = self._inputs_in(p, verify)
             at = nodes[part] - self.own(p, 0).start
             kinds[part], first[part] = inside[at], begin[at]
         return kinds, first, self._dims[kinds]
@@ -401,7 +401,7 @@ class ShardedNetwork:
         out, cuts = np.zeros(len(inputs), dtype=np.int64), np.searchsorted(inputs, self.starts[2])
         for p in np.flatnonzero(np.diff(cuts)).tolist():
             part = slice(cuts[p], cuts[p + 1])
-            _, begin = self._inputs_in(p)
+            _, begin = self._inputs_in(p, verify=False)
             out[part] = self.own(p, 0).start + np.searchsorted(begin, inputs[part], side="right") - 1
         return out
 

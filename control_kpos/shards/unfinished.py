@@ -20,7 +20,7 @@ from .partition import Parts
 
 _FORMAT = "kpos-shards-unfinished/1"
 _NAME = ".unfinished"
-_PLAN = "plan.json"
+PLAN = "plan.json"
 
 
 def plan_of(source: Any, parts: Parts) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class Unfinished:
             They are about another network.
         """
         notes = cls(folder)
-        found = notes._note(_PLAN) if resume else None
+        found = notes._note(PLAN) if resume else None
         if found not in (None, plan):
             raise DataError(
                 f"folder: what {folder} holds is the beginning of another network, or of one in other shards, which "
@@ -66,7 +66,7 @@ class Unfinished:
         if found is None:
             rmtree(notes.place, ignore_errors=True)
         notes.place.mkdir(parents=True, exist_ok=True)
-        notes._keep(_PLAN, plan)
+        notes._keep(PLAN, plan)
         return notes
 
     @property

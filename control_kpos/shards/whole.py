@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -83,6 +84,15 @@ def reproven(network: ShardedNetwork, out: Path, entry: Any) -> NetworkCertifica
 def rates_in_one_piece(network: ShardedNetwork, whole: NetworkCertificate) -> NDArray[np.float64]:
     """The rate of every shard where all of them are proven at once."""
     return np.where(np.diff(network.starts[0]) > 0, whole.decay_rate, np.inf) if whole else np.zeros(0)
+
+
+def witness_in_one_piece(network: ShardedNetwork, whole: NetworkCertificate) -> Any:
+    """The witness with the numbers that its nodes have in the source; vectors stay in the order of the shards."""
+    found: Any = whole.witness
+    if isinstance(found, AlgebraicLoop):
+        return replace(found, nodes=np.sort([network.number(node) for node in found.nodes.tolist()]))
+    ends = {end: network.number(getattr(found, end)) for end in ("node", "target", "source") if hasattr(found, end)}
+    return replace(found, **ends) if ends else found
 
 
 def _digest(path: Path) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from ..errors import DataError, TimebaseError
-from ..exact.intake import file_path, flag
+from ..exact.intake import flag, folder_path
 from ..exact.matrix import Matrix
 from ..networks.blocks import Index
 from ..networks.coupling import entries_of
@@ -23,7 +23,7 @@ from ..progress import Reporter, Target
 from ..proof.files import digest
 from ..proof.portable_cones import decode_cone
 from .exact_numbers import Entries, are_equal, entries_beside
-from .folders import MANIFEST, shard_folder, write_arrays, write_manifest, write_text
+from .folders import MANIFEST, format_of, shard_folder, write_arrays, write_manifest, write_text
 from .network import FORMAT, MOST, NAMES, ConeTable, ShardedNetwork, exact_file, read_time
 from .partition import Parts, share_out
 from .sorting import Sorted
@@ -131,7 +131,7 @@ def write(
     Raises
     ------
     DataError
-        A folder that holds a network already; with `resume`, the beginning of another one.
+        A folder that holds a network or a certificate already; with `resume`, the beginning of another one.
     ConeMismatchError, ShapeError, TimebaseError
         Parts of other sizes than asked for, or that do not fit together; not one shard for every node.
     SolverError
@@ -161,9 +161,10 @@ def write(
     >>> kp.shards.certify(folder, folder / "proof").status.name
     'PROVED'
     """
-    path, whole, resume = file_path(folder, "folder"), read_source(source), flag(resume, "resume")
+    path, whole, resume = folder_path(folder, "folder"), read_source(source), flag(resume, "resume")
     if (path / MANIFEST).exists():
-        raise DataError(f"folder: {path} holds a network already; give another folder, or remove it first.")
+        what = "a network" if format_of(path) == FORMAT else "a certificate, or a manifest of something else,"
+        raise DataError(f"folder: {path} holds {what} already; give another folder, or remove it first.")
     shares = share_out(whole, parts, partition)
     plan = plan_of(whole, shares)
     notes = Unfinished.begin(path, plan, resume=resume)
