@@ -212,7 +212,7 @@ def test_arguments_that_are_wrong_on_one_rank(tmp_path):
     assert found[0] == found[1]
     for kind, message in found[0]:
         assert kind == "DataError"
-        assert "ranks 0 and 1 are given different folders" in message
+        assert "ranks 0 and 1 are given different arguments" in message
     assert not (folder / "other").exists()
 
 

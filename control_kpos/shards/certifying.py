@@ -62,7 +62,7 @@ def certify(
         A folder for the certificate: v, r and q of every shard, and a manifest.  An older one in it is replaced.
     comm : mpi4py.MPI.Intracomm, optional
         Ranks that share out the shards, on machines that see the same folders.  All of them call this with the same
-        arguments and get the same certificate, bit for bit that of one process.
+        arguments and get the same certificate; for PROVED it is bit for bit that of one process.
     client : distributed.Client, optional
         Its workers do the steps for the shards.  They and this process see both folders under the same names.  A step
         that was lost with its worker is done again by another one.
@@ -84,7 +84,7 @@ def certify(
         A file is missing, damaged or not the one that the manifest is about; it is named.
     DataError
         `out` is the folder of the network, or holds another one; `comm` is no communicator, `client` no client of
-        Dask, or both are given; ranks are given different folders.
+        Dask, or both are given; ranks are given different arguments.
     SolverError
         The Dask cluster lost all of its workers, or several with the same shard.
     OSError
@@ -117,10 +117,11 @@ def certify(
     if comm is not None and client is not None:
         raise DataError("comm and client are given; give one of them: MPI or Dask.")
     ranks, workers = None if comm is None else Ranks(comm), None if client is None else read_client(client)
-    if ranks is not None:
-        ranks.require_alike(f"folder = {folder}, out = {out}")
-    begun, limit = time.monotonic(), seconds(time_limit)
+    begun = time.monotonic()
     lead, together = (True, _alone) if ranks is None else (ranks.rank == 0, ranks.same)
+    limit = together(lambda: seconds(time_limit))
+    if ranks is not None:
+        ranks.require_alike(f"folder = {folder}, out = {out}, time_limit = {limit}")
     network, place, reporter = together(lambda: _begun(folder, out, progress, lead))
     with reporter as report, np.errstate(all="ignore"):
         about = network, place, place / _ASIDE, report
