@@ -141,3 +141,28 @@ def test_limits_are_positive_numbers_of_seconds(name, limit):
     search = next(make for label, make in SEARCHES.items() if label.split(" ")[0].rstrip(",") == name)
     with pytest.raises((kp.DataError, kp.ShapeError), match="time_limit"):
         search(time_limit=limit)
+
+
+@pytest.mark.parametrize("limit", [1e-9, 2e-3])
+@pytest.mark.parametrize("own", [None, 100])
+def test_a_question_with_a_short_limit_leaves_no_verdict_to_longer_ones(own, limit):
+    nodes, links = tanks(200)
+    net = kp.feedback_interconnect(nodes, links, time_limit=own)
+    net.linear_lyapunov(time_limit=limit)
+    kp.structured_gain(net, time_limit=limit)
+    assert net.certificate.status.name == "REFUTED"
+
+
+def test_nested_limits_name_the_shorter_and_keep_nothing():
+    net = kp.feedback_interconnect(*tanks(50), time_limit=100)
+    with budget(time_limit=1e-9) as around:
+        found = net.certificate
+    assert found.status.name == "UNDECIDED"
+    assert "1e-09 s" in found.explain()
+    assert around.refused_by
+    assert net.certificate.status.name == "REFUTED"
+    ranges = kp.interval(0.1 * np.ones((3, 3)), 0.2 * np.ones((3, 3)))
+    uncertain = kp.feedback_interconnect(tanks(8)[0][:3], ranges, time_limit=100)
+    with budget(time_limit=1e-9):
+        assert uncertain.certificate.status.name == "UNDECIDED"
+    assert uncertain.certificate.status.name != "UNDECIDED"

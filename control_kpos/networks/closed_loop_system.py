@@ -27,7 +27,7 @@ from ..exact.intake import exact_matrix, exact_number, seconds
 from ..exact.matrix import Matrix
 from ..progress import Reporter, Target
 from ..proof.certificate import Status, exactly
-from ..proof.in_time import in_time
+from ..proof.in_time import in_time, kept
 from ..systems.cones_of_connections import lies_in, opposite
 from ..systems.operations import as_gain
 from ..systems.reading import read_operand
@@ -104,9 +104,12 @@ class ClosedLoopSystem(NetworkResponses):
             B, C, D = B[:, inputs], C[outputs], D[outputs][:, inputs]
         return System(A, B, C, D, self.X, self.U, self.Y, self.dt)
 
-    @cached_property
+    @property
     def certificate(self) -> NetworkCertificate:
         """Theorem 4 for this network: PROVED, or REFUTED with what breaks it; UNDECIDED if a time limit ends it."""
+        return kept(self, "certificate", self._certificate)
+
+    def _certificate(self) -> NetworkCertificate:
         with Reporter(self._progress) as report:
             find = partial(certify, progress=report) if self._find is certify else self._find
             return self._in_time(None, partial(find, self.model), lambda: NetworkCertificate.settle(model=self.model))

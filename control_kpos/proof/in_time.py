@@ -27,14 +27,30 @@ def in_time(time_limit: Any, find: Callable[[], C], nothing: Callable[[], C]) ->
     limit = seconds(time_limit)
     if limit is None:
         return find()
-    with budget(time_limit=limit):
+    with budget(time_limit=limit) as own:
         try:
             found, ended = find(), ended_by()
         except OutOfBudgetError:
             found, ended = None, ended_by()
+    if own.outer is not None and own.deadline == own.outer.deadline:  # the limit around this one was the shorter
+        own.outer.refused_by = own.outer.refused_by or ended
     found = nothing() if found is None else found
     if ended and getattr(found, "status", None) is Status.UNDECIDED:
         vars(found)["_ended"] = ended  # no part of the claim, of comparisons, or of files
+    return found
+
+
+def kept(owner: Any, name: str, find: Callable[[], C]) -> C:
+    """What an object holds by this name, or what is found for it; it keeps that unless a limit around ended the search.
+
+    A question with a short limit of its own must not leave its UNDECIDED to those that follow.
+    """
+    known = vars(owner)
+    if name in known:
+        return known[name]
+    found = find()
+    if getattr(found, "status", None) is not Status.UNDECIDED or not ended_by():
+        known[name] = found
     return found
 
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ...cards import card
 from ...errors import DataError, ShapeError
+from ...proof.in_time import kept
 from ..blocks import Index
 from ..coupling import read_ends
 from ..model import NetworkModel
@@ -70,9 +71,12 @@ class UncertainNetwork(ConeNetwork):
         super().__init__(models[0], external=external, name=name, progress=progress, time_limit=time_limit)
         self.models, self.lower = models, lower
 
-    @cached_property
+    @property
     def certificate(self) -> UncertainNetworkCertificate:  # type: ignore[override]
         """Theorem 4 with one v, r, q for all vertices: PROVED, or REFUTED with what breaks it."""
+        return kept(self, "certificate", self._certificate)
+
+    def _certificate(self) -> UncertainNetworkCertificate:  # type: ignore[override]
         return self._in_time(None, lambda: certify_all(self.models, self.lower), self._nothing)
 
     def _nothing(self) -> UncertainNetworkCertificate:
