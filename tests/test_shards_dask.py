@@ -73,9 +73,13 @@ def test_a_killed_worker_is_survived(tmp_path, client):
 def test_errors_of_workers_are_those_of_one_process(tmp_path, client):
     nodes, W = masses(seed=6, n=50)
     folder = written(tmp_path, nodes, W, 3)
-    (folder / "shard-00001" / "weights.npy").write_bytes(b"nothing")
-    with pytest.raises(kp.CertificateFileError, match=r"shard-00001.*weights\.npy"):
+    path = folder / "shard-00001" / "weights.npy"
+    data = path.read_bytes()
+    path.write_bytes(b"nothing")
+    with pytest.raises(kp.CertificateFileError, match=r"shard-00001.*weights\.npy") as caught:
         kp.shards.certify(folder, tmp_path / "c", client=client)
+    path.write_bytes(data)  # while the scheduler remembers the error, which is still held here
+    assert kp.shards.certify(folder, tmp_path / "c", client=client) and caught.value.args
 
 
 def test_a_cluster_that_gives_up_is_said_to():
@@ -90,6 +94,14 @@ def test_a_cluster_that_gives_up_is_said_to():
 
     with pytest.raises(kp.KposError, match="gave up shard 4"):
         dask_team._result(Lost(), 4)
+
+
+def test_a_client_that_is_closed(tmp_path, client):
+    folder = written(tmp_path, *masses(seed=6, n=10), 2)
+    closed = distributed.Client(client.scheduler.address)
+    closed.close()
+    with pytest.raises(kp.DataError, match="client is closed"):
+        kp.shards.certify(folder, tmp_path / "c", client=closed)
 
 
 @pytest.mark.parametrize("client", [1, "tcp://127.0.0.1:8786", object(), []])

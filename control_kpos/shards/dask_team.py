@@ -11,13 +11,13 @@ from functools import lru_cache
 from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
+from uuid import uuid4
 
 import numpy as np
 
 from ..errors import DataError, KposError, SolverError
 from ..exact.intake import found
 from ..networks.blocks import Floats
-from ..proof.files import digest
 from .folders import keep_array
 from .network import ShardedNetwork
 from .teams import Say, Shard, Team
@@ -39,7 +39,7 @@ class DaskTeam(Team):
     def __init__(self, network: ShardedNetwork, out: Path, aside: Path, report: Say, client: Any) -> None:
         super().__init__(network, out, aside, report)
         self.client, self._numbers = client, count()
-        self._job = digest({"out": str(out.resolve()), "network": network.data}).rpartition(":")[2][:12]
+        self._job = uuid4().hex[:12]  # the scheduler gives what it remembers of a key, also of an error
 
     def each(
         self,
@@ -122,11 +122,13 @@ def read_client(client: Any) -> Any:
     Raises
     ------
     DataError
-        It is not one.
+        It is not one, is asynchronous, or is closed.
     """
     kind = type(client)
     if not any(c.__module__.partition(".")[0] == "distributed" and c.__name__ == "Client" for c in kind.__mro__):
         raise DataError(f"client is {found(client)}; give a distributed.Client, or None.")
     if getattr(client, "asynchronous", False):
         raise DataError("client is asynchronous; give one that is not: distributed.Client(..., asynchronous=False).")
+    if getattr(client, "status", "running") == "closed":
+        raise DataError("client is closed; give one that is connected: distributed.Client(...).")
     return client
