@@ -98,3 +98,17 @@ def test_relative_folders(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert found.path == again.path == tmp_path / "network" / "proof"
     assert found.check() and again.check()
+
+
+@pytest.mark.parametrize("data", [b"", b"nothing", None])
+def test_files_aside_that_somebody_changes_are_named(tmp_path, data):
+    folder = written(tmp_path, [lag(4.0)] * 6, cycle(6), 3)
+
+    def change(line):
+        if line.startswith("storage"):
+            path = folder / "proof" / ".unfinished" / "places-00001.npy"
+            path.write_bytes(path.read_bytes() * 2 if data is None else data)
+
+    with pytest.raises(kp.CertificateFileError, match=r"places-00001\.npy is damaged; no other process"):
+        kp.shards.certify(folder, folder / "proof", progress=change)
+    assert kp.shards.certify(folder, folder / "proof")

@@ -110,9 +110,22 @@ def append(path: Path, records: NDArray[Any] | bytes) -> None:
 
 
 def mapped(path: Path) -> NDArray[Any]:
-    """An array that is kept, without reading all of it."""
+    """An array that is kept, without reading all of it.
+
+    Raises
+    ------
+    CertificateFileError
+        Somebody else has changed the file meanwhile.
+    """
     with open(path, "rb") as stream:
-        shape, kind = _described(stream.read(HEADER))
+        try:
+            shape, kind = _described(stream.read(HEADER))
+        except (ValueError, EOFError, SyntaxError):
+            shape, kind = (-1,), np.dtype(float)
+        if stream.seek(0, 2) != HEADER + int(np.prod(shape, dtype=object)) * kind.itemsize:
+            raise CertificateFileError(
+                f"{path} is damaged; no other process may write to this folder while a certificate is made there."
+            )
         if 0 in shape:
             return np.zeros(shape, dtype=kind)
         data = mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ)
