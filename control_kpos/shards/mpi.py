@@ -82,7 +82,7 @@ class Ranks:
         other = next((k for k, text in enumerate(others) if text != others[0]), None)
         if other is not None:
             raise DataError(
-                f"ranks 0 and {other} are given different arguments, {others[0]} and {others[other]}; give all the same."
+                f"ranks 0 and {other} are given different arguments, {others[0]} and {others[other]}; give the same."
             )
 
     def same(self, work: Callable[[], T]) -> T:
