@@ -326,3 +326,16 @@ def test_closed_loops_of_modes_and_of_least_cost():
         kp.plot_closed_loop(still, dear)
     with pytest.raises(kp.DataError, match="not an observer"):
         kp.plot_closed_loop(still, kp.observer_gain(still))
+
+
+def test_long_names_of_many_signals_fit_below_and_beside_pictures():
+    net = kp.feedback_interconnect([kp.examples.mass_spring_node()] * 20, kp.examples.ring(20))
+    lines = kp.plot_responses(net.step_response(4.0), [0], inputs=range(12), kind="lines")
+    picture = lines.figure
+    picture.canvas.draw()
+    legend, whole = lines.legend.get_window_extent(), picture.bbox
+    assert whole.x0 <= legend.x0 < legend.x1 <= whole.x1
+    rows = kp.plot_responses(net.step_response(4.0), [0], kind="map")
+    assert len(rows.axes[0, 0].get_yticks()) == 20
+    with pytest.raises(kp.DataError, match="60 named rows"):
+        kp.plot_responses(net.step_response(4.0), [0, 1, 2], kind="map")

@@ -26,6 +26,8 @@ Points: TypeAlias = NDArray[np.float64]
 BLUE, ORANGE, GREEN, PINK, YELLOW, SKY = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"
 # The label of what has no place in a legend: python-control reads the labels of all lines, and None is no text.
 UNNAMED = "_nolegend_"
+# Letters of a row of a legend that fit below a picture.
+_LETTERS = 104
 
 
 @contextmanager
@@ -82,7 +84,8 @@ def legend_beside(ax: Any) -> Any:
     names: dict[str, Any] = {"handles": list(once.values()), "labels": list(once), "frameon": False}
     if ax.name == "3d":
         return ax.legend(loc="upper left", bbox_to_anchor=(0, 1), **names)
-    return ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=4, borderaxespad=0, **names)
+    columns = max(1, min(4, _LETTERS // (max(map(len, once), default=0) + 8)))  # besides a handle, and gaps
+    return ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, borderaxespad=0, **names)
 
 
 def finished(

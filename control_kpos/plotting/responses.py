@@ -80,9 +80,10 @@ def plot_responses(
     kind = ("lines" if few else "bands") if kind is None else kind
     if outputs is None and kind != "map":
         lines = list(range(len(names))) if few or kind == "lines" else []
-    if len(lines) > _MOST or (kind == "lines" and not lines):
+    most, what = (_NAMED, "named rows") if kind == "map" else (_MOST, "lines")
+    if len(lines) > most or (kind == "lines" and not lines):
         raise DataError(
-            f"{len(lines)} lines are too many or too few for one picture; choose 1 to {_MOST} by outputs and inputs."
+            f"{len(lines)} {what} are too many or too few for one picture; choose 1 to {most} by outputs and inputs."
         )
     with control_style():
         ax = choose_axes(ax, "rectilinear", "responses")
