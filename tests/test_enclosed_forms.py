@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from control_kpos.exact.condition import Condition, Evaluated
 from control_kpos.exact.matrix import Matrix
 from control_kpos.exact.signs import BilinearForms
+from control_kpos.proof.certificate import _agree
 
 
 @settings(max_examples=60, deadline=None)
@@ -59,3 +60,13 @@ def test_sparse_products_that_underflow_keep_their_place():
     left, right = Matrix(sp.csr_array(np.diag([1e-200] * 70))), Matrix(sp.csr_array(np.diag([1e-200] * 70)))
     forms = BilinearForms(left, None, right)
     assert forms.pattern.nnz == 70 and (forms.signs().toarray() == np.eye(70)).all()
+
+
+def test_stored_forms_beyond_the_range_of_doubles_are_compared_in_silence():
+    forms = BilinearForms(Matrix(np.array([[1e308, 1e308], [1.0, 1.0]])), None, Matrix(np.array([[1.0, 1.0], [1, 0]])))
+    condition = Condition("z >= 0", forms, ">=")
+    with np.errstate(all="raise"):
+        assert _agree([condition], {"z >= 0": condition.residual})
+        changed = condition.residual.copy()
+        changed[1, 1] = 2
+        assert not _agree([condition], {"z >= 0": changed})

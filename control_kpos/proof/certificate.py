@@ -428,6 +428,7 @@ def _generators_of(cone: Any) -> list[Any]:
 _ENCODER = Encoder(_stated, _generators_of)
 
 
+@np.errstate(invalid="ignore", over="ignore")
 def _agree(conditions: Sequence[Condition], residuals: Mapping[str, NDArray[np.float64]] | None) -> bool:
     if residuals is None or set(residuals) != {condition.name for condition in conditions}:
         return False
