@@ -349,7 +349,7 @@ def test_the_proof_is_about_the_exact_numbers(tmp_path, tiny, where):
     nodes = kp.stack(A, [[1], [1]], [[1, 1]])
     found, whole = certified(tmp_path, nodes, W, 2), kp.feedback_interconnect(nodes, W).certificate
     assert whole.status == ("PROVED" if tiny > 0 else "REFUTED")
-    assert found.status == ("UNDECIDED" if (where, tiny > 0) == ("W", True) else whole.status)  # q <= -W'r in doubles
+    assert found.status == whole.status
     assert found.check()
 
 

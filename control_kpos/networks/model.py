@@ -77,7 +77,7 @@ class Receivers:
     @cached_property
     def owners(self) -> Index:
         """The receiver that every row of the coupling belongs to."""
-        return np.repeat(np.arange(len(self.kinds)), np.diff(self.starts))
+        return frozen(np.repeat(np.arange(len(self.kinds)), np.diff(self.starts)))
 
 
 @register_record
