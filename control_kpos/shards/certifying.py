@@ -293,7 +293,7 @@ class _Run:
         shards = self.team.together(found)
         entries = [shards.get(p, {}) for p in range(self.network.n_shards)]
         for name, vector in zip("rt", sees, strict=False):
-            self.team.each("files", steps.confirm, name, entries, sees=[vector])
+            self.team.each("files", steps.confirm, name, sees=[vector])
         return entries
 
     def _undecided(self, reason: str) -> ShardedCertificate:

@@ -159,7 +159,7 @@ def prove(shard: Shard, r: Floats, t: Floats | None = None) -> dict[str, Any] | 
     return {"rate": rate.hex(), "files": write_arrays(shard.out, shard.p, arrays)}
 
 
-def confirm(shard: Shard, vector: Floats, name: str, entries: list[dict[str, Any]]) -> None:
+def confirm(shard: Shard, vector: Floats, name: str) -> None:
     """Compare r, or t, at the inputs that the shard feeds with the files of the shards that have these inputs.
 
     Raises
@@ -167,6 +167,8 @@ def confirm(shard: Shard, vector: Floats, name: str, entries: list[dict[str, Any
     CertificateFileError
         They differ: the proof was about numbers that came from another process, and files are what others will check.
     """
+    sizes = np.diff(shard.network.starts[2]).tolist()  # whose digests are those of the manifest is for checks to say
+    entries = [{"files": {name: {"dtype": "<f8", "shape": [size], "sha256": ""}}} for size in sizes]
     saved = SavedCertificate(shard.out, {"shards": entries}, shard.network)
     if not np.array_equal(saved.at_fed(shard.p, name), vector[shard.places]):
         raise CertificateFileError(
